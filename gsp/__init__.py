@@ -1,0 +1,103 @@
+"""gsp: geometric singular perturbation, from a system with two time scales to a measured reduction.
+
+The pipeline, each verb taking the frozen noun of the one before:
+
+    SlowFastSystem, VectorField   declare
+    split                         find the slow and the fast variables
+    solve_critical                the critical manifold, branch by branch
+    classify                      where it is normally hyperbolic, and how strongly
+    expand                        the slow manifold h_epsilon and the reduced field, as exact series
+    restrict                      the reduced flow
+    integrate                     trajectories of any of these
+    compare                       the reduced flow against full trajectories
+    analyse, write_report         all of it for one scene
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+# Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together.
+_HOME = {
+    "GspError": "errors",
+    "Status": "errors",
+    "SlowFastSystem": "system",
+    "VectorField": "system",
+    "split": "splitting",
+    "Splitting": "splitting",
+    "solve_critical": "critical",
+    "CriticalManifold": "critical",
+    "Branch": "critical",
+    "classify": "hyperbolicity",
+    "Hyperbolicity": "hyperbolicity",
+    "expand": "series",
+    "SeriesManifold": "series",
+    "restrict": "reduced",
+    "ReducedFlow": "reduced",
+    "integrate": "trajectory",
+    "Trajectory": "trajectory",
+    "Method": "trajectory",
+    "Scene": "scene",
+    "compare": "comparison",
+    "Comparison": "comparison",
+    "load": "readers",
+    "analyse": "analysis",
+    "Analysis": "analysis",
+    "write_report": "report",
+}
+_SUBMODULES = ("models", "readers", "charts")
+
+__all__ = ["__version__", *_HOME, "models"]  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from gsp import models as models
+    from gsp.analysis import Analysis as Analysis
+    from gsp.analysis import analyse as analyse
+    from gsp.comparison import Comparison as Comparison
+    from gsp.comparison import compare as compare
+    from gsp.critical import Branch as Branch
+    from gsp.critical import CriticalManifold as CriticalManifold
+    from gsp.critical import solve_critical as solve_critical
+    from gsp.errors import GspError as GspError
+    from gsp.errors import Status as Status
+    from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity
+    from gsp.hyperbolicity import classify as classify
+    from gsp.readers import load as load
+    from gsp.reduced import ReducedFlow as ReducedFlow
+    from gsp.reduced import restrict as restrict
+    from gsp.report import write_report as write_report
+    from gsp.scene import Scene as Scene
+    from gsp.series import SeriesManifold as SeriesManifold
+    from gsp.series import expand as expand
+    from gsp.splitting import Splitting as Splitting
+    from gsp.splitting import split as split
+    from gsp.system import SlowFastSystem as SlowFastSystem
+    from gsp.system import VectorField as VectorField
+    from gsp.trajectory import Method as Method
+    from gsp.trajectory import Trajectory as Trajectory
+    from gsp.trajectory import integrate as integrate
+
+
+def __getattr__(name: str) -> object:
+    if name in _HOME:
+        value = getattr(importlib.import_module(f"gsp.{_HOME[name]}"), name)
+    elif name in _SUBMODULES:
+        value = importlib.import_module(f"gsp.{name}")
+    else:
+        raise AttributeError(f"module 'gsp' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if os.environ.get("GSP_EAGER"):
+    # CI sets this switch, so that a module that no longer imports is found at once.
+    for _name in __all__:
+        globals()[_name] if _name in globals() else __getattr__(_name)

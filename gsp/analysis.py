@@ -1,0 +1,196 @@
+"""The whole pipeline on one scene: split, solve, classify, expand, compare, and the runs worth looking at."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
+
+import numpy as np
+
+from gsp.comparison import Comparison, compare, on_manifold
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.placement import Placement, place, place_splitting
+from gsp.raw import RawManifold, carry_back
+from gsp.reduced import ReducedFlow, restrict
+from gsp.scene import Scene
+from gsp.series import SeriesManifold, expand
+from gsp.trajectory import Trajectory, integrate
+
+# Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
+PICTURED = (2.0, 1.0, 0.4)
+# Runs for pictures: their error is far below the width of a line.
+PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
+# Starts off the slow manifold: over which points of the limit run (as shares of its span), and how far off (as
+# shares of the fast variable's range); each is followed for so many layer times epsilon/gap, or a share of the span.
+LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
+LAYER_TIMES = 12.0
+FOLLOWED = 0.3
+PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "matplotlib")
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """Everything known about a scene.
+
+    `raw` is the series in the field's own variables (None where it cannot be carried back); `full` is the full
+    run from the scene's start, reconstruction included, `limit` the reduced run of order 0 and `reduced` of the
+    highest order; `ladder` holds full runs at the pictured epsilons, `landing` runs that start off the slow
+    manifold (empty unless it attracts). `timings` are seconds per stage, `versions` of what computed it.
+    """
+
+    scene: Scene
+    placement: Placement
+    hyperbolicity: Hyperbolicity
+    series: SeriesManifold
+    raw: RawManifold | None
+    comparison: Comparison
+    full: Trajectory
+    limit: Trajectory
+    reduced: Trajectory
+    ladder: Mapping[float, Trajectory]
+    landing: tuple[Trajectory, ...]
+    timings: Mapping[str, float]
+    versions: Mapping[str, str]
+
+    @property
+    def flow(self) -> ReducedFlow:
+        """The reduced flow of order 0, in the coordinates of the critical manifold."""
+        return restrict(self.series, order=0)
+
+    def __repr__(self) -> str:
+        return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {self.comparison!r})"
+
+    def __str__(self) -> str:
+        parts = [str(self.placement.splitting)] if self.placement.splitting else []
+        return "\n\n".join([*parts, str(self.hyperbolicity), str(self.series), str(self.comparison)])
+
+
+STAGES = ("split", "hyperbolicity", "series", "comparison", "trajectories")
+
+
+def analyse(
+    scene: Scene,
+    *,
+    order: int = 3,
+    orders: Sequence[int] = (0, 1, 2, 3),
+    progress: Callable[[str, float], None] | None = None,
+) -> Analysis:
+    """The whole pipeline for one scene, through `order` in epsilon, compared at `orders`.
+
+    `progress(stage, share)` is called as the work goes on. Raises `HyperbolicityError`, saying where, when the
+    fast Jacobian is singular in the scene's region, and whatever the stages raise.
+    """
+    if not isinstance(scene, Scene):
+        raise DeclarationError(
+            f"analyse takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name) or gsp.load(path)."
+        )
+    report = progress or (lambda stage, share: None)
+    timings: dict[str, float] = {}
+
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        report(name, 0.0)
+        begun = time.perf_counter()
+        yield
+        timings[name] = time.perf_counter() - begun
+        report(name, 1.0)
+
+    with stage("split"):
+        place_splitting(scene)
+        placement = place(scene)
+    with stage("hyperbolicity"):
+        hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+        _require_hyperbolic(hyperbolicity)
+    with stage("series"):
+        series = expand(placement.branch, order=order)
+        raw = None if placement.splitting is None else carry_back(series, placement.splitting)
+    with stage("comparison"):
+        comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
+    with stage("trajectories"):
+        runs = _runs(scene, placement, series)
+        landing = _landing(scene, placement, series, hyperbolicity, runs["limit"])
+    return Analysis(
+        scene=scene,
+        placement=placement,
+        hyperbolicity=hyperbolicity,
+        series=series,
+        raw=raw,
+        comparison=comparison,
+        landing=landing,
+        timings=MappingProxyType(timings),
+        versions=MappingProxyType(_versions()),
+        **runs,
+    )
+
+
+def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
+    if hyperbolicity.kind is not Kind.LOST:
+        return
+    failed = [str(condition) for condition in hyperbolicity.conditions if not condition.holds]
+    where = "; ".join(map(str, hyperbolicity.losses[:3])) or "; ".join(failed)
+    raise HyperbolicityError(
+        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. "
+        "Shrink the region to one side of it; nothing can be reduced across."
+    )
+
+
+def _runs(scene: Scene, placement: Placement, series: SeriesManifold) -> dict:
+    epsilons = [multiple * scene.epsilon for multiple in PICTURED]
+    ladder = {e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons}
+    start = {**placement.start, **scene.reconstruction_start}
+    flows = [restrict(series, order=n, reconstruction=scene.reconstruction) for n in (0, series.order)]
+    limit, reduced = (_picture(flow, start, scene, scene.epsilon) for flow in flows)
+    return {
+        "full": ladder[scene.epsilon],
+        "ladder": MappingProxyType(ladder),
+        "limit": limit,
+        "reduced": reduced,
+    }
+
+
+def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = None) -> Trajectory:
+    span = (scene.span[0], scene.span[1] if end is None else end)
+    return integrate(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=PICTURE_ATOL)
+
+
+def _landing(
+    scene: Scene,
+    placement: Placement,
+    series: SeriesManifold,
+    hyperbolicity: Hyperbolicity,
+    limit: Trajectory,
+) -> tuple[Trajectory, ...]:
+    """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
+    if hyperbolicity.kind is not Kind.ATTRACTING:
+        return ()
+    t0, t1 = scene.span
+    layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
+    end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))
+    runs = []
+    for share, offsets in LANDINGS.items():
+        there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
+        x = {s.name: float(there[s.name][0]) for s in placement.system.x}
+        on = on_manifold(series, {**placement.start, **x}, scene.epsilon)
+        for y in placement.system.y:
+            low, high = placement.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
+            for offset in offsets:
+                room = (high if offset > 0 else low) - on[y.name]
+                start = {**on, y.name: on[y.name] + abs(offset) * room}
+                runs.append(_picture(placement.system, start, scene, scene.epsilon, end=end))
+    return tuple(run for run in runs if run.status.ok and np.isfinite(run.y).all())
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed as a distribution"
+    return found

@@ -1,0 +1,55 @@
+"""Every figure of the package: a result and an optional Axes in, Axes out.
+
+The only place that imports matplotlib, and nothing is computed here but pictures. `save` and `png` write the
+figure that an Axes belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from matplotlib.axes import Axes
+
+from gsp.analysis import Analysis
+from gsp.charts.accuracy import error_against_epsilon
+from gsp.charts.manifolds import distance, manifold
+from gsp.charts.orbits import convergence, path, phase_portrait, time_series
+from gsp.charts.sampling import heading_of, shape
+from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
+from gsp.charts.style import png, save
+
+__all__ = [
+    "applicable",
+    "convergence",
+    "distance",
+    "eigenvalues",
+    "error_against_epsilon",
+    "has_constant_eigenvalues",
+    "heading_of",
+    "manifold",
+    "path",
+    "phase_portrait",
+    "png",
+    "save",
+    "shape",
+    "time_series",
+]
+
+
+def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
+    """The charts that say something about this analysis, by name, in the order of a report."""
+    charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
+    if not has_constant_eigenvalues(analysis):
+        charts["eigenvalues"] = eigenvalues
+    # In higher dimensions `manifold` is the distance already, and nothing when no run lands.
+    seen = shape(analysis) in ((1, 1), (2, 1))
+    if seen or analysis.landing:
+        charts["manifold"] = manifold
+    if seen and analysis.landing:
+        charts["distance"] = distance
+    charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
+    charts["time_series"] = time_series
+    if analysis.scene.path is not None:
+        charts["path"] = path
+    charts["convergence"] = convergence
+    return charts

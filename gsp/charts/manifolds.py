@@ -1,0 +1,185 @@
+"""Charts of the slow manifold: itself, and the distance to it of runs that fall onto it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from gsp.analysis import Analysis
+from gsp.charts.sampling import (
+    GRID,
+    LINE,
+    chart_symbols,
+    dense_run,
+    distances,
+    frame,
+    graph,
+    margins,
+    mesh,
+    on_branch,
+    shape,
+    slow_curve,
+)
+from gsp.charts.style import (
+    BLUE,
+    INK,
+    PALE,
+    SERIES,
+    SKY,
+    VERMILION,
+    chart,
+    legend,
+    manifold_label,
+    mathematics,
+    name_axes,
+)
+from gsp.errors import DeclarationError
+from gsp.trajectory import Trajectory
+
+# Runs that start off the manifold are drawn for this many times 1/gap of fast time: e^-20 is 2e-9.
+LAYER = 20.0
+
+
+def _is_surface(analysis: Analysis) -> bool:
+    return shape(analysis) == (2, 1)
+
+
+@chart(height=3.7, solid=_is_surface)
+def manifold(analysis: Analysis, axes: Axes) -> None:
+    """The slow manifold at the scene's epsilon, with runs that start off it and fall onto it.
+
+    A curve for one slow and one fast variable; a surface for two slow and one fast, in raw variables where
+    there are any; and the distance to it against fast time otherwise.
+    """
+    if shape(analysis) == (2, 1):
+        _surface(analysis, axes)
+    elif shape(analysis) == (1, 1):
+        _curve(analysis, axes)
+    else:
+        _distance(analysis, axes)
+
+
+def _curve(analysis: Analysis, axes: Axes) -> None:
+    system = analysis.placement.system
+    names = [system.x[0].name, system.y[0].name]
+    on = slow_curve(analysis)
+    x = on[:, :1]
+    axes.plot(x[:, 0], on_branch(analysis, x)[:, 0], color=INK, lw=1.0, ls="--", label="critical manifold")
+    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.2, label=manifold_label(analysis.scene.epsilon), zorder=3)
+    for i, run in enumerate(analysis.landing):
+        dense = dense_run(run)
+        axes.plot(
+            dense[names[0]], dense[names[1]], color=VERMILION, lw=1.0, zorder=2,
+            label="runs from off the manifold" if i == 0 else None,
+        )  # fmt: skip
+        axes.plot(dense[names[0]][:1], dense[names[1]][:1], "o", color=VERMILION, ms=4, zorder=4)
+    heights = np.concatenate([on[:, 1], *(run[names[1]] for run in analysis.landing)])
+    axes.set_ylim(margins(heights))
+    name_axes(axes, *names)
+    legend(axes, columns=2)
+
+
+def _surface(analysis: Analysis, axes: Any) -> None:
+    symbols = chart_symbols(analysis)
+    names = [s.name for s in symbols]
+    fast = analysis.placement.system.y[0].name
+    landing = [dense_run(run) for run in analysis.landing]
+    low, high = frame(analysis, names, landing if analysis.raw else [])
+    u, v, points = mesh(low, high)
+    height = graph(analysis, points).reshape(GRID, GRID)
+    U, V = np.meshgrid(u, v)
+    axes.plot_surface(U, V, height, color=SKY, alpha=0.45, lw=0, rstride=1, cstride=1, shade=False)
+    axes.plot_wireframe(
+        U,
+        V,
+        height,
+        color=BLUE,
+        lw=0.35,
+        alpha=0.6,
+        rstride=5,
+        cstride=5,
+    )
+    axes.plot([], [], [], color=SKY, lw=5, alpha=0.6, label=manifold_label(analysis.scene.epsilon))
+    for i, run in enumerate(landing):
+        x, y, z = run[names[0]], run[names[1]], run[fast]
+        axes.plot(
+            x, y, z, color=VERMILION, lw=1.3, label="runs from off the manifold" if i == 0 else None, zorder=10
+        )
+        axes.plot(x[:1], y[:1], z[:1], "o", color=VERMILION, ms=3.5, zorder=11)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.view_init(elev=24, azim=-58)
+    axes.set_box_aspect((1.25, 1.25, 0.8), zoom=1.02)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_pane_color((1, 1, 1, 0))
+        axis._axinfo["grid"].update(color="#E3E6EA", linewidth=0.6)
+    axes.set_xlabel(mathematics(names[0]))
+    axes.set_ylabel(mathematics(names[1]))
+    axes.set_zlabel(mathematics(fast))
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_rotate_label(False)
+    legend(axes, columns=2)
+
+
+@chart()
+def distance(analysis: Analysis, axes: Axes) -> None:
+    """Distance |y - h_epsilon(x)| to the slow manifold against fast time, of runs that start off it.
+
+    The guide e^(-gap tau) is the slowest approach that the gap allows.
+
+    Raises `DeclarationError` when there are no such runs, because the manifold does not attract.
+    """
+    if not analysis.landing:
+        raise DeclarationError(
+            f"no run lands on a manifold that is {analysis.hyperbolicity.kind}. Got an analysis without "
+            "landing runs. Draw `manifold` instead."
+        )
+    _distance(analysis, axes)
+
+
+def _distance(analysis: Analysis, axes: Axes) -> None:
+    epsilon, gap = analysis.scene.epsilon, analysis.hyperbolicity.gap
+    curves: list[tuple[str, np.ndarray, np.ndarray]] = []
+    for run in analysis.landing:
+        tau = np.linspace(0.0, min(LAYER / gap, (run.t[-1] - run.t[0]) / epsilon), LINE)
+        dense = run.sample(run.t[0] + epsilon * tau)
+        gaps = distances(analysis, dense)
+        if gaps is not None and gaps[0] > 0.0:
+            curves.append((_displaced(analysis, run), tau, gaps))
+    axes.set_xlabel(r"fast time $\tau = t/\epsilon$")
+    fast = ", ".join(mathematics(y.name) for y in analysis.placement.system.y)
+    axes.set_ylabel(r"distance to $M_\epsilon$ in " + fast)
+    if not curves:
+        text = f"{analysis.hyperbolicity.kind}: no run lands on it"
+        axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
+        return
+    # Where the runs stop falling, the series and the runs themselves are known no better.
+    level = 2.0 * max(float(np.quantile(gaps[-LINE // 4 :], 0.9)) for _, _, gaps in curves)
+    tallest = max(float(gaps[0]) for _, _, gaps in curves)
+    end = 0.0
+    seen: dict[str, str] = {}
+    for name, tau, gaps in curves:
+        label = None if name in seen else f"runs that start off in {mathematics(name)}"
+        colour = seen.setdefault(name, SERIES[len(seen) % len(SERIES)])
+        axes.semilogy(tau, np.maximum(gaps, 1e-300), color=colour, lw=1.2, alpha=0.8, label=label)
+        below = np.flatnonzero(gaps < level)
+        end = max(end, float(tau[below[0]] if below.size else tau[-1]))
+    tau = np.array([0.0, LAYER / gap])
+    guide = r"$e^{-\mathrm{gap}\,\tau}$, the slowest"
+    axes.semilogy(tau, 1.6 * tallest * np.exp(-gap * tau), color=INK, lw=1.0, ls="--", label=guide)
+    axes.axhspan(level / 100, level, color=PALE, lw=0, zorder=4, label="known no better")
+    axes.set_ylim(level / 6, 4 * tallest)
+    axes.set_xlim(0.0, min(1.4 * end, LAYER / gap))
+    legend(axes, columns=3)
+
+
+def _displaced(analysis: Analysis, run: Trajectory) -> str:
+    """The fast variable in which a landing run starts off the manifold."""
+    names = [y.name for y in analysis.placement.system.y]
+    first = run.sample(run.t[:1])
+    typical = {name: np.median([other[name][0] for other in analysis.landing]) for name in names}
+    return max(names, key=lambda name: abs(first[name][0] - typical[name]))

@@ -1,0 +1,241 @@
+"""Charts of orbits: the phase portrait, the path, the convergence to the limit, states over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from gsp.analysis import Analysis
+from gsp.charts.sampling import (
+    LINE,
+    at_zero,
+    chart_symbols,
+    covered,
+    dense_run,
+    evaluate,
+    even_places,
+    fast_range,
+    frame,
+    heading_of,
+    limit_field,
+    margins,
+    mesh,
+    on_branch,
+    path_names,
+    shape,
+    slow_curve,
+    widened,
+)
+from gsp.charts.streamlines import streamlines
+from gsp.charts.style import (
+    BLUE,
+    FLOW,
+    GREY,
+    INK,
+    LADDER,
+    PALE,
+    SERIES,
+    VERMILION,
+    at_epsilon,
+    bounded,
+    chart,
+    darts,
+    legend,
+    manifold_label,
+    mathematics,
+    name_axes,
+    orbit,
+    plane_axes,
+)
+
+# Differences below this are the tolerance of the pictured runs, not the limit's error.
+NOTHING = 1e-6
+# Grid points of a field along each axis: streamlines end within one cell of a line of equilibria.
+FIELD = 161
+
+
+@chart()
+def phase_portrait(analysis: Analysis, axes: Axes) -> None:
+    """The flow at a glance.
+
+    Two slow variables: streamlines of the reduced field of order 0, in raw variables where there are any, and
+    the scene's limit trajectory. One slow variable: the full field in the plane of the slow and the first fast
+    one, every sheet of the critical manifold, the slow manifold and the full run. More: the limit projected.
+    """
+    if shape(analysis)[0] == 1:
+        _sheets(analysis, axes)
+        return
+    names = [s.name for s in chart_symbols(analysis)]
+    run = dense_run(analysis.limit)
+    if len(names) == 2:
+        low, high = frame(analysis, names, [run])
+        u, v, points = mesh(low, high, FIELD)
+        streamlines(axes, u, v, limit_field(analysis, points), distance=0.055, colour=FLOW)
+        axes.axhline(0.0, color=PALE, lw=0.8, zorder=0)
+        axes.axvline(0.0, color=PALE, lw=0.8, zorder=0)
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        if 0.25 < (high[1] - low[1]) / (high[0] - low[0]) < 4.0:
+            axes.set_aspect("equal")
+    orbit(axes, run[names[0]], run[names[1]], VERMILION, "limit trajectory")
+    name_axes(axes, *names[:2])
+    legend(axes)
+
+
+def _sheets(analysis: Analysis, axes: Axes) -> None:
+    """The plane of the slow and the first fast variable: the full field, M0 by stability, M_epsilon."""
+    system = analysis.placement.system
+    names = [system.x[0].name, system.y[0].name]
+    on = slow_curve(analysis)
+    box = np.array([analysis.placement.region[names[0]], fast_range(analysis, on)])
+    if len(system.y) == 1:
+        if not analysis.placement.branch.is_explicit:
+            box = _all_sheets(analysis, box)
+        low, high = widened(box[:, 0], box[:, 1])
+        u, v, points = mesh(low, high, FIELD)
+        rates = evaluate(system.rates, system, analysis.scene.epsilon, points)
+        streamlines(axes, u, v, rates, distance=0.07, colour=FLOW)
+        _critical_lines(analysis, axes, low, high)
+    else:
+        low, high = widened(box[:, 0], box[:, 1])
+        axes.plot(on[:, 0], on_branch(analysis, on[:, :1])[:, 0], color=INK, lw=1.1, label="critical manifold")
+    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.4, label=manifold_label(analysis.scene.epsilon), zorder=3)
+    run = dense_run(analysis.full)
+    orbit(axes, run[names[0]], run[names[1]], VERMILION, "full run")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    name_axes(axes, *names)
+    legend(axes, columns=3)
+
+
+def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.ndarray) -> None:
+    """g(x, y, 0) = 0 in a box of one slow and one fast variable, by the sign of g_y."""
+    system, epsilon = analysis.placement.system, analysis.scene.epsilon
+    y = system.y[0]
+    u, v, points = mesh(low, high, LINE)
+    g = at_zero(system.fast[y], system)
+    values = np.ma.masked_invalid(evaluate([g], system, epsilon, points)[:, 0])
+    size = float(np.ma.median(np.abs(values)))
+    labelled: set[str] = set()
+    contours = axes.contour(u, v, values.reshape(LINE, LINE), levels=[0.0])
+    lines = contours.allsegs[0]
+    contours.remove()
+    for line in map(np.asarray, lines):
+        near, slope = evaluate([g, g.diff(y)], system, epsilon, line).T
+        # At a pole g changes sign too, without being small there.
+        usable = np.abs(near) < 0.1 * size
+        for stable, label, style in ((True, "attracting", "-"), (False, "repelling", (0, (4, 2)))):
+            here = usable & ((slope < 0) == stable)
+            if here.any():
+                # One vertex more, so that the two kinds meet at a fold.
+                wide = here if stable else usable & (here | np.roll(here, 1) | np.roll(here, -1))
+                drawn = np.where(wide[:, None], line, np.nan)
+                name = None if label in labelled else f"$M_0$, {label}"
+                axes.plot(drawn[:, 0], drawn[:, 1], color=INK, lw=1.2, ls=style, label=name, zorder=2)
+                labelled.add(label)
+
+
+def _all_sheets(analysis: Analysis, box: np.ndarray) -> np.ndarray:
+    """`box` made wide enough to show the other sheets of an implicit branch, and its folds."""
+    branch = analysis.placement.branch
+    width = box[0, 1] - box[0, 0]
+    slow = np.array([box[0, 0] - 0.3 * width, box[0, 1] + 0.1 * width])
+    middle, reach = box[1].mean(), 5.0 * (box[1, 1] - box[1, 0])
+    bounds = {analysis.placement.system.y[0].name: (middle - reach, middle + reach)}
+    places = np.linspace(slow[0], slow[1], 15)
+    found = [root for x in places for root in branch.roots(np.array([x]), bounds=bounds).ravel()]
+    fast = np.array([min([box[1, 0], *found]), max([box[1, 1], *found])])
+    return np.array([slow, fast])
+
+
+@chart()
+def path(analysis: Analysis, axes: Axes) -> None:
+    """The path in the plane that the limit draws; darts show where its heading points, if it has one."""
+    names = path_names(analysis)
+    run = dense_run(analysis.limit)
+    x, y = run[names[0]], run[names[1]]
+    heading = heading_of(analysis)
+    orbit(axes, x, y, BLUE, "limit", arrow=heading is None)
+    if heading is not None:
+        at = even_places(x, y, 11)
+        darts(axes, x[at], y[at], run[heading][at], f"heading {mathematics(heading)}")
+    plane_axes(axes, names)
+
+
+@chart()
+def convergence(analysis: Analysis, axes: Axes) -> None:
+    """Full runs at a ladder of epsilons against the limit.
+
+    The paths where the scene draws one; otherwise the differences of the slow variables from the limit over
+    time, each relative to its largest value: they shrink in proportion to epsilon.
+    """
+    ladder = sorted(analysis.ladder.items(), reverse=True)
+    if analysis.scene.path is not None:
+        names = path_names(analysis)
+        limit = dense_run(analysis.limit)
+        for colour, (epsilon, run) in zip(LADDER, ladder):
+            dense = dense_run(run)
+            axes.plot(dense[names[0]], dense[names[1]], color=colour, lw=1.3, label=at_epsilon(epsilon))
+        orbit(axes, limit[names[0]], limit[names[1]], BLUE, r"limit $\epsilon \to 0$", arrow=False)
+        plane_axes(axes, names)
+        return
+    names = [s.name for s in chart_symbols(analysis)]
+    axes.axhline(0.0, color=BLUE, lw=1.8, label=r"limit $\epsilon \to 0$", zorder=1)
+    seen = []
+    for style, name in zip(("-", "--", ":", "-."), names):
+        size = float(np.abs(analysis.limit[name]).max()) or 1.0
+        for colour, (epsilon, run) in zip(LADDER, ladder):
+            start, end = covered(run, analysis.limit)
+            # Quadratic spacing: the initial layer is short.
+            t = start + (end - start) * np.linspace(0.0, 1.0, LINE) ** 2
+            difference = (run.sample(t)[name] - analysis.limit.sample(t)[name]) / size
+            label = at_epsilon(epsilon) if name == names[0] else None
+            axes.plot(t, difference, color=colour, ls=style, label=label)
+            seen.append(difference[np.abs(difference) < 1.0])
+    if len(names) > 1:
+        for style, name in zip(("-", "--", ":", "-."), names):
+            axes.plot([], [], color=GREY, ls=style, label=mathematics(name))
+    bounded(axes, [np.concatenate([[0.0], *seen])], [])
+    if max(np.abs(values).max(initial=0.0) for values in seen) < NOTHING:
+        axes.set_ylim(-1.0, 1.0)
+        axes.set_yticks([0.0])
+        axes.text(
+            0.5, 0.6, "no difference but rounding: the limit is exact", ha="center", transform=axes.transAxes
+        )
+    axes.set_xlim(margins(np.array(analysis.scene.span), 0.02))
+    axes.set_xlabel("slow time $t$")
+    quantity = mathematics(names[0]) if len(names) == 1 else "slow variables"
+    axes.set_ylabel(f"{quantity}: full run minus limit, relative")
+    legend(axes, columns=4 if len(names) == 1 else 3)
+
+
+@chart()
+def time_series(analysis: Analysis, axes: Axes) -> None:
+    """States of the full run at the scene's epsilon and the reduced run of the highest order over it.
+
+    Time is logarithmic, so that the initial layer, of length epsilon/gap, is seen as well as the slow motion.
+    """
+    start, length = analysis.scene.span[0], analysis.scene.span[1] - analysis.scene.span[0]
+    layer = analysis.scene.epsilon / analysis.hyperbolicity.gap
+    first = min(0.03 * layer, 0.01 * length)
+    t = start + np.geomspace(first, length, LINE)
+    full, reduced = (run.sample(t[t <= run.t[-1]]) for run in (analysis.full, analysis.reduced))
+    names = [s.name for s in analysis.scene.system.states]
+    for colour, name in zip((*SERIES, INK), names):
+        label = f"{mathematics(name)}, full"
+        axes.plot(full.t - start, full[name], color=colour, lw=3.2, alpha=0.45, label=label)
+    for name in names:
+        label = f"reduced, order {analysis.series.order}" if name == names[-1] else None
+        axes.plot(reduced.t - start, reduced[name], color=INK, lw=0.9, ls=(0, (5, 2)), label=label)
+    bounded(axes, [reduced[name] for name in names], [full[name] for name in names], headroom=0.1)
+    axes.axvline(layer, color=GREY, lw=0.8, ls=":", zorder=0)
+    axes.annotate(
+        r"layer, $\epsilon/$gap", (layer, 1.0), xycoords=("data", "axes fraction"),
+        xytext=(3, -1), textcoords="offset points", va="top", color=GREY, fontsize="small",
+    )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_xlim(first, length)
+    since = "t" if start == 0.0 else f"t - {start:g}"
+    axes.set_xlabel(f"slow time ${since}$ (logarithmic)")
+    axes.set_ylabel("states")
+    legend(axes, columns=4)

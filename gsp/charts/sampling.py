@@ -1,0 +1,220 @@
+"""What charts read off an analysis: curves, grids and fields as arrays, ready to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+import sympy as sp
+
+from gsp.analysis import Analysis
+from gsp.errors import BranchError, DeclarationError, HyperbolicityError
+from gsp.flow import Flow
+from gsp.lowering import compile_function, parameter_vector
+from gsp.system import SlowFastSystem
+from gsp.trajectory import Trajectory
+
+# Points of a line, and of a grid along each axis.
+LINE, GRID = 400, 41
+# The slow manifold is drawn where the first term left out is below this share of the range.
+TRUSTED = 0.05
+# Runs leave the region in a picture by this many times its width at most.
+REACH = 1.0
+
+
+def shape(analysis: Analysis) -> tuple[int, int]:
+    """Numbers of slow and of fast variables."""
+    return len(analysis.placement.system.x), len(analysis.placement.system.y)
+
+
+def chart_symbols(analysis: Analysis) -> tuple[sp.Symbol, ...]:
+    """The variables to read the slow motion in: raw ones where the series can be carried back to them."""
+    return analysis.raw.chart if analysis.raw is not None else analysis.placement.system.x
+
+
+def dense_run(run: Trajectory) -> Trajectory:
+    """The same run on its own steps and enough times between for a smooth line."""
+    return run.sample(np.unique([*run.t, *np.linspace(run.t[0], run.t[-1], 3 * LINE)]))
+
+
+def covered(*runs: Trajectory) -> tuple[float, float]:
+    """The interval of time that all runs cover."""
+    return max(float(run.t[0]) for run in runs), min(float(run.t[-1]) for run in runs)
+
+
+def evaluate(
+    outputs: Sequence[sp.Expr], flow: Flow, epsilon: float, points: np.ndarray, arguments=None
+) -> np.ndarray:
+    """Values (m, outputs) of expressions in `arguments`, by default the flow's states, at `points` (m, n)."""
+    function = compile_function(
+        tuple(outputs),
+        arguments=tuple(arguments or flow.states),
+        epsilon=flow.epsilon,
+        parameters=tuple(flow.parameters),
+    )
+    return function(points, parameter_vector(flow, epsilon))
+
+
+def at_zero(expression: sp.Expr, system: SlowFastSystem) -> sp.Expr:
+    """The expression at epsilon = 0."""
+    return cast(sp.Expr, expression.xreplace({system.epsilon: sp.Integer(0)}))
+
+
+def mesh(low: np.ndarray, high: np.ndarray, n: int = GRID) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Grid of a rectangle: both axes (n,), and its points (n^2, 2), the first variable running fastest."""
+    u, v = np.linspace(low[0], high[0], n), np.linspace(low[1], high[1], n)
+    return u, v, np.stack([a.ravel() for a in np.meshgrid(u, v)], axis=1)
+
+
+def widened(low, high, share: float = 0.05):
+    """An interval, or arrays of them, with a margin on both sides."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    margin = share * np.where(high > low, high - low, 1.0)
+    return low - margin, high + margin
+
+
+def margins(values: np.ndarray, share: float = 0.05) -> tuple[float, float]:
+    """Limits of an axis that holds `values`, where they are finite."""
+    low, high = widened(np.nanmin(values), np.nanmax(values), share)
+    return float(low), float(high)
+
+
+def frame(
+    analysis: Analysis, names: Sequence[str], runs: Sequence[Trajectory]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n,) of the region's box in the variables `names`, widened to hold the runs, within reason."""
+    low, high = [], []
+    for name in names:
+        interval = analysis.scene.region.get(name) or analysis.placement.region.get(name)
+        values = np.concatenate([run[name] for run in runs]) if runs else np.empty(0)
+        if interval is None:
+            interval = tuple(map(float, widened(values.min(), values.max())))
+        width = REACH * (interval[1] - interval[0])
+        low.append(min(interval[0], max(values.min(initial=np.inf), interval[0] - width)))
+        high.append(max(interval[1], min(values.max(initial=-np.inf), interval[1] + width)))
+    return np.array(low), np.array(high)
+
+
+def box_points(analysis: Analysis, n: int) -> np.ndarray:
+    """Grid points (n^d, d) of the region in the d slow variables, the last one running fastest."""
+    system = analysis.placement.system
+    axes = [np.linspace(*analysis.placement.region[s.name], n) for s in system.x]
+    return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
+
+
+def on_branch(analysis: Analysis, x: np.ndarray) -> np.ndarray:
+    """Fast coordinates (m, n_fast) of the critical manifold over `x` (m, n_slow); nan where there are none."""
+    branch = analysis.placement.branch
+    if branch.seed is not None and not branch.is_explicit:
+        return branch.follow(x)[0]
+    try:
+        return branch.points(x)
+    except BranchError:
+        return np.array([_or_nan(branch, point) for point in x])
+
+
+def _or_nan(branch, point: np.ndarray) -> np.ndarray:
+    try:
+        return branch.points(point)
+    except BranchError:
+        return np.full(len(branch.system.y), np.nan)
+
+
+def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
+    """h_epsilon (m, n_fast) at the scene's epsilon over `x` (m, n_slow), each point at its own optimal order.
+
+    nan where the branch is not reached, and where the first term left out is visible.
+    """
+    epsilon, series = analysis.scene.epsilon, analysis.series
+    leading = on_branch(analysis, x)
+    good = np.isfinite(leading).all(axis=1)
+    result = np.full(leading.shape, np.nan)
+    if not good.any():
+        return result
+    terms = series.terms(x[good], epsilon)
+    best = np.asarray(series.optimal_order(x[good], epsilon))
+    sums = terms.cumsum(axis=1)[np.arange(len(best)), best]
+    size = np.ptp(leading[good], axis=0).max() or 1.0
+    left_out = np.asarray(series.truncation_error(x[good], epsilon))
+    result[good] = np.where((left_out <= TRUSTED * max(size, 1.0))[:, None], sums, np.nan)
+    return result
+
+
+def slow_curve(analysis: Analysis) -> np.ndarray:
+    """Points (m, 1 + n_fast) of the slow manifold over the region of the one slow variable."""
+    x = np.linspace(*analysis.placement.region[analysis.placement.system.x[0].name], LINE)[:, None]
+    return np.hstack([x, slow_manifold(analysis, x)])
+
+
+def fast_range(analysis: Analysis, on: np.ndarray) -> tuple[float, float]:
+    """The region's interval of the first fast variable, or what the manifold and the landing runs need."""
+    name = analysis.placement.system.y[0].name
+    if name in analysis.placement.region:
+        return analysis.placement.region[name]
+    values = np.concatenate([on[:, 1], analysis.full[name][:1], *(run[name] for run in analysis.landing)])
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def graph(analysis: Analysis, points: np.ndarray) -> np.ndarray:
+    """Height (m,) of the slow manifold, in its one fast variable, over `points` (m, 2) of the chart."""
+    raw, system = analysis.raw, analysis.placement.system
+    fast = system.y[0]
+    if raw is None or set(raw.chart) == set(system.x):
+        order = [chart_symbols(analysis).index(s) for s in system.x]
+        return slow_manifold(analysis, points[:, order])[:, 0]
+    epsilon = analysis.scene.epsilon
+    terms = evaluate([row[fast] for row in raw.coefficients], system, epsilon, points, raw.chart)
+    return terms @ epsilon ** np.arange(raw.order + 1)
+
+
+def limit_field(analysis: Analysis, points: np.ndarray) -> np.ndarray:
+    """The reduced field of order 0 (m, 2) at `points` (m, 2) of the chart; nan where there is none."""
+    raw, system, epsilon = analysis.raw, analysis.placement.system, analysis.scene.epsilon
+    if raw is not None and set(raw.chart) != set(system.x):
+        return evaluate(raw.reduced_field[0], system, epsilon, points, raw.chart)
+    symbols = chart_symbols(analysis)
+    x = points[:, [symbols.index(s) for s in system.x]]
+    f = [at_zero(rate, system) for rate in system.slow.values()]
+    rates = evaluate(f, system, epsilon, np.hstack([x, on_branch(analysis, x)]))
+    return rates[:, [system.x.index(s) for s in symbols]]
+
+
+def distances(analysis: Analysis, run: Trajectory) -> np.ndarray | None:
+    """|y - h_epsilon(x)| (m,) along a run of the standard form; None where it leaves the branch."""
+    slow, _ = shape(analysis)
+    x, y = run.y[:slow].T, run.y[slow:].T
+    try:
+        on = slow_manifold(analysis, x)
+    except (BranchError, HyperbolicityError):
+        return None
+    return np.linalg.norm(y - on, axis=1) if np.isfinite(on).all() else None
+
+
+def path_names(analysis: Analysis) -> tuple[str, str]:
+    """The two quantities of the path; raises `DeclarationError` for a scene without one."""
+    if analysis.scene.path is None:
+        raise DeclarationError(
+            f"the scene {analysis.scene.name or 'given'} draws no path. Got path=None. "
+            'Declare Scene(..., path=("x", "y")), or draw time_series.'
+        )
+    return analysis.scene.path
+
+
+def heading_of(analysis: Analysis) -> str | None:
+    """The angle whose sine and cosine drive the path, when there is exactly one."""
+    rates = {symbol.name: rate for symbol, rate in analysis.scene.reconstruction.items()}
+    angles = {
+        function.args[0]
+        for name in path_names(analysis)
+        if name in rates
+        for function in rates[name].atoms(sp.sin, sp.cos)
+    }
+    only = angles.pop() if len(angles) == 1 else None
+    return only.name if isinstance(only, sp.Symbol) and only.name in rates else None
+
+
+def even_places(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+    """Indices of `count` points at equal distances along a path."""
+    along = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
+    return np.searchsorted(along, np.linspace(0.0, along[-1], count)).clip(0, len(x) - 1)

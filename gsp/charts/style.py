@@ -1,0 +1,181 @@
+"""How every chart looks, and how one becomes a file. Figures are made without pyplot and its global state."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from textwrap import shorten
+from typing import Any, Concatenate, ParamSpec, cast
+
+import matplotlib
+import numpy as np
+import sympy as sp
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.markers import MarkerStyle
+from matplotlib.mathtext import MathTextParser
+from matplotlib.path import Path as Outline
+
+from gsp.errors import DeclarationError
+
+# Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
+BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+INK, GREY, PALE, FLOW = "#222222", "#767676", "#C9CED6", "#93A5B8"
+SERIES = (BLUE, GREEN, VERMILION, PURPLE, AMBER, SKY)
+MARKERS = ("o", "s", "^", "D", "v", "P")
+# Light to dark, as epsilon falls towards the limit.
+LADDER = ("#F2B27A", "#D55E00", "#7A2E00", "#4A1C00")
+# 5.1 inches are 130 mm: set at 100 mm, the 9 point letters are 7 point.
+WIDTH, HEIGHT, DPI = 5.1, 3.5, 200
+STYLE: Any = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 10,
+    "axes.labelsize": 11,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "legend.handlelength": 1.8,
+    "lines.linewidth": 1.5,
+}
+P = ParamSpec("P")
+
+
+def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda result: False):
+    """Give a chart its style, and a figure of its own when it is called without Axes."""
+
+    def decorate(draw: Callable[Concatenate[Any, Axes, P], None]):
+        @wraps(draw)
+        def drawn(result, axes: Axes | None = None, /, *args: P.args, **kwargs: P.kwargs) -> Axes:
+            with matplotlib.rc_context(STYLE):
+                if axes is None:
+                    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+                    FigureCanvasAgg(figure)
+                    axes = cast(Axes, figure.add_subplot(projection="3d" if solid(result) else None))
+                elif solid(result) != (axes.name == "3d"):
+                    wanted = "three-dimensional" if solid(result) else "plane"
+                    raise DeclarationError(
+                        f"{draw.__name__} draws on {wanted} Axes for this result. Got {axes.name} Axes. "
+                        "Leave out `axes` to have them made."
+                    )
+                draw(result, axes, *args, **kwargs)
+                return axes
+
+        return drawn
+
+    return decorate
+
+
+def png(axes: Axes) -> bytes:
+    """The figure of `axes` as a PNG file, at 200 dots per inch."""
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(STYLE):
+        # No time stamp and no version: equal figures are equal files.
+        cast(Figure, axes.figure).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def save(axes: Axes, path: str | Path) -> Path:
+    """Write the figure of `axes` as PNG to `path`."""
+    target = Path(path)
+    target.write_bytes(png(axes))
+    return target
+
+
+def mathematics(name: str) -> str:
+    """`name` as mathematics, omega as the letter; plain text where matplotlib cannot set SymPy's LaTeX."""
+    text = f"${sp.latex(sp.Symbol(name))}$"
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return plain(name)
+    return text
+
+
+def plain(text: str, *, width: int = 44) -> str:
+    """Text from a model file as a label: one line, shortened, and no mathematics in it."""
+    return shorten(text, width=width, placeholder=" ...").replace("$", r"\$")
+
+
+def manifold_label(epsilon: float) -> str:
+    """The label of the slow manifold at this epsilon."""
+    return rf"$M_\epsilon$, $\epsilon = {epsilon:.3g}$"
+
+
+def at_epsilon(epsilon: float) -> str:
+    """The label of a run at this epsilon."""
+    return rf"$\epsilon = {epsilon:.3g}$"
+
+
+def name_axes(axes: Axes, *names: str) -> None:
+    """Variables as axis labels, upright ones where they are a single letter."""
+    axes.set_xlabel(mathematics(names[0]))
+    if len(names) > 1:
+        text = mathematics(names[1])
+        short = len(names[1]) < 3 or text.startswith("$\\")
+        axes.set_ylabel(text, rotation=0 if short else 90, labelpad=9.0 if short else 4.0)
+
+
+def legend(axes: Axes, *, columns: int = 3) -> None:
+    """The legend above the axes, where it covers no data."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, len(handles)),
+            columnspacing=1.3, handletextpad=0.5, borderaxespad=0.4, labelspacing=0.35,
+        )  # fmt: skip
+
+
+def orbit(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str, *, arrow: bool = True) -> None:
+    """A curve with a dot where it starts and an arrow halfway along it."""
+    axes.plot(x, y, color=colour, lw=2.0, label=label, zorder=4)
+    axes.plot(
+        x[:1], y[:1], "o", color=colour, mec="white", mew=0.8, ms=6.5, zorder=6, label="start", clip_on=False
+    )
+    size = np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
+    if arrow and size.sum() > 0:
+        half = int(np.searchsorted(size.cumsum(), 0.5 * size.sum()))
+        axes.annotate(
+            "", (x[half + 1], y[half + 1]), (x[half], y[half]), zorder=5,
+            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 15},
+        )  # fmt: skip
+
+
+def darts(axes: Axes, x: np.ndarray, y: np.ndarray, angles: np.ndarray, label: str) -> None:
+    """Small darts at points (x, y) that point along `angles` (radians)."""
+    outline = Outline([(1.3, 0.0), (-0.8, 0.6), (-0.4, 0.0), (-0.8, -0.6), (1.3, 0.0)], closed=True)
+    for angle, at in zip(angles, zip(x, y)):
+        marker = MarkerStyle(outline).rotated(rad=float(angle))
+        axes.plot(*at, ls="", marker=marker, color=INK, mec="white", mew=0.5, ms=11, zorder=5, clip_on=False)
+    axes.plot([], [], ls="", marker=MarkerStyle(outline), color=INK, mec="white", mew=0.5, ms=11, label=label)
+
+
+def bounded(axes: Axes, trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05) -> None:
+    """Vertical limits that hold `trusted`, and `others` unless they leave it far behind, as a run may."""
+    low, high = min(map(np.min, trusted)), max(map(np.max, trusted))
+    reach = 2.0 * ((high - low) or 1.0)
+    for values in others:
+        low = min(low, max(float(values.min()), low - reach))
+        high = max(high, min(float(values.max()), high + reach))
+    height = (high - low) or 1.0
+    axes.set_ylim(low - 0.05 * height, high + headroom * height)
+
+
+def plane_axes(axes: Axes, names: tuple[str, str]) -> None:
+    """Axes of a path in the plane: equal units."""
+    box = axes.dataLim
+    slender = not 0.4 < box.width / (box.height or 1.0) < 2.5
+    axes.set_aspect("equal", adjustable="datalim" if slender else "box")
+    name_axes(axes, *names)
+    legend(axes, columns=5)

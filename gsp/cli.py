@@ -1,0 +1,224 @@
+"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp report`.
+
+Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input,
+130 when interrupted. Heavy modules are imported by the command that needs them, so that help is quick.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gsp import __version__
+from gsp.errors import GspError
+
+if TYPE_CHECKING:
+    from gsp.scene import Scene
+
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+@click.group(context_settings=CONTEXT)
+@click.version_option(__version__, prog_name="gsp")
+def cli() -> None:
+    """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
+
+    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file (TOML).
+
+    \b
+    gsp report chaplygin_sleigh        the whole analysis, as a report to read
+    gsp expand van_der_pol --order 5   the slow manifold as a series in epsilon
+    gsp check my_model.toml            is it normally hyperbolic in its region?
+    """
+
+
+def _json_option(function: Any) -> Any:
+    return click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")(function)
+
+
+@cli.command()
+@_json_option
+def models(as_json: bool) -> None:
+    """List the built-in scenes."""
+    from gsp.models import summary
+
+    rows = summary()
+    if as_json:
+        _print_json([{"name": name, "title": title} for name, title in rows])
+        return
+    width = max(len(name) for name, _ in rows)
+    for name, title in rows:
+        click.echo(f"{name:{width}}  {title}")
+
+
+@cli.command()
+@click.argument("model")
+@_json_option
+def split(model: str, as_json: bool) -> None:
+    """Find the slow and the fast variables of MODEL, and say how."""
+    from gsp.placement import place_splitting
+
+    scene = load_scene(model)
+    splitting, system = place_splitting(scene)
+    if as_json:
+        identity = {s.name: s.name for s in system.states}
+        _print_json(
+            {
+                "name": scene.name,
+                "slow": {x.name: str(rate) for x, rate in system.slow.items()},
+                "fast": {y.name: str(rate) for y, rate in system.fast.items()},
+                "coordinates": identity
+                if splitting is None
+                else {s.name: str(e) for s, e in splitting.coordinates.items()},
+                "explanation": "declared in standard form" if splitting is None else splitting.explain(),
+            }
+        )
+        return
+    click.echo("Declared in standard form.\n" if splitting is None else splitting.explain() + "\n")
+    click.echo(str(system))
+
+
+@cli.command()
+@click.argument("model")
+@click.option("--order", default=3, show_default=True, help="Highest power of epsilon.")
+@click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
+@_json_option
+def expand(model: str, order: int, raw: bool, as_json: bool) -> None:
+    """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
+    from gsp.placement import place
+    from gsp.raw import carry_back
+    from gsp.series import expand as expand_branch
+
+    scene = load_scene(model)
+    placement = place(scene)
+    series: Any = expand_branch(placement.branch, order=order)
+    if raw and placement.splitting is not None:
+        series = carry_back(series, placement.splitting)
+        if series is None:
+            raise GspError(
+                f"the series of {scene.name} cannot be carried back to the raw variables explicitly. "
+                "Leave --raw out; the slow coordinates are given by `gsp split`."
+            )
+    fields = [("h", series.coefficients), ("f", series.reduced_field)]
+    if as_json:
+        rows = {letter: [[str(e) for e in row] for row in part] for letter, part in fields}
+        names = {letter: [s.name for s in part[0].symbols] for letter, part in fields}
+        _print_json(
+            {
+                "name": scene.name,
+                "order": order,
+                "slow": names["f"],
+                "fast": names["h"],
+                "h": rows["h"],
+                "reduced_field": rows["f"],
+            }
+        )
+        return
+    for letter, part in fields:
+        for k, row in enumerate(part):
+            for symbol, expression in row.as_dict().items():
+                prime = "'" if letter == "f" else ""
+                click.echo(f"{letter}_{k}  {symbol}{prime} = {expression}")
+
+
+@cli.command()
+@click.argument("model")
+@_json_option
+@click.pass_context
+def check(context: click.Context, model: str, as_json: bool) -> None:
+    """Check the conditions of normal hyperbolicity of MODEL over its region.
+
+    Exit status 0 when every condition holds at the samples, 1 when one fails.
+    """
+    from gsp.hyperbolicity import classify
+    from gsp.placement import place
+
+    scene = load_scene(model)
+    placement = place(scene)
+    verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+    if as_json:
+        from gsp.report import hyperbolicity_as_json
+
+        _print_json({"name": scene.name, "holds": verdict.holds, **hyperbolicity_as_json(verdict)})
+    else:
+        click.echo(str(verdict))
+    context.exit(0 if verdict.holds else 1)
+
+
+@cli.command()
+@click.argument("model")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
+)
+@click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
+@_json_option
+def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
+    """Analyse MODEL and write report.html, report.json and the figures."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from gsp.report import check_folder
+
+    scene = load_scene(model)
+    folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
+    check_folder(folder)
+    columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        from gsp.analysis import STAGES, analyse
+        from gsp.report import as_json as report_json
+        from gsp.report import write_report
+
+        stages = (*STAGES, "report")
+        task = bar.add_task("", total=len(stages))
+
+        def progress(stage: str, share: float) -> None:
+            bar.update(task, description=stage, completed=stages.index(stage) + share)
+
+        analysis = analyse(scene, order=order, progress=progress)
+        page = write_report(analysis, folder, progress=lambda share: progress("report", share))
+    if as_json:
+        _print_json(report_json(analysis))
+        return
+    click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
+    click.echo(str(analysis.comparison))
+    click.echo(f"report: {page}")
+
+
+def load_scene(model: str) -> Scene:
+    """The scene of a built-in name or of a model file."""
+    from gsp import models as builtin
+
+    path = Path(model)
+    if path.suffix == ".toml" or len(path.parts) > 1 or path.is_file():
+        from gsp.readers import load
+
+        return load(path)
+    return builtin.load(model)
+
+
+def _print_json(value: object) -> None:
+    click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    try:
+        status = cli.main(standalone_mode=False)
+    except GspError as error:
+        click.echo(f"gsp: {error}", err=True)
+        sys.exit(2)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("gsp: interrupted; nothing was written", err=True)
+        sys.exit(130)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""Comparison: reduced flows of several orders against full trajectories, over a ladder of epsilons.
+
+The full system starts on M_epsilon over the scene's slow start, so that no initial layer is crossed. A reduced
+field through order N is then in error by O(epsilon^(N+1)) on a time span that does not depend on epsilon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from gsp.errors import DeclarationError, Status
+from gsp.placement import Placement, place
+from gsp.reduced import restrict
+from gsp.scene import Scene
+from gsp.series import SeriesManifold, expand
+from gsp.system import VectorField
+from gsp.trajectory import Trajectory, integrate
+
+# The grid on which errors are measured, and the tolerances of the runs compared.
+GRID_POINTS = 49
+RTOL, ATOL = 1e-12, 1e-14
+# A second full run at this many times the tolerance shows how far the reference itself can be trusted.
+CHECK = 10.0
+# Errors must stand this far above the reference's own error to enter a slope.
+CLEARANCE = 30.0
+# The slope is fitted to this many of the smallest epsilons that stand clear.
+FITTED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Errors of the reduced flows, measured.
+
+    `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
+    relative to its largest value; `slopes[N]` is the fitted power of epsilon, nan when every error is at rounding
+    (the reduction is exact there); `expected[N]` is N + 1. `floor[i]` estimates the reference's own error. The same
+    for rival reduced fields of the scene in `claims` and `claim_slopes`.
+    """
+
+    scene: Scene
+    epsilons: tuple[float, ...]
+    errors: Mapping[int, tuple[float, ...]]
+    slopes: Mapping[int, float]
+    expected: Mapping[int, int]
+    floor: tuple[float, ...]
+    statuses: Mapping[int, tuple[Status, ...]]
+    claims: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    claim_slopes: Mapping[str, float] = field(default_factory=dict)
+
+    def is_exact(self, order: int) -> bool:
+        """Whether every error of this order is within the reference's own error."""
+        return all(e <= CLEARANCE * f for e, f in zip(self.errors[order], self.floor))
+
+    def __repr__(self) -> str:
+        slopes = ", ".join(f"{n}: {s:.3g}" for n, s in self.slopes.items())
+        return f"Comparison({self.scene.name}, slopes {{{slopes}}})"
+
+    def __str__(self) -> str:
+        head = "  order  slope  expected  " + "  ".join(f"{e:>9.3g}" for e in self.epsilons)
+        rows = [
+            f"  {n:5d}  {self.slopes[n]:5.2f}  {self.expected[n]:8d}  "
+            + "  ".join(f"{e:9.2e}" for e in self.errors[n])
+            for n in self.errors
+        ]
+        rows += [
+            f"  {name}: slope {self.claim_slopes[name]:.2f}  " + "  ".join(f"{e:9.2e}" for e in values)
+            for name, values in self.claims.items()
+        ]
+        return "\n".join(["largest relative error of the reduced run, by epsilon", head, *rows])
+
+
+def compare(
+    scene: Scene,
+    *,
+    orders: Sequence[int] = (0, 1, 2, 3),
+    epsilons: Sequence[float] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Error of the reduced flow of each order against the full system, over the scene's ladder of epsilons.
+
+    A run that stops early gives nan for its epsilon, and its `Status` is kept. Raises what the stages before
+    raise for a scene that cannot be split, solved or expanded.
+    """
+    wanted = tuple(dict.fromkeys(orders))
+    if not wanted or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
+        raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2, 3).")
+    ladder = scene.epsilons if epsilons is None else tuple(sorted(map(float, epsilons), reverse=True))
+    placement = place(scene)
+    # Two orders more than compared: an error in the start of the fast variable is felt one order later.
+    series = expand(placement.branch, order=max(wanted) + 2)
+    flows = {n: restrict(series, order=n) for n in wanted}
+    rivals = _rivals(scene, placement)
+    grid = np.linspace(*scene.span, GRID_POINTS)
+    errors: dict[int, list[float]] = {n: [] for n in wanted}
+    statuses: dict[int, list[Status]] = {n: [] for n in wanted}
+    claimed: dict[str, list[float]] = {name: [] for name in rivals}
+    floor: list[float] = []
+    for i, epsilon in enumerate(ladder):
+        start = on_manifold(series, placement.start, epsilon)
+        reference = _run(placement.system, start, scene, epsilon, grid)
+        check = _run(placement.system, start, scene, epsilon, grid, loosened=CHECK)
+        slow = [x.name for x in placement.system.x]
+        floor.append(max(_error(check, reference, slow), np.finfo(float).eps))
+        for n, flow in flows.items():
+            run = _run(flow, start, scene, epsilon, grid)
+            errors[n].append(_error(run, reference, slow))
+            statuses[n].append(run.status if not run.status.ok else reference.status)
+        for name, rival in rivals.items():
+            names = [z.name for z in rival.states]
+            there = {z: float(reference[z][0]) for z in names}
+            claimed[name].append(_error(_run(rival, there, scene, epsilon, grid), reference, names))
+        if progress is not None:
+            progress((i + 1) / len(ladder))
+    return Comparison(
+        scene=scene,
+        epsilons=ladder,
+        errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
+        slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
+        expected=MappingProxyType({n: n + 1 for n in wanted}),
+        floor=tuple(floor),
+        statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
+        claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
+        claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
+    )
+
+
+def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:
+    """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
+    system = series.branch.system
+    x = {s.name: start[s.name] for s in system.x}
+    order = series.optimal_order(x, epsilon)
+    assert isinstance(order, int)
+    y = series.evaluate(x, epsilon, order=order)
+    return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
+
+
+def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[float]) -> float:
+    """Least-squares power of epsilon over the smallest epsilons whose error stands clear of the reference's.
+
+    nan when fewer than two do.
+    """
+    clear = [
+        (e, error)
+        for e, error, low in sorted(zip(epsilons, errors, floor))
+        if np.isfinite(error) and error > CLEARANCE * low
+    ][:FITTED]
+    if len(clear) < 2:
+        return float("nan")
+    x, y = np.log([e for e, _ in clear]), np.log([error for _, error in clear])
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def _run(flow, start, scene: Scene, epsilon: float, grid, *, loosened: float = 1.0) -> Trajectory:
+    return integrate(
+        flow,
+        start=start,
+        span=scene.span,
+        epsilon=None if flow.epsilon is None else epsilon,
+        rtol=RTOL * loosened,
+        atol=ATOL * loosened,
+        at=grid,
+    )
+
+
+def _error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
+    """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
+    if not (run.status.ok and reference.status.ok):
+        return float("nan")
+    worst = 0.0
+    for name in names:
+        expected = reference[name]
+        size = np.abs(expected).max() or 1.0
+        worst = max(worst, float(np.abs(run[name] - expected).max() / size))
+    return worst
+
+
+def _rivals(scene: Scene, placement: Placement) -> dict[str, VectorField]:
+    """The scene's claims as fields of their own."""
+    epsilon = placement.system.epsilon
+    return {
+        name: VectorField(
+            rates,
+            epsilon=epsilon if any(rate.has(epsilon) for rate in rates.values()) else None,
+            parameters=placement.system.parameters,
+            name=name,
+        )
+        for name, rates in scene.claims.items()
+    }

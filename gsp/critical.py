@@ -1,0 +1,99 @@
+"""The critical manifold M0 = {g(x, y, 0) = 0}, branch by branch; a branch is an irreducible piece of M0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.branch import Branch, place
+from gsp.elimination import pieces
+from gsp.errors import BranchError
+from gsp.flow import Point
+from gsp.laurent import laurent
+from gsp.system import SlowFastSystem
+
+
+@dataclass(frozen=True)
+class CriticalManifold:
+    """M0 of `system`: its `branches`, and in `unsolved` the equations of pieces that are no graph over x.
+
+    Pieces without real points over any open set of x (such as y^2 + 1 = 0) are in neither; they are listed in
+    `complex`.
+    """
+
+    system: SlowFastSystem
+    branches: tuple[Branch, ...]
+    unsolved: tuple[sp.Expr, ...] = ()
+    complex: tuple[sp.Expr, ...] = ()
+
+    def nearest(self, point: Point) -> Branch:
+        """The branch (on implicit branches the sheet) nearest to `point` in the fast direction."""
+        x, y = place(self.system, point)
+        best: tuple[float, Branch] | None = None
+        reasons = []
+        for branch in self.branches:
+            try:
+                sheet = branch.through(point)
+                distance = float(np.linalg.norm(sheet.points(x, near=y) - y))
+            except BranchError as error:
+                reasons.append(str(error))
+                continue
+            if best is None or distance < best[0]:
+                best = (distance, sheet)
+        if best is None:
+            raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
+        return best[1]
+
+    def __repr__(self) -> str:
+        return f"CriticalManifold({', '.join(map(str, self.branches))})"
+
+    __str__ = __repr__
+
+
+def solve_critical(system: SlowFastSystem) -> CriticalManifold:
+    """The critical manifold of a system in standard form.
+
+    Rational and quadratic equations, and equations that one inverse function solves, give explicit branches;
+    the rest (a cubic, say: Cardano's formula is complex on the real sheets) give implicit ones.
+    Raises `BranchError` when g has no real zeros, or none that are a graph over x.
+
+    >>> x, y, eps = sp.symbols("x y epsilon")
+    >>> solve_critical(SlowFastSystem(slow={x: y}, fast={y: y**2 - x**2}, epsilon=eps))
+    CriticalManifold(y = x, y = -x)
+    """
+    _refuse_constants(system)
+    found = pieces(system)
+    branches = tuple(
+        Branch(system, equations, None if graph is None else MappingProxyType({y: graph[y] for y in system.y}))
+        for equations, graph in found.solved
+    )
+    if not branches:
+        unknown = ", ".join(map(str, system.y))
+        if found.unsolved:
+            raise BranchError(
+                f"the critical manifold {{{_shown(found.unsolved)}}} is no graph of {unknown} over the slow "
+                f"variables {', '.join(map(str, system.x))}. Take other variables as slow, or rescale."
+            )
+        shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
+        raise BranchError(
+            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown}. "
+            "There is no critical manifold to reduce to."
+        )
+    return CriticalManifold(system, branches, tuple(found.unsolved), tuple(found.vanished))
+
+
+def _shown(equations: Sequence[sp.Expr]) -> str:
+    return ", ".join(f"{equation} = 0" for equation in equations)
+
+
+def _refuse_constants(system: SlowFastSystem) -> None:
+    for y, rate in system.fast.items():
+        if not laurent(rate, system.epsilon, order=0):
+            raise BranchError(
+                f"the fast rate of {y} vanishes identically at {system.epsilon} = 0. "
+                f"Got g = {rate}. Declare {y} as slow, with the rate divided by {system.epsilon}."
+            )

@@ -1,0 +1,100 @@
+"""What can go wrong: exceptions for a wrong call, `Status` for how a computation ended.
+
+There are two channels and they do not mix. A call that cannot be carried out as written raises a
+`GspError`, worded *fact, value got, remedy*. A computation that started and stopped early returns its
+result with a `Status`; each status carries its meaning and its remedy.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from enum import Enum
+
+
+class GspError(ValueError):
+    """A call that cannot be carried out as written; base of every exception this package raises."""
+
+
+class DeclarationError(GspError):
+    """A system, field, scene or start that is not well formed."""
+
+
+class SplittingError(GspError):
+    """A field that is not of the form z' = N f/epsilon + G."""
+
+
+class BranchError(GspError):
+    """A branch of the critical manifold that has vanished, is complex, or is ambiguous at a point."""
+
+
+class HyperbolicityError(GspError):
+    """The fast Jacobian is singular where a later stage has to invert it."""
+
+
+class UnsupportedFunctionError(GspError):
+    """A function for which the package has neither a power series rule nor machine code."""
+
+
+class ModelFileError(GspError):
+    """A model file that is missing, malformed, too large, or says something unknown."""
+
+
+class OutputError(GspError):
+    """A folder or file that cannot be written."""
+
+
+class Status(Enum):
+    """How a computation ended. The value is (meaning, remedy); both are shown to the user."""
+
+    SUCCESS = ("reached the end", "")
+    STEP_TOO_SMALL = (
+        "the step size fell below rounding",
+        "loosen rtol, or look for a singularity or a fold near the last point",
+    )
+    TOO_MANY_STEPS = (
+        "the allowed number of steps was used up",
+        "raise max_steps, loosen rtol, or use a stiff method",
+    )
+    NON_FINITE = (
+        "the field is not finite beyond the last point",
+        "the solution blows up or leaves the domain of the field; shorten the span or move the start",
+    )
+    SINGULAR_JACOBIAN = (
+        "the Jacobian is singular",
+        "two solutions meet here: look for a fold or a branch point",
+    )
+    NOT_CONVERGED = (
+        "Newton's method did not converge",
+        "start nearer to the solution, or check that one exists",
+    )
+    FOLD_REACHED = (
+        "a fold of the critical manifold was reached",
+        "the reduction ends here; integrate the full system across the fold",
+    )
+    REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
+    INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")
+
+    @property
+    def meaning(self) -> str:
+        """One clause that says what happened."""
+        return self.value[0]
+
+    @property
+    def remedy(self) -> str:
+        """One clause that says what to do; empty for `SUCCESS`."""
+        return self.value[1]
+
+    @property
+    def ok(self) -> bool:
+        """True for `SUCCESS` only."""
+        return self is Status.SUCCESS
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.meaning}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+def nearest(word: str, words: Iterable[str]) -> str:
+    """' Did you mean "x"?' for the word of `words` nearest to `word`; empty when none is near."""
+    found = difflib.get_close_matches(word, list(words), n=1, cutoff=0.6)
+    return f' Did you mean "{found[0]}"?' if found else ""

@@ -1,0 +1,132 @@
+"""What can be integrated: the contract between a declared system and the integrator.
+
+Every noun that `integrate` accepts (a `SlowFastSystem`, a `VectorField`, a `ReducedFlow`) is a `Flow`.
+A flow is autonomous; a system that depends on time declares a state t with t' = 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError, nearest
+
+Values = Mapping[sp.Symbol, sp.Expr]
+Point = Mapping[str, float] | Mapping[sp.Symbol, float]
+"""Numbers by name or by symbol."""
+
+
+class Flow:
+    """A field z' = F(z, epsilon) in slow time, with its parameters' values and what else can be read off z.
+
+    A concrete flow is frozen and provides every attribute declared here.
+    """
+
+    states: tuple[sp.Symbol, ...]
+    """The n state symbols, in the order of every state array."""
+    rates: tuple[sp.Expr, ...]
+    """The n right-hand sides dz/dt, with any 1/epsilon written out."""
+    epsilon: sp.Symbol | None
+    """The small parameter, or `None` for a field that has none."""
+    parameters: Values
+    """Values of the parameters, exact."""
+    observables: Values
+    """Further quantities by symbol, each an expression in the states, the parameters and epsilon."""
+    is_stiff: bool = True
+    """Whether the field still contains the fast time scale (decides the integrator)."""
+
+    def initial(self, start: Point) -> tuple[float, ...]:
+        """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
+        given = named(start, what="start")
+        names = [state.name for state in self.states]
+        for name in given:
+            if name not in names:
+                raise DeclarationError(
+                    f'start names "{name}", which is no state. The states are {", ".join(names)}.'
+                    + nearest(name, names)
+                )
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise DeclarationError(
+                f"start gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+            )
+        return tuple(given[name] for name in names)
+
+
+def named(values: Point, *, what: str) -> dict[str, float]:
+    """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
+    if not isinstance(values, Mapping):
+        raise DeclarationError(f"{what} is a mapping of names to numbers. Got {values!r}.")
+    result: dict[str, float] = {}
+    for key, value in values.items():
+        name = key.name if isinstance(key, sp.Symbol) else key
+        if not isinstance(name, str):
+            raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {key!r}.")
+        if name in result:
+            raise DeclarationError(f'{what} gives "{name}" twice. Give each name one value.')
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise DeclarationError(
+                f"{what} gives {name} the value {value!r}, which is no real number."
+            ) from None
+        if number != number or number in (float("inf"), float("-inf")):
+            raise DeclarationError(f"{what} gives {name} the value {number}. Give a finite number.")
+        result[name] = number
+    return result
+
+
+def check_epsilon(value: float, *, what: str = "epsilon") -> float:
+    """`value` as a float when it is finite and positive; raises `DeclarationError` otherwise."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise DeclarationError(f"{what} is a positive number. Got {value!r}.") from None
+    if not 0.0 < number < float("inf"):
+        raise DeclarationError(
+            f"{what} must be finite and positive. Got {number}. For the limit use the series at order 0."
+        )
+    return number
+
+
+def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.ndarray, bool]:
+    """Array (m, n) of points in n `symbols`, and whether a single point was given.
+
+    `values` is a mapping of names or symbols to numbers or arrays (broadcast), or an array: (m, n), or (n,) for
+    one point, or for n = 1 a number (one point) or (m,). Raises `DeclarationError` otherwise.
+    """
+    n = len(symbols)
+    names = [symbol.name for symbol in symbols]
+    if isinstance(values, Mapping):
+        given = {key.name if isinstance(key, sp.Symbol) else key: value for key, value in values.items()}
+        for name in given:
+            if name not in names:
+                raise DeclarationError(
+                    f'{what} names "{name}". It takes {", ".join(names)}.' + nearest(str(name), names)
+                )
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise DeclarationError(f"{what} gives no value for {', '.join(missing)}. Give each a number.")
+        try:
+            columns = np.broadcast_arrays(*[np.asarray(given[name], dtype=float) for name in names])
+        except (TypeError, ValueError) as error:
+            raise DeclarationError(f"{what} takes numbers or arrays of one shape. {error}.") from None
+        single = columns[0].ndim == 0
+        return np.stack([np.atleast_1d(column).ravel() for column in columns], axis=1), single
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(
+            f"{what} takes numbers for {', '.join(names)}, or a mapping by name. Got {values!r}."
+        ) from None
+    if n == 1 and array.ndim < 2:
+        return array.reshape(-1, 1), array.ndim == 0
+    if array.ndim == 1 and len(array) == n:
+        return array[None, :], True
+    if array.ndim == 2 and array.shape[1] == n:
+        return array, False
+    raise DeclarationError(
+        f"{what} has shape {array.shape}. It takes (m, {n}) for {', '.join(names)}, or a mapping by name."
+    )

@@ -1,0 +1,96 @@
+"""Elementary functions by their differential equations: v = F(u) solves dv/du = rate(v, u).
+
+One table serves the exact ring, where v is a generator with a derivation, and power series in epsilon, where
+k v_k = sum_j j u_j rate_(k-j). The operands support + - *, `inverse()` and `apply(name, ...)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from gsp.errors import UnsupportedFunctionError
+
+Operand = Any
+"""An `Element` of the ring or a `Node` of a series program; the rates are written once for both."""
+
+
+class Rule(NamedTuple):
+    """How one function is adjoined: its derivative and how many generators that takes."""
+
+    rate: Callable[[Operand, Operand], Operand] | None
+    generators: int
+    at_zero: int | None = None
+
+
+def _reciprocal_root(square: Operand) -> Operand:
+    return square.apply("sqrt").inverse()
+
+
+RULES: dict[str, Rule] = {
+    "exp": Rule(lambda v, u: v, 1, at_zero=1),
+    "log": Rule(lambda v, u: u.inverse(), 1),
+    "sqrt": Rule(lambda v, u: (v * 2).inverse(), 1),
+    "sin": Rule(lambda v, u: u.apply("cos"), 2, at_zero=0),
+    "cos": Rule(lambda v, u: -u.apply("sin"), 2, at_zero=1),
+    "tan": Rule(lambda v, u: v * v + 1, 1, at_zero=0),
+    "sinh": Rule(lambda v, u: u.apply("cosh"), 2, at_zero=0),
+    "cosh": Rule(lambda v, u: u.apply("sinh"), 2, at_zero=1),
+    "tanh": Rule(lambda v, u: -(v * v) + 1, 1, at_zero=0),
+    "asin": Rule(lambda v, u: _reciprocal_root(-(u * u) + 1), 2, at_zero=0),
+    "acos": Rule(lambda v, u: -_reciprocal_root(-(u * u) + 1), 2),
+    "atan": Rule(lambda v, u: (u * u + 1).inverse(), 1, at_zero=0),
+    "asinh": Rule(lambda v, u: _reciprocal_root(u * u + 1), 2, at_zero=0),
+    "acosh": Rule(lambda v, u: _reciprocal_root(u * u + (-1)), 2),
+    "atanh": Rule(lambda v, u: (-(u * u) + 1).inverse(), 1, at_zero=0),
+    "erf": Rule(lambda v, u: (-(u * u)).apply("exp") * u.apply("pi").apply("sqrt").inverse() * 2, 4, at_zero=0),
+    "sign": Rule(None, 1),
+}
+CONSTANTS = {"pi": sp.pi, "E": sp.E}
+
+
+def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
+    """Name and operands of a node that is neither number, symbol, sum, product nor integer power.
+
+    The name is a key of `RULES` or `CONSTANTS`, or "pow" (base, exponent) or "Abs".
+    Raises `UnsupportedFunctionError` for anything else.
+    """
+    if isinstance(expression, sp.exp):
+        return "exp", expression.args
+    if expression.is_Pow:
+        if expression.exp == sp.Rational(1, 2):
+            return "sqrt", (expression.base,)
+        return "pow", (expression.base, expression.exp)
+    if expression == sp.pi or expression == sp.E:
+        return ("pi" if expression == sp.pi else "E"), ()
+    name = type(expression).__name__
+    if name not in RULES and name != "Abs":
+        known = ", ".join(sorted([*RULES, "Abs"]))
+        raise UnsupportedFunctionError(
+            f"{expression} has no power series rule. The functions that have one are {known}. "
+            "Replace it by one of them, or declare it as a state with its own equation."
+        )
+    return name, expression.args
+
+
+def generators_needed(expressions: Iterable[sp.Expr]) -> int:
+    """An upper bound on the generators that the functions in `expressions` adjoin."""
+    seen: set[sp.Expr] = set()
+    for expression in expressions:
+        for piece in sp.preorder_traversal(expression):
+            if not is_rational_node(piece):
+                seen.add(piece)
+    total = 0
+    for piece in seen:
+        name = parts(piece)[0]
+        total += RULES[name].generators if name in RULES else 2
+    return total
+
+
+def is_rational_node(piece: sp.Expr) -> bool:
+    """Whether the head of `piece` is a number, symbol, sum, product or integer power."""
+    if piece.is_Symbol or piece.is_Add or piece.is_Mul or piece.is_Rational:
+        return True
+    return bool(piece.is_Pow and piece.exp.is_Integer)

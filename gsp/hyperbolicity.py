@@ -1,0 +1,280 @@
+"""Normal hyperbolicity of a branch over a region: the conditions of Fenichel's theorem, with their numbers.
+
+The fast Jacobian g_y(x, h_0(x), 0) must have no eigenvalue on the imaginary axis (Eldering 2015, section 4.1).
+Everything here is *sampled*: a finite set of points is examined, the worst of them refined; nothing is proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import sympy as sp
+
+from gsp.branch import Branch
+from gsp.errors import BranchError, DeclarationError
+from gsp.flow import as_points
+from gsp.losses import (
+    BRANCH_POLE,
+    EVERYWHERE,
+    FIELD_POLE,
+    LOCATED,
+    REFINED,
+    ZERO_TOLERANCE,
+    Locator,
+    Loss,
+    signed_gap,
+    unstable,
+)
+from gsp.region import Interval, check_region
+from gsp.sampling import Sampler, grid
+
+EQUILIBRIUM_TOLERANCE = 1e-9
+NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
+
+
+class Kind(StrEnum):
+    """Type of normal hyperbolicity."""
+
+    ATTRACTING = "attracting"
+    REPELLING = "repelling"
+    SADDLE = "saddle"
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition: what is required, the number that decides it, and whether it holds."""
+
+    name: str
+    statement: str
+    value: float
+    requirement: str
+    holds: bool
+
+    def __str__(self) -> str:
+        return f"{'holds' if self.holds else 'FAILS':5}  {self.name}: {self.value:.6g} ({self.requirement})"
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Normal rate in fast time against the tangential rate in slow time.
+
+    `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay along the slow flow on M0
+    (largest |eigenvalue| of the symmetric part of its Jacobian).
+    """
+
+    normal: float
+    tangential: float
+
+    def r(self, epsilon: float) -> float:
+        """The r of r-normal hyperbolicity: normal rate per tangential rate, normal/(epsilon tangential)."""
+        return self.normal / (epsilon * self.tangential) if self.tangential else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperbolicity:
+    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
+    and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how.
+    """
+
+    branch: Branch
+    region: Mapping[str, Interval]
+    kind: Kind
+    gap: float
+    rates: Rates
+    losses: tuple[Loss, ...]
+    conditions: tuple[Condition, ...]
+    samples: int
+    evidence: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether every condition holds at the samples."""
+        return all(condition.holds for condition in self.conditions)
+
+    def eigenvalues(self, x, *, near=None) -> np.ndarray:
+        """Eigenvalues of g_y at the branch's points over `x`: complex (m, n_fast), or (n_fast,) for one."""
+        array, single = as_points(self.branch.system.x, x, what="x")
+        y = self.branch.points(array, near=near)
+        values = Sampler(self.branch).eigenvalues(np.hstack([array, y]))
+        return values[0] if single else values
+
+    def __repr__(self) -> str:
+        return f"Hyperbolicity({self.kind}, gap={self.gap:.6g}, {self.evidence})"
+
+    def __str__(self) -> str:
+        lines = [f"{self.kind}, gap {self.gap:.6g} in fast time; {self.evidence}"]
+        lines += [f"  {condition}" for condition in self.conditions]
+        lines += [f"  lost: {loss}" for loss in self.losses]
+        return "\n".join(lines)
+
+
+def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float | None = None) -> Hyperbolicity:
+    """Where and how strongly `branch` is normally hyperbolic over `region`.
+
+    `region` bounds every slow variable, and fast ones where a sheet of an implicit branch is meant; with
+    `epsilon` the condition r >= 1 is decided at that value too. A loss is knowledge, not an error: the kind is
+    then "lost" and `losses` say where. Raises `DeclarationError` for a region that is not one and `BranchError`
+    when the branch has no real point in it.
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)
+    >>> classify(solve_critical(system).branches[0], region={"y": (0, 1)})
+    Hyperbolicity(attracting, gap=2, sampled at 257 points)
+    """
+    if not isinstance(branch, Branch):
+        raise DeclarationError(f"classify takes a Branch. Got {type(branch).__name__}.")
+    system = branch.system
+    box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
+    sampler = Sampler(branch)
+    x = grid(np.array([box[s.name] for s in system.x]))
+    z, rows = sampler.points(x, box)
+    missing = len(x) - len(np.unique(rows))
+    bounded = sampler.inside(z, box)
+    a, b = sampler.links(z[bounded], rows[bounded], x)
+    z = z[bounded]
+    if len(z) == 0:
+        raise BranchError(
+            f"the branch {branch} has no real point in the region {_shown(box)}. "
+            "Move the region, or take another branch."
+        )
+    eigenvalues = sampler.eigenvalues(z)
+    finite = np.isfinite(eigenvalues).all(axis=1)
+    missing += int((~finite).sum())
+    z, eigenvalues = z[finite], eigenvalues[finite]
+    scale = float(np.abs(eigenvalues).max(initial=0.0)) or 1.0
+    count = unstable(eigenvalues)
+    kinds = np.unique(count)
+    locator = Locator(sampler, box, scale)
+    gap = _gap(locator, z, eigenvalues, (a, b))
+    losses = tuple(locator.losses)
+    mixed = len(kinds) > 1
+    lost = bool(losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
+    if mixed and not lost and not branch.is_explicit and branch.seed is None:
+        raise BranchError(
+            f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
+            f"{', '.join(_kind(int(k), len(system.y)) for k in kinds)}. "
+            "Fix one with branch.through({...}), or bound the fast variables."
+        )
+    rates = Rates(gap, sampler.tangential_rate(z))
+    return Hyperbolicity(
+        branch=branch,
+        region=box,
+        kind=Kind.LOST if lost or mixed or len(kinds) == 0 else _kind(int(kinds[0]), len(system.y)),
+        gap=gap,
+        rates=rates,
+        losses=losses,
+        conditions=tuple(_conditions(sampler, z, missing, kinds, rates, scale, losses, epsilon)),
+        samples=len(z),
+        evidence=f"sampled at {len(z)} points",
+    )
+
+
+def _gap(
+    locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: tuple[np.ndarray, np.ndarray]
+) -> float:
+    """The least |Re lambda|, refined next to the worst samples; 0 with a loss. Fills the locator."""
+    if len(z) == 0:
+        return 0.0
+    sampler = locator.sampler
+    sizes = np.abs(eigenvalues).min(axis=1)
+    if sizes.max() <= ZERO_TOLERANCE * locator.scale:
+        locator.add(z[0], EVERYWHERE)
+        return 0.0
+    a, b = links
+    changed = np.flatnonzero(unstable(sampler.eigenvalues(a)) != unstable(sampler.eigenvalues(b)))
+    # Spread over all changes, so that no part of a long curve of losses takes every place.
+    changed = changed[np.linspace(0, len(changed) - 1, min(len(changed), LOCATED)).astype(int)]
+    locator.zeros(np.vstack([a[changed], z[np.argsort(sizes)[:LOCATED]]]))
+    locator.changes(a[changed], b[changed])
+    locator.poles(z)
+    distance = signed_gap(eigenvalues, unstable(eigenvalues))
+    if any(not loss.is_pole for loss in locator.losses):
+        return 0.0
+    refined = locator.refine(z[np.argsort(distance)[:REFINED]])
+    if any(not loss.is_pole for loss in locator.losses):
+        return 0.0
+    return float(min(refined, distance.min()))
+
+
+def _kind(unstable: int, fast: int) -> Kind:
+    if unstable == 0:
+        return Kind.ATTRACTING
+    return Kind.REPELLING if unstable == fast else Kind.SADDLE
+
+
+def _conditions(
+    sampler: Sampler,
+    z: np.ndarray,
+    missing: int,
+    kinds: np.ndarray,
+    rates: Rates,
+    scale: float,
+    losses: tuple[Loss, ...],
+    epsilon: float | None,
+) -> Iterator[Condition]:
+    system = sampler.system
+    non_smooth = sum(len(e.atoms(*NON_SMOOTH)) for e in (*system.f, *system.g))
+    non_smooth += sum(loss.crossing == FIELD_POLE for loss in losses)
+    missing += sum(loss.crossing == BRANCH_POLE for loss in losses)
+    yield Condition(
+        "smooth field",
+        "f and g depend smoothly on x, y and epsilon",
+        float(non_smooth),
+        "functions that are not smooth and poles on the branch, 0 needed",
+        non_smooth == 0,
+    )
+    total = len(z) + missing
+    yield Condition(
+        "graph",
+        "the branch is a graph over the whole region",
+        missing / total,
+        "share of points over which it has no real point, 0 needed",
+        missing == 0,
+    )
+    residual = sampler.residual(z) if len(z) else float("inf")
+    yield Condition(
+        "equilibria",
+        "g(x, h_0(x), 0) = 0: the fast system has an equilibrium for every x",
+        residual,
+        f"largest residual, at most {EQUILIBRIUM_TOLERANCE:g} needed",
+        residual <= EQUILIBRIUM_TOLERANCE,
+    )
+    yield Condition(
+        "hyperbolic equilibria",
+        "every eigenvalue of g_y(x, h_0(x), 0) is off the imaginary axis",
+        rates.normal,
+        "least |Re lambda|, above 0 needed",
+        rates.normal > ZERO_TOLERANCE * scale,
+    )
+    yield Condition(
+        "one type",
+        "the number of unstable fast directions is the same everywhere",
+        float(np.ptp(kinds)) if len(kinds) else 0.0,
+        "spread of that number, 0 needed",
+        len(kinds) <= 1,
+    )
+    variation = sampler.jacobian_variation(z)
+    yield Condition(
+        "smooth Jacobian",
+        "g_y(x, h_0(x), 0) depends smoothly on x",
+        variation,
+        "largest derivative along the branch, finite needed",
+        bool(np.isfinite(variation)),
+    )
+    if epsilon is not None:
+        r = rates.r(epsilon)
+        yield Condition(
+            "normal rate dominates",
+            f"normal against tangential rate at epsilon = {epsilon:g}: the r of r-normal hyperbolicity",
+            r,
+            "at least 1 needed for a C^1 manifold",
+            r >= 1.0,
+        )
+
+
+def _shown(box: Mapping[str, Interval]) -> str:
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in box.items())

@@ -1,0 +1,169 @@
+"""DOP853, the integrator for flows without a fast time scale: explicit, order 8(5,3), dense output of order 7.
+
+Twelve calls of the field a step and three more for the dense output; see `dop853_tableau` for the source. The
+Jacobian is an argument only because every integrator has the same signature.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from gsp.kernels import ledger
+from gsp.kernels.call import call
+from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
+from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+
+# Control of the step as in DOP853: safety 0.9, change between 1/3 and 6.
+SAFETY = 0.9
+MINIMUM_FACTOR = 1.0 / 3.0
+MAXIMUM_FACTOR = 6.0
+# PI control, Hairer, Norsett, Wanner I, section II.4; 0.04 is the largest beta that the code's manual advises.
+BETA = 0.04
+EXPONENT = 1.0 / 8.0 - 0.2 * BETA
+ERROR_FLOOR = 1e-4
+FAILURE_FACTOR = 0.1
+# |h lambda| at the border of stability; how many signs make or clear a suspicion (DOP853; II, section IV.2).
+STABILITY_BORDER = 6.1
+STIFF_SIGNS = 15
+NON_STIFF_SIGNS = 6
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _stage(field, p, s, t, h, y, k, argument):
+    for i in range(y.shape[0]):
+        total = 0.0
+        for q in range(s):
+            total += A[s, q] * k[q, i]
+        argument[i] = y[i] + h * total
+    call(field, t + C[s] * h, argument, p, k[s])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _error(h, y, y_new, k, rtol, atol):
+    """Norm of the error, the estimate of order 5 damped by that of order 3; section II.10."""
+    n = y.shape[0]
+    fifth = 0.0
+    third = 0.0
+    for i in range(n):
+        scale = atol + rtol * max(abs(y[i]), abs(y_new[i]))
+        total_5 = 0.0
+        total_3 = 0.0
+        for q in range(STAGES):
+            total_5 += ERROR_5[q] * k[q, i]
+            total_3 += ERROR_3[q] * k[q, i]
+        fifth += (total_5 / scale) ** 2
+        third += (total_3 / scale) ** 2
+    together = fifth + 0.01 * third
+    if together == 0.0:
+        return 0.0
+    return abs(h) * fifth / math.sqrt(n * together)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _dense(h, y, y_new, k, out):
+    """Coefficients of the dense output in the nesting of `interpolate_many`; section II.6."""
+    for i in range(y.shape[0]):
+        rise = y_new[i] - y[i]
+        out[0, i] = h * k[0, i] - rise
+        out[1, i] = 2.0 * rise - h * (k[STAGES, i] + k[0, i])
+        for m in range(4):
+            total = 0.0
+            for q in range(EXTENDED_STAGES):
+                total += DENSE[m, q] * k[q, i]
+            out[2 + m, i] = h * total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _looks_stiff(h, y_new, last_argument, k):
+    """Hairer's test: h times a Lipschitz quotient between the two points at t + h is beyond the border."""
+    rise = 0.0
+    run = 0.0
+    for i in range(y_new.shape[0]):
+        rise += (k[STAGES, i] - k[STAGES - 1, i]) ** 2
+        run += (y_new[i] - last_argument[i]) ** 2
+    return run > 0.0 and abs(h) * math.sqrt(rise / run) > STABILITY_BORDER
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def dop853(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
+    n = y.shape[0]
+    k = np.empty((EXTENDED_STAGES, n))
+    argument = np.empty(n)
+    last_argument = np.empty(n)
+    y_new = np.empty(n)
+    if not begin(field, p, y, rate, stops[-1], rtol, atol, 8, argument, y_new, memory, counters):
+        return ledger.NON_FINITE
+    recorded = 0
+    while True:
+        if recorded == times.shape[0]:
+            return ledger.RECORD_FULL
+        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
+            return ledger.TOO_MANY_STEPS
+        t = memory[ledger.TIME]
+        stop = stops[counters[ledger.NEXT_STOP]]
+        step = step_towards(stop, t, memory[ledger.STEP])
+        clipped = abs(step) < abs(memory[ledger.STEP])
+        lands = step == stop - t
+        t_new = stop if lands else t + step
+        # What t really advances by, so that the record of times alone tells the steps.
+        step = t_new - t
+        if step == 0.0:
+            return ledger.STEP_TOO_SMALL
+
+        for i in range(n):
+            k[0, i] = rate[i]
+        for s in range(1, STAGES):
+            _stage(field, p, s, t, step, y, k, last_argument)
+        # Row 13 of the tableau is the solution itself.
+        _stage(field, p, STAGES, t, step, y, k, y_new)
+        counters[ledger.FIELD_CALLS] += STAGES
+        error = math.inf
+        failure = ledger.NON_FINITE
+        if all_finite(y_new) and all_finite(k[STAGES]):
+            failure = ledger.STEP_TOO_SMALL
+            error = _error(step, y, y_new, k, rtol, atol)
+            if error <= 1.0:
+                for s in range(STAGES + 1, EXTENDED_STAGES):
+                    _stage(field, p, s, t, step, y, k, argument)
+                counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
+                _dense(step, y, y_new, k, dense[recorded])
+                if not (all_finite(dense[recorded, 2]) and all_finite(dense[recorded, 5])):
+                    error = math.inf
+                    failure = ledger.NON_FINITE
+
+        if error <= 1.0:
+            times[recorded] = t_new
+            for i in range(n):
+                states[recorded, i] = y_new[i]
+            recorded += 1
+            if _looks_stiff(step, y_new, last_argument, k):
+                counters[ledger.NON_STIFF_SIGNS] = 0
+                counters[ledger.STIFF_SIGNS] += 1
+                if counters[ledger.STIFF_SIGNS] == STIFF_SIGNS:
+                    counters[ledger.STIFF] = 1
+            else:
+                counters[ledger.NON_STIFF_SIGNS] += 1
+                if counters[ledger.NON_STIFF_SIGNS] == NON_STIFF_SIGNS:
+                    counters[ledger.STIFF_SIGNS] = 0
+            factor = MAXIMUM_FACTOR
+            if error > 0.0:
+                # The code starts its memory at the floor.
+                previous = max(memory[ledger.PREVIOUS_ERROR], ERROR_FLOOR)
+                factor = SAFETY * previous**BETA * error**-EXPONENT
+                factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
+            accept(t_new, step, clipped, lands, error, factor, memory, counters)
+            for i in range(n):
+                y[i] = y_new[i]
+                rate[i] = k[STAGES, i]
+            if counters[ledger.NEXT_STOP] == stops.shape[0]:
+                return ledger.FINISHED
+        else:
+            factor = FAILURE_FACTOR
+            if math.isfinite(error):
+                factor = max(MINIMUM_FACTOR, SAFETY * error**-EXPONENT)
+            if not reject(step, factor, memory, counters):
+                return failure

@@ -1,0 +1,43 @@
+"""LLVM's intermediate code to machine code at an address, which `call` runs."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+from collections.abc import Sequence
+
+import llvmlite.binding as llvm
+from numba.core.compiler_lock import global_compiler_lock
+
+Engine = llvm.ExecutionEngine
+
+
+@global_compiler_lock
+def build(text: str, *, library: Sequence[str]) -> Engine:
+    """Optimised machine code of an IR module that may call the functions of the C library named in `library`.
+
+    Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
+    """
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    for name in library:
+        if not llvm.address_of_symbol(name):
+            # Where libm is not among the process's global symbols the linker must be told.
+            function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), name)
+            llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    module = llvm.parse_assembly(text)
+    module.triple = llvm.get_process_triple()
+    module.verify()
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        opt=2,
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        jit=True,
+        codemodel="jitdefault",
+    )
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    engine = llvm.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    return engine

@@ -1,0 +1,14 @@
+"""A compiled function at many points."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from gsp.kernels.call import call
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def evaluate_many(address, points, p, out):
+    """Fill row i of `out` (m, outputs) with the function at row i of `points` (m, n)."""
+    for i in range(points.shape[0]):
+        call(address, 0.0, points[i], p, out[i])

@@ -1,0 +1,43 @@
+"""What an integrator keeps between two calls, and how a call ends.
+
+An integrator is resumable: all it knows lies in arrays of the caller's. Each one has the signature
+
+    method(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
+
+and advances `y` (n,), its rate `rate` (n,), `memory` (MEMORY_SIZE,) and `counters` (COUNTERS_SIZE,) in place.
+Every accepted step fills one row of the record: its end in `times` (k,), its state in `states` (k, n), the
+coefficients of its dense output in `dense` (k, rows, n). The record starts afresh at each call; a step starts
+at the row before it. `stops` (s,) are monotone, ahead of the start, and hit exactly; the last one is the end.
+The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
+else is 0.
+"""
+
+from __future__ import annotations
+
+# Codes.
+RECORD_FULL = 0
+FINISHED = 1
+STEP_TOO_SMALL = 2
+TOO_MANY_STEPS = 3
+NON_FINITE = 4
+SINGULAR_JACOBIAN = 5
+
+# memory: time, the step proposed next, and the last unclipped accepted step with its error.
+TIME = 0
+STEP = 1
+PREVIOUS_STEP = 2
+PREVIOUS_ERROR = 3
+MEMORY_SIZE = 4
+
+# counters; the last four are the integrator's own.
+STEPS = 0
+REJECTED = 1
+FIELD_CALLS = 2
+JACOBIAN_CALLS = 3
+DECOMPOSITIONS = 4
+STIFF = 5
+NEXT_STOP = 6
+JUST_REJECTED = 7
+STIFF_SIGNS = 8
+NON_STIFF_SIGNS = 9
+COUNTERS_SIZE = 10

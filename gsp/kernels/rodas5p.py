@@ -1,0 +1,162 @@
+"""Rodas5P, the integrator for stiff flows: one Jacobian and one LU decomposition a step, no Newton iteration.
+
+Linearly implicit, A-stable and stiffly accurate, order 5(4); see `rodas5p_tableau`. The flow is autonomous by
+contract: the field is handed t, but there is no term in df/dt, and a field that used t would lose the order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from gsp.kernels import ledger
+from gsp.kernels.call import call
+from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, NODES, STAGES, A, C
+from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+
+# Control of the step as in RODAS (Hairer, Wanner II, section IV.7): safety 0.9, change between 1/5 and 6.
+SAFETY = 0.9
+MINIMUM_FACTOR = 0.2
+MAXIMUM_FACTOR = 6.0
+# The estimate is of local order 5.
+EXPONENT = 0.2
+# Gustafsson's memory never falls below this, so that one lucky step does not stop all growth (RODAS).
+ERROR_FLOOR = 1e-2
+# No estimate exists when a value is not finite or a pivot is 0; a tenth is RODAS's choice for a bad first step.
+FAILURE_FACTOR = 0.1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _stages(field, p, t, h, y, rate, factors, pivots, k, argument):
+    """Fill the increments `k` (8, n); `argument` ends as the embedded solution, and y1 = argument + k[7]."""
+    n = y.shape[0]
+    inverse = 1.0 / h
+    for i in range(n):
+        k[0, i] = rate[i]
+    solve(factors, pivots, k[0])
+    for s in range(1, STAGES):
+        if s < 6:
+            for i in range(n):
+                total = y[i]
+                for q in range(s):
+                    total += A[s, q] * k[q, i]
+                argument[i] = total
+        else:
+            for i in range(n):
+                argument[i] += k[s - 1, i]
+        call(field, t + NODES[s] * h, argument, p, k[s])
+        for i in range(n):
+            total = 0.0
+            for q in range(s):
+                total += C[s, q] * k[q, i]
+            k[s, i] += total * inverse
+        solve(factors, pivots, k[s])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _record(row, t, y, k, times, states, dense):
+    times[row] = t
+    for i in range(y.shape[0]):
+        states[row, i] = y[i]
+        for m in range(DENSE_ROWS):
+            total = 0.0
+            for s in range(STAGES):
+                total += DENSE[m, s] * k[s, i]
+            dense[row, m, i] = total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def rodas5p(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
+    n = y.shape[0]
+    k = np.empty((STAGES, n))
+    argument = np.empty(n)
+    y_new = np.empty(n)
+    rate_new = np.empty(n)
+    jacobian_flat = np.empty(n * n)
+    factors = np.empty((n, n))
+    pivots = np.empty(n, np.int64)
+    if not begin(field, p, y, rate, stops[-1], rtol, atol, 5, argument, rate_new, memory, counters):
+        return ledger.NON_FINITE
+    recorded = 0
+    have_jacobian = False
+    while True:
+        if recorded == times.shape[0]:
+            return ledger.RECORD_FULL
+        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
+            return ledger.TOO_MANY_STEPS
+        t = memory[ledger.TIME]
+        if not have_jacobian:
+            call(jacobian, t, y, p, jacobian_flat)
+            counters[ledger.JACOBIAN_CALLS] += 1
+            if not all_finite(jacobian_flat):
+                return ledger.NON_FINITE
+            have_jacobian = True
+        stop = stops[counters[ledger.NEXT_STOP]]
+        step = step_towards(stop, t, memory[ledger.STEP])
+        clipped = abs(step) < abs(memory[ledger.STEP])
+        lands = step == stop - t
+        t_new = stop if lands else t + step
+        # What t really advances by, so that the record of times alone tells the steps.
+        step = t_new - t
+        if step == 0.0:
+            return ledger.STEP_TOO_SMALL
+
+        diagonal = 1.0 / (step * GAMMA)
+        for i in range(n):
+            for j in range(n):
+                factors[i, j] = -jacobian_flat[i * n + j]
+            factors[i, i] += diagonal
+        regular = factorise(factors, pivots)
+        counters[ledger.DECOMPOSITIONS] += 1
+        error = math.inf
+        failure = ledger.STEP_TOO_SMALL
+        if not regular:
+            failure = ledger.SINGULAR_JACOBIAN
+        else:
+            _stages(field, p, t, step, y, rate, factors, pivots, k, argument)
+            counters[ledger.FIELD_CALLS] += STAGES - 1
+            total = 0.0
+            for i in range(n):
+                y_new[i] = argument[i] + k[7, i]
+                ratio = k[7, i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
+                total += ratio * ratio
+            if all_finite(y_new):
+                error = math.sqrt(total / n)
+                if error <= 1.0:
+                    call(field, t_new, y_new, p, rate_new)
+                    counters[ledger.FIELD_CALLS] += 1
+                    if not all_finite(rate_new):
+                        error = math.inf
+                        failure = ledger.NON_FINITE
+            else:
+                failure = ledger.NON_FINITE
+
+        if error <= 1.0:
+            _record(recorded, t_new, y_new, k, times, states, dense)
+            recorded += 1
+            factor = MAXIMUM_FACTOR
+            if error > 0.0:
+                factor = SAFETY * error**-EXPONENT
+                previous = memory[ledger.PREVIOUS_STEP]
+                if previous != 0.0 and not clipped:
+                    # Gustafsson's predictive controller, Hairer, Wanner II, section IV.8.
+                    trend = (memory[ledger.PREVIOUS_ERROR] / error) ** EXPONENT
+                    factor = min(factor, factor * (step / previous) * trend)
+                factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
+            accept(t_new, step, clipped, lands, max(error, ERROR_FLOOR), factor, memory, counters)
+            for i in range(n):
+                y[i] = y_new[i]
+                rate[i] = rate_new[i]
+            have_jacobian = False
+            if counters[ledger.NEXT_STOP] == stops.shape[0]:
+                return ledger.FINISHED
+        else:
+            factor = FAILURE_FACTOR
+            if math.isfinite(error):
+                factor = max(MINIMUM_FACTOR, SAFETY * error**-EXPONENT)
+            if not reject(step, factor, memory, counters):
+                return failure

@@ -1,0 +1,133 @@
+"""What every integrator does about its step: the first, the next stop, acceptance, rejection."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from gsp.kernels import ledger
+from gsp.kernels.call import call
+
+# 10 units in the last place of t: below this t + c h no longer tells the stages apart.
+SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
+# At t = 0 there is no last place; this keeps 1/h finite.
+SMALLEST_STEP = 1e-290
+# Hairer stretches a step by 1 % to reach the end (DOP853, RODAS) rather than leave a crumb.
+STRETCH = 1.01
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def all_finite(values):
+    """True when no entry of `values` (n,) is NaN or infinite."""
+    for i in range(values.shape[0]):  # noqa: SIM110 - a generator does not compile
+        if not math.isfinite(values[i]):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def smallest_step(t):
+    """Length of the shortest step from `t` that is not lost in rounding."""
+    return max(SMALLEST_RELATIVE_STEP * abs(t), SMALLEST_STEP)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def step_towards(stop, t, h):
+    """The step to take for the proposal `h`: all that remains to `stop`, half of it, or `h` itself.
+
+    Halving costs no step more than clipping would and leaves no crumb before the stop.
+    """
+    remaining = stop - t
+    if STRETCH * abs(h) >= abs(remaining):
+        return remaining
+    if 2.0 * abs(h) > abs(remaining):
+        return 0.5 * remaining
+    return h
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
+    """First step, signed, from `t` towards `end`; costs one call of the field.
+
+    Hairer, Norsett, Wanner (1993), section II.4, "starting step size" (hinit), with time in units of |y|/|y'|:
+    the printed rule h^order max(|y'|, |y''|) = 0.01 mixes units, this one scales with time.
+    """
+    n = y.shape[0]
+    size = 0.0
+    speed = 0.0
+    for i in range(n):
+        scale = atol + rtol * abs(y[i])
+        size += (y[i] / scale) ** 2
+        speed += (rate[i] / scale) ** 2
+    size = math.sqrt(size / n)
+    speed = math.sqrt(speed / n)
+    span = abs(end - t)
+    # 1e-5 and 1e-6 are Hairer's: a start at (nearly) 0 or at rest says nothing about time.
+    h = 0.01 * size / speed
+    if size < 1e-5 or speed * span < 1e-5 or not h > 0.0:
+        h = 1e-6 * span
+    h = min(h, span)
+    unit = 100.0 * h
+    forward = math.copysign(h, end - t)
+    for i in range(n):
+        work[i] = y[i] + forward * rate[i]
+    call(field, t + forward, work, p, work_rate)
+    bend = 0.0
+    for i in range(n):
+        bend += ((work_rate[i] - rate[i]) / (atol + rtol * abs(y[i]))) ** 2
+    bend = math.sqrt(bend / n) / h
+    steepest = max(unit * speed, unit * unit * bend)
+    if not math.isfinite(steepest):
+        better = 1e-3 * h
+    elif steepest <= 1e-15:
+        better = unit
+    else:
+        better = unit * (0.01 / steepest) ** (1.0 / order)
+    return math.copysign(min(unit, better, span), end - t)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
+    """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
+    if memory[ledger.STEP] != 0.0:
+        return True
+    t = memory[ledger.TIME]
+    call(field, t, y, p, rate)
+    counters[ledger.FIELD_CALLS] += 1
+    if not all_finite(rate):
+        return False
+    h = initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate)
+    memory[ledger.STEP] = math.copysign(max(abs(h), smallest_step(t)), h)
+    counters[ledger.FIELD_CALLS] += 1
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def accept(t, step, clipped, lands, error, factor, memory, counters):
+    """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told."""
+    if counters[ledger.JUST_REJECTED] == 1:
+        factor = min(factor, 1.0)
+    proposal = step * factor
+    if clipped:
+        # A step cut short for a stop says little about the next one, and must not shrink it.
+        proposal = math.copysign(max(abs(proposal), abs(memory[ledger.STEP])), step)
+    else:
+        memory[ledger.PREVIOUS_STEP] = step
+        memory[ledger.PREVIOUS_ERROR] = error
+    memory[ledger.TIME] = t
+    memory[ledger.STEP] = proposal
+    counters[ledger.STEPS] += 1
+    counters[ledger.JUST_REJECTED] = 0
+    if lands:
+        counters[ledger.NEXT_STOP] += 1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def reject(step, factor, memory, counters):
+    """Enter a rejected step and shorten it; False when what is left is lost in rounding."""
+    h = step * factor
+    memory[ledger.STEP] = h
+    counters[ledger.REJECTED] += 1
+    counters[ledger.JUST_REJECTED] = 1
+    return abs(h) > smallest_step(memory[ledger.TIME])

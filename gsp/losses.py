@@ -1,0 +1,272 @@
+"""Where normal hyperbolicity is lost: eigenvalues that reach the imaginary axis, and poles.
+
+Zero eigenvalues solve {equations of the branch = 0, g_y v = 0, |v| = 1} for (x, y, v), by Gauss-Newton steps of
+least norm from the samples nearest to singular. Other changes of type are bisected between linked samples, and
+losses too thin to lie between two samples of different type are met when the worst samples are refined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from gsp.differentiation import derivative
+from gsp.region import Interval
+from gsp.sampling import Sampler
+
+# The worst samples, from which the gap is refined and losses are located.
+REFINED = 4
+LOCATED = 24
+# An eigenvalue counts as zero below this, relative to the largest fast rate in the region.
+ZERO_TOLERANCE = 1e-9
+# A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
+INFINITE = 1e6
+BISECTIONS = 52
+# Two losses nearer than this, relative to the region's width, are one.
+SAME = 1e-6
+
+ZERO = "zero eigenvalue"
+EVERYWHERE = "zero eigenvalue on the whole branch"
+PAIR = "imaginary pair"
+BRANCH_POLE = "pole of the branch"
+FIELD_POLE = "pole of the field"
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A place where normal hyperbolicity is lost: the point, the eigenvalue there, and what crosses."""
+
+    point: Mapping[str, float]
+    eigenvalue: complex
+    crossing: str
+
+    @property
+    def is_pole(self) -> bool:
+        """Whether the branch or the field goes to infinity here, rather than an eigenvalue to the axis."""
+        return self.crossing in (BRANCH_POLE, FIELD_POLE)
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
+        return f"{self.crossing} at {place} (eigenvalue {self.eigenvalue:.3g})"
+
+
+class Locator:
+    """Collects the losses of one branch in one box, each once."""
+
+    def __init__(self, sampler: Sampler, box: Mapping[str, Interval], scale: float) -> None:
+        self.sampler = sampler
+        self.box = box
+        self.scale = scale
+        self.losses: list[Loss] = []
+        self._points: list[np.ndarray] = []
+
+    def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
+        """Note a loss at `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
+        nx = len(self.sampler.system.x)
+        checked = np.append(z[:nx], [np.nan] * (len(z) - nx)) if only_x else z
+        if not self.sampler.inside(checked[None, :], self.box)[0]:
+            return
+        width = max(high - low for low, high in self.box.values())
+        compared = slice(nx) if only_x else slice(None)
+        if any(np.abs((known - z)[compared]).max() < SAME * width for known in self._points):
+            return
+        if len(self.losses) < LOCATED:
+            values = self.sampler.eigenvalues(z[None, :])[0]
+            by = np.abs(values.real) if crossing == PAIR else np.abs(values)
+            eigenvalue = complex(values[np.argmin(by)])
+            names = (s.name for s in self.sampler.system.states)
+            self._points.append(z)
+            self.losses.append(Loss(dict(zip(names, map(float, z))), eigenvalue, crossing))
+
+    # -- zero eigenvalues --------------------------------------------------------------------------
+
+    def zeros(self, samples: np.ndarray) -> None:
+        """Zero eigenvalues on the branch next to `samples`."""
+        sampler = self.sampler
+        branch = sampler.branch
+        for z in samples:
+            point = self._zero_eigenvalue(z, branch.residual, branch.full_jacobian)
+            if point is None and branch.is_explicit:
+                # A graph such as sqrt(x) has no derivative at its fold, but g has.
+                point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
+            if point is not None and self._on_sheet(point, z):
+                self.add(point, ZERO)
+
+    def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
+        sampler = self.sampler
+        n, ny = len(z), len(sampler.system.y)
+        matrix = sampler.fast_jacobian(z[None, :])[0]
+        if not np.isfinite(matrix).all():
+            return None
+        unknown = np.concatenate([z, np.linalg.svd(matrix)[2][-1]])
+
+        def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            point, v = u[None, :n], u[n:]
+            g_y = sampler.fast_jacobian(point)[0]
+            value = np.concatenate([equations(point)[0], g_y @ v, [v @ v - 1.0]])
+            slope = np.zeros((len(value), len(u)))
+            slope[:ny, :n] = jacobian(point)[0]
+            slope[ny : 2 * ny, :n] = np.einsum("ijk,j->ik", sampler.second(point)[0], v)
+            slope[ny : 2 * ny, n:] = g_y
+            slope[-1, n:] = 2.0 * v
+            return value, slope
+
+        found = gauss_newton(evaluate, unknown)
+        return None if found is None else found[:n]
+
+    def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
+        """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
+
+        The sheet must run into the point as x does: its distance falls like the root of that of x at least.
+        """
+        branch, nx = self.sampler.branch, len(self.sampler.system.x)
+        if not branch.is_explicit and branch.seed is None:
+            return True
+        before = point + 0.01 * (sample - point)
+        y, good = self.sampler.over(before[None, :nx], sample[None, :])
+        reach = np.linalg.norm(sample[nx:] - point[nx:])
+        return bool(good[0] and np.linalg.norm(y[0] - point[nx:]) <= 0.3 * reach + 1e-6)
+
+    # -- changes of type ---------------------------------------------------------------------------
+
+    def changes(self, a: np.ndarray, b: np.ndarray) -> None:
+        """Every change of type between linked points a and b (m, n), by bisection in x."""
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        low = a.copy()
+        high_x = b[:, :nx].copy()
+        count = unstable(sampler.eigenvalues(a))
+        last = b.copy()
+        for _ in range(BISECTIONS):
+            x = 0.5 * (low[:, :nx] + high_x)
+            y, good = sampler.over(x, low)
+            z = np.hstack([x, y])
+            values = np.where(good[:, None], sampler.eigenvalues(np.nan_to_num(z)), np.nan)
+            same = good & (unstable(values) == count) & np.isfinite(values).all(axis=1)
+            low[same] = z[same]
+            high_x[~same] = x[~same]
+            last[~same & good] = z[~same & good]
+        for before, after, from_ in zip(low, last, a):
+            values = np.array([sampler.eigenvalues(z[None, :])[0] for z in (from_, before, after)])
+            if np.linalg.norm(before) > INFINITE * (1.0 + np.linalg.norm(from_)):
+                self.add(before, BRANCH_POLE, only_x=True)
+            elif np.abs(values[1]).max() > INFINITE * (1.0 + np.abs(values[0]).max()):
+                self.add(before, FIELD_POLE, only_x=True)
+            else:
+                near = values[2][np.argmin(np.abs(values[2].real))]
+                self.add(after, PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+
+    def refine(self, worst: np.ndarray) -> float:
+        """The least distance of an eigenvalue from the axis near the samples `worst`, by simplex searches in x.
+
+        The distance is negative where the type is another than at the sample: then the change is located too.
+        """
+        from scipy.optimize import minimize
+
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        bounds = [self.box[s.name] for s in sampler.system.x]
+        best = float("inf")
+        for z in worst:
+            count = unstable(sampler.eigenvalues(z[None, :]))[0]
+
+            def distance(x: np.ndarray, z: np.ndarray = z, count: int = count) -> float:
+                y, good = sampler.over(x[None, :], z[None, :])
+                point = np.hstack([x[None, :], y])
+                if not good[0] or not sampler.inside(point, self.box)[0]:
+                    return float("inf")
+                return float(signed_gap(sampler.eigenvalues(point), np.array([count]))[0])
+
+            found: Any = minimize(
+                distance,
+                z[:nx],
+                method="Nelder-Mead",
+                bounds=bounds,
+                options={"maxfev": 60 * nx, "xatol": 1e-10},
+            )
+            if not np.isfinite(found.fun):
+                continue
+            if found.fun < 0:
+                y, _ = sampler.over(found.x[None, :], z[None, :])
+                self.changes(z[None, :], np.hstack([found.x[None, :], y]))
+            best = min(best, max(float(found.fun), 0.0))
+        return best
+
+    # -- poles -------------------------------------------------------------------------------------
+
+    def poles(self, z: np.ndarray) -> None:
+        """Zeros of the denominators of the branch's graph and of the field, next to the samples `z`."""
+        sampler = self.sampler
+        system, nx = sampler.system, len(sampler.system.x)
+        graph = list((sampler.branch.graph or {}).values())
+        rates = [*sampler.f, *sampler.g]
+        for crossing, divisor in [
+            *((BRANCH_POLE, d) for d in denominators(graph, system.x)),
+            *((FIELD_POLE, d) for d in denominators(rates, system.states)),
+        ]:
+            free = not divisor.has(*system.y)
+            value = sampler.compiled([divisor])
+            slope = sampler.compiled([derivative(divisor, s) for s in system.states])
+
+            def evaluate(u: np.ndarray, value=value, slope=slope, free=free) -> tuple[np.ndarray, np.ndarray]:
+                if free:
+                    point = np.concatenate([u, np.zeros(len(system.y))])
+                    return value(point, sampler.p), slope(point, sampler.p)[None, :nx]
+                branch = sampler.branch
+                equations = np.concatenate([branch.residual(u[None, :])[0], value(u, sampler.p)])
+                return equations, np.vstack([branch.full_jacobian(u[None, :])[0], slope(u, sampler.p)])
+
+            sizes = np.abs(value(z, sampler.p)[:, 0])
+            for sample in z[np.argsort(sizes)[:LOCATED]]:
+                found = gauss_newton(evaluate, sample[:nx] if free else sample)
+                if found is None:
+                    continue
+                # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
+                self.add(np.concatenate([found, sample[nx:]]) if free else found, crossing, only_x=free)
+
+
+def gauss_newton(
+    evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray
+) -> np.ndarray | None:
+    """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None."""
+    u = start.copy()
+    limit = 0.5 * (1.0 + np.linalg.norm(start))
+    for _ in range(60):
+        value, slope = evaluate(u)
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return None
+        step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        length = np.linalg.norm(step)
+        u = u - step * min(1.0, limit / max(length, 1e-300))
+        if length < 1e-12 * (1.0 + np.linalg.norm(u)):
+            break
+    value, _ = evaluate(u)
+    # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
+    return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None
+
+
+def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
+    """The factors of the denominators of `expressions` that depend on `variables`."""
+    found: list[sp.Expr] = []
+    for expression in expressions:
+        divisor = sp.denom(sp.together(expression))
+        for factor in sp.Mul.make_args(sp.factor(divisor)):
+            base = factor.base if factor.is_Pow and factor.exp.is_Integer else factor
+            if base.has(*variables) and base not in found:
+                found.append(base)
+    return found
+
+
+def unstable(eigenvalues: np.ndarray) -> np.ndarray:
+    """Number of eigenvalues to the right of the axis, for each row of (m, n)."""
+    return (np.real(eigenvalues) > 0).sum(axis=1)
+
+
+def signed_gap(eigenvalues: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Least distance from the axis; negative when not `count` eigenvalues lie to its right."""
+    real = np.sort(np.real(eigenvalues), axis=1)
+    place = np.arange(real.shape[1])[None, :]
+    stable = place < real.shape[1] - count[:, None]
+    return np.where(stable, -real, real).min(axis=1)

@@ -1,0 +1,53 @@
+"""python-flint polynomials as SymPy expressions, to read and to evaluate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import flint
+import sympy as sp
+
+
+def rational(value: flint.fmpq) -> sp.Rational:
+    """A python-flint number as a SymPy one."""
+    number = flint.fmpq(value)
+    return sp.Rational(int(number.p), int(number.q))
+
+
+def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
+    """The polynomial, expanded, with `meaning[i]` for its generator i."""
+    return sp.Add(
+        *[
+            sp.Mul(rational(coefficient), *[meaning[i] ** int(e) for i, e in enumerate(exponents) if e])
+            for exponents, coefficient in polynomial.to_dict().items()
+        ]
+    )
+
+
+def horner_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
+    """The polynomial in nested form, the generator that occurs in most terms outermost."""
+    return _horner(polynomial.to_dict(), list(range(len(meaning))), meaning)
+
+
+def primitive_multiple(polynomial: flint.fmpq_mpoly) -> tuple[flint.fmpq_mpoly, sp.Rational]:
+    """(c P, c) with the smallest integer c > 0 for which c P has integer coefficients."""
+    scale = 1
+    for coefficient in polynomial.coeffs():
+        scale = int(sp.ilcm(scale, int(flint.fmpq(coefficient).q)))
+    return polynomial * flint.fmpq(scale), sp.Integer(scale)
+
+
+def _horner(terms: dict, variables: list[int], meaning: Sequence[sp.Expr]) -> sp.Expr:
+    used = [i for i in variables if any(m[i] for m in terms)]
+    if not used:
+        return sp.Add(*[rational(c) for c in terms.values()])
+    first = max(used, key=lambda i: sum(1 for m in terms if m[i]))
+    rest = [i for i in used if i != first]
+    by_power: dict[int, dict] = {}
+    for m, c in terms.items():
+        by_power.setdefault(int(m[first]), {})[m] = c
+    powers = sorted(by_power, reverse=True)
+    result: sp.Expr = sp.Integer(0)
+    for power, below in zip(powers, [*powers[1:], 0]):
+        result = (result + _horner(by_power[power], rest, meaning)) * meaning[first] ** (power - below)
+    return result

@@ -1,0 +1,87 @@
+"""The words of an expression: numbers, names and operators, each with its place in the text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple, NoReturn
+
+import sympy as sp
+
+from gsp.errors import ModelFileError
+
+TOKENS = 5_000
+DIGITS = 50
+EXPONENT = 300
+
+_TOKEN = re.compile(
+    r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<operator>\*\*|[-+*/^(),])|(?P<end>\Z))"
+)
+_BLANK = re.compile(r"[ \t\r\n]*")
+_NUMBER = re.compile(r"([0-9]*)\.?([0-9]*)(?:[eE]([+-]?)([0-9]+))?")
+
+
+class Token(NamedTuple):
+    """One word: its kind (number, name, operator or end), its text, and where it begins."""
+
+    kind: str
+    text: str
+    position: int
+
+
+def tokenise(text: str, functions: Iterable[str]) -> list[Token]:
+    """The words of `text`, the last of kind "end"; `functions` are named in errors.
+
+    Raises `ModelFileError` at a character that means nothing and beyond `TOKENS` words.
+    """
+    tokens: list[Token] = []
+    position = 0
+    while True:
+        match = _TOKEN.match(text, position)
+        if match is None:
+            blank = _BLANK.match(text, position)
+            start = blank.end() if blank else position
+            fail_at(
+                text,
+                f"the character {text[start]!r} means nothing in an expression",
+                start,
+                f"Use numbers, names, + - * / ^, parentheses and the functions {', '.join(sorted(functions))}.",
+            )
+        kind = match.lastgroup or ""
+        tokens.append(Token(kind, match[kind], match.start(kind)))
+        if kind == "end":
+            return tokens
+        if len(tokens) > TOKENS:
+            fail_at(text, f"the expression has more than {TOKENS} symbols", match.start(kind), "Split it.")
+        position = match.end()
+
+
+def fail_at(text: str, fact: str, position: int, remedy: str) -> NoReturn:
+    """Raise `ModelFileError` with the fact, the remedy, and a caret under the place in `text`."""
+    low = max(0, position - 40)
+    excerpt = "".join(c if c.isprintable() else " " for c in text[low : position + 30])
+    caret = " " * (position - low) + "^"
+    raise ModelFileError(f"{fact}, at character {position + 1}. {remedy}\n    {excerpt}\n    {caret}") from None
+
+
+def parse_number(text: str) -> sp.Rational:
+    """Exact rational of a decimal number without sign, as the grammar writes it.
+
+    Raises `ModelFileError` when there are more than `DIGITS` digits or the exponent exceeds `EXPONENT`.
+
+    >>> parse_number("1.5e-3")
+    3/2000
+    """
+    match = _NUMBER.fullmatch(text)
+    if match is None or not (match[1] or match[2]):
+        raise ModelFileError(f"{text[:60]!r} is no decimal number. Write it as 0.5 or 1e-3.")
+    digits, exponent = match[1] + match[2], (match[4] or "0").lstrip("0") or "0"
+    if len(digits) > DIGITS:
+        raise ModelFileError(f"a number has {len(digits)} digits; {DIGITS} are allowed. Shorten it.")
+    if len(exponent) > 3 or int(exponent) > EXPONENT:
+        raise ModelFileError(
+            f"the number {text[:60]} has a decimal exponent beyond {EXPONENT}. Rescale the variables."
+        )
+    power = (-int(exponent) if match[3] == "-" else int(exponent)) - len(match[2])
+    return sp.Integer(int(digits)) * sp.Integer(10) ** power

@@ -1,0 +1,348 @@
+"""TOML model files: a scene that a user writes in two minutes.
+
+    title = "An enzyme and its substrate"    # optional, as are name, source and description
+    epsilon = "epsilon"                      # name of the small parameter; optional, this is the default
+
+    [parameters]                             # optional
+    kappa = 1
+    lambda = 0.5                             # exact, 1/2; text such as "1/3" is allowed wherever a number is
+
+    [slow]                                   # s' = ...
+    s = "-s + (s + kappa - lambda)*c"
+
+    [fast]                                   # epsilon c' = ...
+    c = "s - (s + kappa)*c"
+
+    [region]                                 # at least one state; a bound on a fast one selects a sheet
+    s = [0.1, 2]
+
+    [start]                                  # every state; reconstruction variables start at 0 unless given
+    s = 1
+    c = 0.5
+
+    [scene]
+    span = [0, 5]                            # slow time
+    epsilon = 0.01                           # the value asked about
+    epsilons = [0.04, 0.02, 0.01, 0.005]     # optional ladder; default epsilon * (2, 1, 1/2, 1/4)
+    tolerance = 1e-6                         # optional relative accuracy, this is the default
+    path = ["s", "c"]                        # optional pair of names, drawn as a path in the plane
+
+In place of `[slow]` and `[fast]`, `[states]` takes any field with its poles written out, as in
+`omega = "a*w/(I*epsilon)"`.
+`[observables]` gives names to further expressions, `[reconstruction]` holds rates of variables that the states
+drive, such as positions. Expressions follow the grammar of `gsp.readers.expressions`. The keys before the first
+table belong at the top of the file.
+
+A file is untrusted: it is bounded in size, names are plain words, and no text in it is ever run.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Mapping
+from decimal import Decimal
+from pathlib import Path
+
+import sympy as sp
+
+from gsp.errors import DeclarationError, ModelFileError, nearest
+from gsp.readers.expressions import RESERVED, parse_expression
+from gsp.readers.tokens import parse_number
+from gsp.scene import Scene
+from gsp.system import SlowFastSystem, VectorField
+
+BYTES = 256 * 1024
+STATES = 64
+PARAMETERS = 128
+TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
+DOTS = 40
+"""Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
+LADDER = (2, 1, sp.Rational(1, 2), sp.Rational(1, 4))
+"""Default ladder relative to epsilon: around the value asked about, and short enough to fit a slope."""
+
+CLAIMS = 8
+
+_TABLES = (
+    "parameters",
+    "slow",
+    "fast",
+    "states",
+    "observables",
+    "reconstruction",
+    "region",
+    "start",
+    "scene",
+    "claims",
+)
+_SCENE = ("span", "epsilon", "epsilons", "tolerance", "path")
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+
+
+def load(path: str | os.PathLike[str]) -> Scene:
+    """`Scene` from the TOML file at `path`; the module's docstring shows the format.
+
+    The name defaults to the file's. Raises `ModelFileError`, prefixed with the file's name and the key, for a
+    file that is missing, unreadable, too large, malformed, or says something unknown or impossible; nothing is
+    returned half read.
+
+    >>> load("enzyme.toml").epsilon                                               # doctest: +SKIP
+    0.01
+    """
+    file = Path(path)
+    try:
+        return _scene(_document(file), file)
+    except (ModelFileError, DeclarationError) as error:
+        raise ModelFileError(f"{file.name}: {error}") from None
+
+
+def _document(file: Path) -> dict:
+    try:
+        # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
+        if not stat.S_ISREG(file.stat().st_mode):
+            raise ModelFileError("this is no regular file. Give the path of a TOML file.")
+        with file.open("rb") as stream:
+            data = stream.read(BYTES + 1)
+    except FileNotFoundError:
+        raise ModelFileError(f"there is no such file. Got {str(file)[:200]}. Check the path.") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ModelFileError(f"the file cannot be read ({reason}). Check its permissions.") from None
+    if len(data) > BYTES:
+        raise ModelFileError(f"the file is larger than {BYTES // 1024} KiB. A model file holds equations only.")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ModelFileError(f"the file is not UTF-8 text (line {line}). Save it as UTF-8.") from None
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", line)):
+            raise ModelFileError(f"line {number} has more than {DOTS} dots in a row of words. Break the line.")
+    try:
+        return tomllib.loads(text, parse_float=Decimal)
+    except RecursionError:
+        raise ModelFileError(
+            "the file nests arrays or tables too deeply. The format needs one level."
+        ) from None
+    except (ValueError, ArithmeticError) as error:
+        raise ModelFileError(f"the file is not valid TOML: {str(error)[:300]}. Correct that line.") from None
+
+
+def _scene(document: dict, file: Path) -> Scene:
+    _check_keys(document, ("epsilon", *TEXT, *_TABLES), "")
+    texts = {key: _text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
+    name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"
+    tables = {key: _table(document, key) for key in _TABLES}
+    system, symbols = _system(document, tables, name)
+    scene = tables["scene"]
+    _check_keys(scene, _SCENE, "scene.")
+    for key in ("span", "epsilon"):
+        if key not in scene:
+            example = "span = [0, 5]" if key == "span" else "epsilon = 0.01"
+            raise ModelFileError(f"scene.{key} is missing. Write {example} under [scene].")
+    epsilon = _number(scene["epsilon"], "scene.epsilon")
+    ladder = (
+        _numbers(scene["epsilons"], "scene.epsilons") if "epsilons" in scene else [epsilon * k for k in LADDER]
+    )
+    drivers = tables["reconstruction"]
+    return Scene(
+        system=system,
+        region={key: _pair(value, f"region.{key}") for key, value in tables["region"].items()},
+        start={key: float(_number(value, f"start.{key}")) for key, value in tables["start"].items()},
+        span=_pair(scene["span"], "scene.span"),
+        epsilon=float(epsilon),
+        epsilons=tuple(float(value) for value in ladder),
+        tolerance=float(_number(scene.get("tolerance", Decimal("1e-6")), "scene.tolerance")),
+        reconstruction={
+            symbols[key]: _expression(value, f"reconstruction.{key}", symbols) for key, value in drivers.items()
+        },
+        path=_path(scene.get("path")),
+        claims=_claims(tables["claims"], symbols),
+        name=name,
+        title=texts["title"],
+        source=texts["source"],
+        description=texts["description"],
+    )
+
+
+def _system(
+    document: dict, tables: dict[str, dict], name: str
+) -> tuple[SlowFastSystem | VectorField, dict[str, sp.Symbol]]:
+    epsilon = document.get("epsilon", "epsilon")
+    if not isinstance(epsilon, str):
+        raise ModelFileError(
+            "epsilon, at the top of the file, names the symbol of the small parameter and is text. "
+            f"Got a {_kind(epsilon)}. Its value belongs under [scene]."
+        )
+    standard = "slow" in document or "fast" in document
+    if standard == ("states" in document):
+        got = "both" if standard else "neither"
+        raise ModelFileError(
+            f"a file has [slow] and [fast], or [states]. Got {got}. Keep one of the two forms."
+        )
+    for key in ("slow", "fast") if standard else ("states",):
+        if not tables[key]:
+            raise ModelFileError(f"[{key}] is missing or empty. Give it an equation for each variable.")
+    equations = {key: tables[key] for key in ("slow", "fast", "states", "reconstruction", "observables")}
+    for kinds, limit in ((tuple(equations), STATES), (("parameters",), PARAMETERS)):
+        count = sum(len(tables[kind]) for kind in kinds)
+        if count > limit:
+            raise ModelFileError(
+                f"{', '.join(kinds)} hold {count} names; {limit} are allowed. Use a smaller model."
+            )
+    symbols = _symbols({"epsilon": {epsilon: ""}, "parameters": tables["parameters"], **equations})
+    driven = {symbols[key] for key in tables["reconstruction"]}
+
+    def rates(kind: str) -> dict[sp.Symbol, sp.Expr]:
+        result = {}
+        for key, value in tables[kind].items():
+            result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols)
+            for symbol in rate.free_symbols & driven:
+                raise ModelFileError(
+                    f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: "
+                    f"those are left out of the reduction. Move {symbol} from [reconstruction] to the states."
+                )
+        return result
+
+    parameters = {
+        symbols[key]: _number(value, f"parameters.{key}") for key, value in tables["parameters"].items()
+    }
+    observables = rates("observables")
+    if standard:
+        return (
+            SlowFastSystem(
+                slow=rates("slow"),
+                fast=rates("fast"),
+                epsilon=symbols[epsilon],
+                parameters=parameters,
+                name=name,
+                observables=observables,
+            ),
+            symbols,
+        )
+    field = VectorField(
+        rates("states"), epsilon=symbols[epsilon], parameters=parameters, name=name, observables=observables
+    )
+    return field, symbols
+
+
+def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
+    """A symbol for each name, once it is known to be a plain word that is used once."""
+    roles: dict[str, str] = {}
+    for role, table in tables.items():
+        for name in table:
+            if not _WORD.fullmatch(name):
+                raise ModelFileError(
+                    f"{role}: the name {name[:80]!r} is no plain word. "
+                    "Use letters, digits and _, a letter first, at most 64."
+                )
+            if name in RESERVED:
+                raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar. Choose another name.")
+            if name in roles:
+                raise ModelFileError(
+                    f"{role}.{name}: {name} is declared under {roles[name]} too. Keep one of the two."
+                )
+            roles[name] = role
+    return {name: sp.Symbol(name) for name in roles}
+
+
+def _claims(tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol]) -> dict[str, dict]:
+    """Rival reduced fields, [claims.NAME] each: rates by state."""
+    if len(tables) > CLAIMS:
+        raise ModelFileError(f"claims holds {len(tables)} fields; {CLAIMS} are allowed. Keep fewer.")
+    claims: dict[str, dict] = {}
+    for name, rates in tables.items():
+        key = f"claims.{name[:64]}"
+        if len(name) > TEXT["name"]:
+            raise ModelFileError(f"{key}: the name has {len(name)} characters; {TEXT['name']} are allowed.")
+        if not isinstance(rates, dict):
+            raise ModelFileError(
+                f"{key} is a table of rates. Got a {_kind(rates)}. Write [claims.{name[:64]}]."
+            )
+        claims[name] = {}
+        for state, rate in rates.items():
+            if state not in symbols:
+                raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
+            claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols)
+    return claims
+
+
+def _check_keys(table: Mapping, known: tuple[str, ...], prefix: str) -> None:
+    for key in table:
+        if key in known:
+            continue
+        remedy = nearest(key[:64], known)
+        if not prefix and key in _SCENE:
+            remedy = f" It belongs under [scene]: scene.{key}."
+        raise ModelFileError(f"{prefix}{key[:64]} is unknown.{remedy} The keys here are {', '.join(known)}.")
+
+
+def _table(document: dict, key: str) -> dict:
+    table = document.get(key, {})
+    if not isinstance(table, dict):
+        raise ModelFileError(f"{key} is a table. Got a {_kind(table)}. Write [{key}] on a line of its own.")
+    return table
+
+
+def _text(value: object, key: str, limit: int) -> str:
+    if not isinstance(value, str):
+        raise ModelFileError(f"{key} is text. Got a {_kind(value)}. Put it in quotes.")
+    if len(value) > limit:
+        raise ModelFileError(f"{key} has {len(value)} characters; {limit} are allowed. Shorten it.")
+    return value
+
+
+def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol]) -> sp.Expr:
+    if isinstance(value, str):
+        try:
+            return parse_expression(value, symbols=symbols)
+        except ModelFileError as error:
+            raise ModelFileError(f"{key}: {error}") from None
+    return _number(value, key)
+
+
+def _number(value: object, key: str) -> sp.Expr:
+    """Exact value of a number of the file, or of constant text such as "1/3"."""
+    try:
+        if isinstance(value, str):
+            return parse_expression(value, symbols={})
+        if isinstance(value, (int, Decimal)) and not isinstance(value, bool):
+            if not Decimal(value).is_finite():
+                raise ModelFileError(f"Got {value}. Give a finite number.")
+            magnitude = parse_number(str(value.copy_abs() if isinstance(value, Decimal) else abs(value)))
+            return -magnitude if value < 0 else magnitude
+    except (ModelFileError, ValueError) as error:
+        raise ModelFileError(f"{key}: {error}") from None
+    raise ModelFileError(f"{key} is a number, or text to be worked out. Got a {_kind(value)}.")
+
+
+def _numbers(value: object, key: str) -> list[sp.Expr]:
+    if not isinstance(value, list):
+        raise ModelFileError(
+            f"{key} is a list of numbers. Got a {_kind(value)}. Write {key.split('.')[-1]} = [1, 2]."
+        )
+    if len(value) > STATES:
+        raise ModelFileError(f"{key} has {len(value)} numbers; {STATES} are allowed. Shorten it.")
+    return [_number(item, key) for item in value]
+
+
+def _pair(value: object, key: str) -> tuple[float, float]:
+    numbers = _numbers(value, key)
+    if len(numbers) != 2:
+        raise ModelFileError(f"{key} is a pair of numbers. Got {len(numbers)} of them. Write [low, high].")
+    return float(numbers[0]), float(numbers[1])
+
+
+def _path(value: object) -> tuple[str, str] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
+        raise ModelFileError('scene.path is a pair of names. Write path = ["x", "y"].')
+    return value[0], value[1]
+
+
+def _kind(value: object) -> str:
+    kinds = {str: "text", bool: "boolean", int: "number", Decimal: "number", list: "list", dict: "table"}
+    return kinds.get(type(value), type(value).__name__)

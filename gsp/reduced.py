@@ -1,0 +1,165 @@
+"""The reduced flow: x' = f(x, h_epsilon(x), epsilon) on the slow manifold, as a series in epsilon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError
+from gsp.flow import Flow, Point, Values, named
+from gsp.series import SeriesManifold
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedFlow(Flow):
+    """The flow on the slow manifold through `order`; an ordinary, non-stiff `Flow`.
+
+    Its states are coordinates on the critical manifold: the slow variables, or on an implicit branch the chart's,
+    where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
+    variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
+    """
+
+    manifold: SeriesManifold
+    order: int
+    states: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Expr, ...]
+    observables: Values
+    epsilon: sp.Symbol
+    parameters: Values = field(default_factory=dict)
+    is_stiff: bool = False
+    driven: tuple[sp.Symbol, ...] = ()
+
+    def initial(self, start: Point) -> tuple[float, ...]:
+        """State over the slow variables that `start` names.
+
+        Fast variables may be named too: on an implicit branch they choose the sheet, otherwise the start is
+        moved to the manifold along x = const. Quantities that are reconstructed start at 0 when not named.
+        """
+        given = named(start, what="start")
+        system = self.manifold.branch.system
+        slow = [x.name for x in system.x]
+        allowed = {*(s.name for s in system.states), *(s.name for s in self.driven)}
+        unknown = sorted(set(given) - allowed)
+        missing = [name for name in slow if name not in given]
+        if unknown or missing:
+            fact = f"start names {', '.join(unknown)}, unknown here" if unknown else ""
+            lack = f"start gives no value for {', '.join(missing)}" if missing else ""
+            raise DeclarationError(
+                f"{'; '.join(filter(None, (fact, lack)))}. Got {given}. "
+                f"A reduced flow starts at its slow variables {', '.join(slow)}."
+            )
+        x = np.array([given[name] for name in slow])
+        branch = self.manifold.branch
+        fast = [given[y.name] for y in system.y if y.name in given]
+        if branch.is_explicit:
+            z = np.concatenate([x, np.full(len(system.y), np.nan)])
+        else:
+            near = fast if len(fast) == len(system.y) and branch.seed is None else None
+            z = np.concatenate([x, branch.points(x[None, :], near=near)[0]])
+        own = [float(z[system.states.index(s)]) for s in self.manifold.coordinates]
+        return (*own, *(given.get(s.name, 0.0) for s in self.driven))
+
+    def __repr__(self) -> str:
+        return f"ReducedFlow({self.manifold.branch}, order={self.order})"
+
+    def __str__(self) -> str:
+        lines = [f"reduced flow through order {self.order}"]
+        lines += [f"  {s}' = {rate}" for s, rate in zip(self.states, self.rates)]
+        return "\n".join(lines)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ReducedFlow) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def _key(self) -> tuple:
+        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon)
+
+
+def restrict(
+    manifold: SeriesManifold,
+    *,
+    order: int | None = None,
+    reconstruction: Mapping[sp.Symbol, sp.Expr] | None = None,
+) -> ReducedFlow:
+    """The reduced flow on `manifold`, cut at `order`.
+
+    `reconstruction` maps further symbols to rates in the system's variables, its observables and one another;
+    they are driven by the reduced flow (a position by velocities).
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x}, epsilon=eps)
+    >>> restrict(expand(solve_critical(system).branches[0], order=1)).rates
+    (-epsilon*y - y,)
+    """
+    cut = manifold.at_order(manifold.order if order is None else order).specialised
+    system = manifold.branch.system
+    ring = cut.chart.ring
+    epsilon = system.epsilon
+    values = dict(system.parameters)
+    renamed = _renamed(cut, reconstruction or {})
+
+    def total(elements) -> sp.Expr:
+        terms = [ring.horner(element) * epsilon**k for k, element in enumerate(elements)]
+        return sp.Add(*terms).xreplace(renamed)
+
+    rates = []
+    for coordinate in cut.coordinates:
+        if coordinate in system.x:
+            rates.append(total(cut._f[system.x.index(coordinate)]))
+            continue
+        # A fast coordinate on M0 moves with the slow ones: y0' = sum_j (D_j y0) x_j'.
+        element = ring.generator(coordinate)
+        slopes = [ring.derive(element, j) for j in range(len(system.x))]
+        moved = [
+            _sum([slope * cut._f[j][k] for j, slope in enumerate(slopes)], ring).reduced()
+            for k in range(cut.order + 1)
+        ]
+        rates.append(total(moved))
+    observables: dict[sp.Symbol, sp.Expr] = {}
+    for x in system.x:
+        if x not in cut.coordinates:
+            observables[x] = total([cut.chart.elements[x]])
+    for i, y in enumerate(system.y):
+        observables[y] = total(cut._h[i])
+    for symbol, expression in system.observables.items():
+        observables[symbol] = expression.xreplace(values).xreplace(observables)
+    states = tuple(renamed.get(c, c) for c in cut.coordinates)
+    driven = tuple(reconstruction or ())
+    for rate in (reconstruction or {}).values():
+        rates.append(sp.sympify(rate, strict=True).xreplace(values).xreplace(observables))
+    return ReducedFlow(
+        manifold=manifold,
+        order=cut.order,
+        states=(*states, *driven),
+        rates=tuple(rates),
+        observables=MappingProxyType(observables),
+        epsilon=epsilon,
+        driven=driven,
+    )
+
+
+def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:
+    """Fresh symbols for the fast coordinates of M0, which are not the fast variables on M_epsilon."""
+    system = manifold.branch.system
+    taken = {s.name for s in (*system.states, *system.parameters, *system.observables, *reconstruction)}
+    result = {}
+    for symbol in manifold.coordinates:
+        if symbol in system.y:
+            name = symbol.name + "0"
+            while name in taken:
+                name += "0"
+            result[symbol] = sp.Symbol(name)
+    return result
+
+
+def _sum(elements, ring):
+    result = ring.zero
+    for element in elements:
+        result = result + element
+    return result

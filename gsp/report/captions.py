@@ -1,0 +1,129 @@
+"""What to see in each figure of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from markupsafe import Markup
+
+from gsp.analysis import Analysis
+from gsp.charts import heading_of, shape
+from gsp.report.mathml import Typesetter
+from gsp.report.wording import number, span
+
+
+def caption(name: str, analysis: Analysis, setter: Typesetter) -> Markup:
+    """The caption of the chart called `name`."""
+    return _CAPTIONS[name](analysis, setter)
+
+
+def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
+    if shape(analysis) == (1, 1):
+        return Markup(
+            "Phase plane at {} = {}. Streamlines fall along the fast direction onto the attracting part of the "
+            "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels) and then follow the slow manifold "
+            "<i>M</i><sub>ε</sub> (blue). The full run from the scene's start is in red."
+        ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+    if shape(analysis)[0] == 1:
+        return Markup(
+            "The critical manifold (black) and the slow manifold (blue) at {} = {}, seen in the plane of {} and {}, "
+            "with the full run from the scene's start in red."
+        ).format(
+            _epsilon(analysis, setter),
+            number(analysis.scene.epsilon),
+            setter.inline(analysis.placement.system.x[0]),
+            setter.inline(analysis.placement.system.y[0]),
+        )
+    chart = analysis.raw.chart if analysis.raw else analysis.placement.system.x
+    return Markup(
+        "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in red."
+    ).format(_epsilon(analysis, setter), Markup(", ").join(setter.inline(s) for s in chart[:2]))
+
+
+def _path(analysis: Analysis, setter: Typesetter) -> Markup:
+    return Markup(
+        "The path in the plane that the limit trajectory draws. Darts point along the heading, which need not be "
+        "the direction of motion."
+        if heading_of(analysis) is not None
+        else "The path in the plane that the limit trajectory draws."
+    )
+
+
+def _convergence(analysis: Analysis, setter: Typesetter) -> Markup:
+    if analysis.scene.path is not None:
+        return Markup(
+            "Paths of the full system at three values of {}: they close in on the limit (blue)."
+        ).format(_epsilon(analysis, setter))
+    return Markup(
+        "Full runs minus the limit, relative to the largest value. The difference shrinks in proportion to {}; the "
+        "bend at the left is the initial layer, which shifts the slow variables a little before the slow motion begins."
+    ).format(_epsilon(analysis, setter))
+
+
+def _error(analysis: Analysis, setter: Typesetter) -> Markup:
+    more = Markup(" Dashed: the fields claimed elsewhere.") if analysis.scene.claims else Markup("")
+    return (
+        Markup(
+            "Largest relative error of the reduced runs over {}, the full system started on the slow manifold. "
+            "Markers are measured; the broad bands have the expected slope, {}<sup><i>N</i>+1</sup> at order "
+            "<i>N</i>. Errors in the grey zone would be the reference's own."
+        ).format(span(analysis.scene.span), _epsilon(analysis, setter))
+        + more
+    )
+
+
+def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.hyperbolicity
+    if shape(analysis) not in ((1, 1), (2, 1)):
+        return Markup("Full runs that start off the slow manifold. ") + _distance(analysis, setter)
+    if not analysis.landing:
+        return Markup("The slow manifold at {} = {}. It is {}, so no runs are shown landing on it.").format(
+            _epsilon(analysis, setter), number(analysis.scene.epsilon), found.kind
+        )
+    return Markup(
+        "The slow manifold at {} = {} and full runs that start off it (dots): they fall onto it along the fast "
+        "direction and then stay."
+    ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+
+
+def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
+    return Markup(
+        "Distance of such runs to the slow manifold in fast time. The dashed guide falls at the gap, {}, the slowest "
+        "rate in the region; no run may be flatter. In the grey zone the series and the runs are known no better."
+    ).format(number(analysis.hyperbolicity.gap))
+
+
+def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
+    return Markup(
+        "Real parts of the fast eigenvalues over the region, in fast time. None enters the strip of half-width {}, "
+        "the gap: the manifold is {} throughout."
+    ).format(number(analysis.hyperbolicity.gap), analysis.hyperbolicity.kind)
+
+
+def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
+    return Markup(
+        "The full run at {} = {} (broad) and the reduced run of order {} from the same slow variables (dashed), on "
+        "a logarithmic axis. Left of the dotted line is the initial layer, where the fast variables settle; an "
+        "offset that remains after it is of order {}, the shift along the fast fibre through the start."
+    ).format(
+        _epsilon(analysis, setter),
+        number(analysis.scene.epsilon),
+        analysis.series.order,
+        _epsilon(analysis, setter),
+    )
+
+
+def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
+    return setter.inline(analysis.placement.system.epsilon)
+
+
+_CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
+    "phase_portrait": _phase_portrait,
+    "path": _path,
+    "convergence": _convergence,
+    "error_against_epsilon": _error,
+    "manifold": _manifold,
+    "distance": _distance,
+    "eigenvalues": _eigenvalues,
+    "time_series": _time_series,
+}

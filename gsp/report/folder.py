@@ -1,0 +1,152 @@
+"""Writing a report to its folder.
+
+The folder is all or nothing: everything is built beside its place and moved there at the end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from gsp import charts
+from gsp.analysis import Analysis
+from gsp.errors import OutputError
+from gsp.report.content import as_json
+from gsp.report.page import render
+
+HTML, JSON = "report.html", "report.json"
+# Every name that a report may ever use; files of other names in the folder are never touched.
+FIGURES = (
+    "phase_portrait",
+    "path",
+    "convergence",
+    "error_against_epsilon",
+    "manifold",
+    "distance",
+    "eigenvalues",
+    "time_series",
+)
+
+
+def write_report(
+    analysis: Analysis, folder: str | Path, *, progress: Callable[[float], object] | None = None
+) -> Path:
+    """Write report.html (self-contained), report.json and the figures as PNG to `folder`; returns the page's path.
+
+    The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work
+    goes on. Raises `OutputError` when the folder cannot be written; then, and when anything else fails or
+    is interrupted, an older report is intact and nothing new is left.
+    """
+    target = check_folder(folder)
+    told = progress or (lambda share: None)
+    told(0.0)
+    begun = time.perf_counter()
+    drawn = charts.applicable(analysis)
+    pictures: dict[str, bytes] = {}
+    for i, (name, draw) in enumerate(drawn.items()):
+        pictures[name] = charts.png(draw(analysis))
+        told(0.9 * (i + 1) / len(drawn))
+    content = as_json(analysis)
+    content["figures"] = [f"{name}.png" for name in pictures]
+    timings = {**analysis.timings, "report": time.perf_counter() - begun}
+    timings["total"] = sum(timings.values())
+    content["timings"] = timings
+    files = {f"{name}.png": picture for name, picture in pictures.items()}
+    files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+    # Last, so that who finds a new page finds all of it new.
+    files[HTML] = render(analysis, pictures=pictures, timings=timings).encode()
+    try:
+        _install(files, target)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    told(1.0)
+    return target / HTML
+
+
+def check_folder(folder: str | Path) -> Path:
+    """`folder` as a path, when a report could be written there; call it before the long work.
+
+    Raises `OutputError` when it is a file, or when it, or where it would be made, cannot be written.
+    """
+    target = Path(folder).expanduser()
+    try:
+        if target.exists() and not target.is_dir():
+            raise OutputError(f"the report goes to a folder. Got {target}, which is a file. Give another name.")
+        # Permissions do not tell the whole truth (root, read-only disks): try.
+        with tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
+            pass
+        for name in (HTML, JSON, *(f"{figure}.png" for figure in FIGURES)):
+            if (target / name).is_dir():
+                raise OutputError(
+                    f"the report writes {name}. Got {target / name}, which is a folder. Rename it, or give another "
+                    "folder."
+                )
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    return target
+
+
+def _ground(target: Path) -> Path:
+    """Where the report is built: inside the folder, which may be a disk of its own, or where it will be made."""
+    while not target.exists():
+        if target.parent == target:
+            break
+        target = target.parent
+    return target
+
+
+def _unwritable(target: Path, error: OSError) -> OutputError:
+    reason = error.strerror or type(error).__name__
+    return OutputError(
+        f"the report cannot be written to {target}: {reason}. Give a folder that you may write to, as -o DIR."
+    )
+
+
+def _install(files: Mapping[str, bytes], target: Path) -> None:
+    """All of `files` in `target`, or, after any exception, `target` as it was."""
+    with tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)) as scratch:
+        # A folder inside, because the outer one is readable by its owner only.
+        built, kept = Path(scratch, "built"), Path(scratch, "kept")
+        built.mkdir()
+        for name, content in files.items():
+            (built / name).write_bytes(content)
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.rename(built, target)
+            return
+        kept.mkdir()
+        stale = _stale(target) - set(files)
+        replaced = [name for name in (*files, *stale) if (target / name).exists()]
+        for name in replaced:
+            shutil.copy2(target / name, kept / name)
+        try:
+            for name in files:
+                os.replace(built / name, target / name)
+            for name in stale:
+                (target / name).unlink(missing_ok=True)
+        except BaseException:
+            for name in files:
+                with suppress(OSError):
+                    if name in replaced:
+                        os.replace(kept / name, target / name)
+                    else:
+                        (target / name).unlink(missing_ok=True)
+            for name in stale:
+                with suppress(OSError):
+                    os.replace(kept / name, target / name)
+            raise
+
+
+def _stale(target: Path) -> set[str]:
+    """Figures that an older report in the folder says are its own."""
+    try:
+        listed = json.loads((target / JSON).read_text(encoding="utf-8"))["figures"]
+        return {name for name in (f"{figure}.png" for figure in FIGURES) if name in listed}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()

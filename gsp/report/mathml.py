@@ -1,0 +1,133 @@
+"""Expressions as presentation MathML, which browsers set without any script.
+
+SymPy's printer sorts symbols by name; here the small parameter comes first, then parameters, then states, as one
+writes them. Everything returned is markup that is safe to place in a page.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any, cast
+
+import sympy as sp
+from markupsafe import Markup
+from sympy.printing.mathml import MathMLPresentationPrinter
+
+_ONE_LINE = re.compile(r"<mo>\(</mo>((?:(?!<mo>[()]</mo>|<mfrac).)*)<mo>\)</mo>")
+
+# A product whose next factor is a function named by a word, as in v cos(phi).
+_FUNCTION = re.compile(r"<mo>&#8290;</mo>(?=<mrow><mi>[a-z]{2,})")
+
+
+class _Printer(MathMLPresentationPrinter):
+    """SymPy's printer, for expressions whose symbols were renamed for the sake of their order."""
+
+    def __init__(self, originals: Mapping[sp.Symbol, sp.Symbol]) -> None:
+        super().__init__()
+        self.originals = originals
+
+    def _print_Symbol(self, sym: Any, style: str = "plain") -> Any:
+        return super()._print_Symbol(self.originals.get(sym, sym), style)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class Typesetter:
+    """MathML of expressions in some symbols, which are written in the order given."""
+
+    def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
+        ordered = list(dict.fromkeys(symbols))
+        self._stand_ins = {s: sp.Symbol(f"s{i:03d}") for i, s in enumerate(ordered)}
+        self._printer = _Printer({stand_in: s for s, stand_in in self._stand_ins.items()})
+
+    def row(self, expression: sp.Basic | sp.MatrixBase) -> str:
+        """The expression without its <math> element."""
+        if isinstance(expression, sp.MatrixBase):
+            return self._matrix(expression)
+        text = self._printer.doprint(cast(sp.Basic, expression.xreplace(self._stand_ins)))
+        # The double-struck e of the entity is no mathematician's exponential.
+        text = text.replace("<mi>&ExponentialE;</mi>", "<mi>e</mi>").replace("&InvisibleTimes;", "&#8290;")
+        # Without a mathematical font a browser sets the ASCII sign as a hyphen.
+        text = text.replace("<mo>-</mo>", "<mo>−</mo>").replace("<mn>-", "<mn>−")
+        text = _FUNCTION.sub(r'\g<0><mspace width="0.17em"></mspace>', text)
+        # Brackets of one line keep their size: grown to the exact height they look loose.
+        return _ONE_LINE.sub(r'<mo stretchy="false">(</mo>\1<mo stretchy="false">)</mo>', text)
+
+    def _matrix(self, matrix: sp.MatrixBase) -> str:
+        # Brackets as borders: as characters they grow with the matrix in a mathematical font only.
+        rows = [
+            "<mtr>" + "".join(f"<mtd>{self.row(matrix[i, j])}</mtd>" for j in range(matrix.cols)) + "</mtr>"
+            for i in range(matrix.rows)
+        ]
+        return f'<mtable class="matrix" displaystyle="true">{"".join(rows)}</mtable>'
+
+    def inline(self, expression: sp.Basic | str) -> Markup:
+        """The expression, or MathML already, in a line of text."""
+        return Markup(math(expression if isinstance(expression, str) else self.row(expression)))
+
+    def equation(self, left: str, right: sp.Basic | sp.MatrixBase | str) -> str:
+        """left = right, where texts are MathML already."""
+        return row(left, operator("="), right if isinstance(right, str) else self.row(right))
+
+    def power_series(self, terms: Sequence[sp.Expr], epsilon: sp.Symbol, *, open_end: bool = True) -> str:
+        """terms[0] + epsilon terms[1] + ..., without the terms that vanish; + O(epsilon^n) with `open_end`."""
+        parts: list[str] = []
+        for k, term in enumerate(terms):
+            if term == 0:
+                continue
+            negative = bool(parts) and term.could_extract_minus_sign() and not isinstance(term, sp.Add)
+            body = self.row(-term if negative else term)
+            if k and (isinstance(term, sp.Add)):
+                body = row(operator("("), body, operator(")"))
+            if parts:
+                parts.append(operator("−" if negative else "+"))
+            elif k and term.could_extract_minus_sign():
+                parts.append(operator("−"))
+                body = self.row(-term)
+            unit = abs(term) == 1
+            parts.append(body if k == 0 else self._power(epsilon, k) + ("" if unit else body))
+        parts = parts or ["<mn>0</mn>"]
+        if not open_end:
+            return row(*parts)
+        remainder = row("<mi>O</mi>", operator("("), self._power(epsilon, len(terms)), operator(")"))
+        return row(*parts, operator("+"), remainder)
+
+    def _power(self, epsilon: sp.Symbol, k: int) -> str:
+        base = self.row(epsilon)
+        return base if k == 1 else f"<msup>{base}<mn>{k}</mn></msup>"
+
+
+def math(*parts: str, display: bool = False) -> str:
+    """A <math> element of MathML parts, as roomy as on a line of its own with `display`."""
+    style = ' displaystyle="true"' if display else ""
+    return f"<math{style}>{''.join(parts)}</math>"
+
+
+def row(*parts: str) -> str:
+    """Parts side by side."""
+    return f"<mrow>{''.join(parts)}</mrow>"
+
+
+def operator(text: str) -> str:
+    """An operator or a bracket."""
+    return f'<mo stretchy="false">{escape(text)}</mo>'
+
+
+def dotted(symbol: str) -> str:
+    """The derivative of a symbol in slow time."""
+    return f'<mover accent="true">{symbol}<mo>˙</mo></mover>'
+
+
+def indexed(name: str, below: int, above: str | None = None) -> str:
+    """name_below, or name_below^above with a symbol above, for a component of a coefficient."""
+    base = f"<mi>{escape(name)}</mi><mn>{below}</mn>"
+    return f"<msub>{base}</msub>" if above is None else f"<msubsup>{base}{above}</msubsup>"
+
+
+def numeral(value: float, digits: int = 6) -> str:
+    """A number, with its power of ten written out."""
+    mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
+    if not exponent:
+        return f"<mn>{mantissa}</mn>"
+    power = f"<msup><mn>10</mn><mn>{exponent.replace('+', '').lstrip('0').replace('−0', '−')}</mn></msup>"
+    return power if mantissa == "1" else row(f"<mn>{mantissa}</mn>", operator("×"), power)

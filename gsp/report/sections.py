@@ -1,0 +1,335 @@
+"""The sections of a page, as values that its template sets."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import sympy as sp
+from markupsafe import Markup
+
+from gsp.analysis import Analysis
+from gsp.charts import has_constant_eigenvalues
+from gsp.hyperbolicity import Kind
+from gsp.report import mathml
+from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
+from gsp.report.wording import fitted, number, span
+from gsp.system import SlowFastSystem
+
+# A slope this far below what a field promises is a failure of the field, not of the measurement.
+SLOPE_TOLERANCE = 0.25
+ORDINALS = ("leading", "first", "second", "third", "fourth", "fifth", "sixth")
+
+
+class Page:
+    """The sections of one report, as values for the template."""
+
+    def __init__(self, analysis: Analysis) -> None:
+        self.analysis = analysis
+        scene, placement = analysis.scene, analysis.placement
+        self.system = placement.system
+        self.epsilon = self.system.epsilon
+        self.set = Typesetter(
+            [
+                *(self.epsilon, *self.system.parameters),
+                *(*scene.system.states, *self.system.states, *scene.reconstruction),
+            ]
+        )
+
+    def sections(self) -> dict[str, Any]:
+        analysis = self.analysis
+        scene = analysis.scene
+        return {
+            "analysis": analysis,
+            "scene": scene,
+            "title": scene.title or scene.name or "A system with two time scales",
+            "epsilon": self.inline(self.epsilon),
+            "verdict": self.verdict(),
+            "card": self.card(),
+            "equations": self.equations(),
+            "reconstruction": [
+                self.block(dotted(self.set.row(s)), rate) for s, rate in scene.reconstruction.items()
+            ],
+            "parameters": [self.named_value(s, value) for s, value in self.system.parameters.items()],
+            "region": [self.interval(name, bounds) for name, bounds in scene.region.items()],
+            "start": [self.named_value(sp.Symbol(name), value) for name, value in scene.full_start.items()],
+            "splitting": self.splitting(),
+            "branches": self.branches(),
+            "constant_eigenvalues": self.constant_eigenvalues(),
+            "series": self.series(),
+            "raw": self.raw(),
+            "span": span(self.analysis.scene.span),
+            "errors": self.errors(),
+            "claims": self.claims(),
+        }
+
+    # -- mathematics --------------------------------------------------------------------------------------
+
+    def inline(self, expression: sp.Basic | str) -> Markup:
+        return self.set.inline(expression)
+
+    def block(self, left: str, right: sp.Basic | sp.MatrixBase | str) -> tuple[Markup, Markup]:
+        """A displayed equation, in two halves that a column of them is aligned by."""
+        text = right if isinstance(right, str) else self.set.row(right)
+        return Markup(mathml.math(left, display=True)), Markup(
+            mathml.math(row(operator("="), text), display=True)
+        )
+
+    def names(self, symbols) -> Markup:
+        return Markup(", ").join(self.inline(s) for s in symbols)
+
+    def named_value(self, symbol: sp.Symbol, value: Any) -> Markup:
+        exact = value if isinstance(value, sp.Basic) else numeral(float(value))
+        return self.inline(self.set.equation(self.set.row(symbol), exact))
+
+    def by_power(self, rate: sp.Expr) -> sp.Expr | str:
+        """A rate that is a polynomial in epsilon, sorted by its powers as the series are."""
+        expanded = sp.expand(rate)
+        if not expanded.is_polynomial(self.epsilon):
+            return rate
+        coefficients: list[Any] = [sp.factor(c) for c in sp.Poly(expanded, self.epsilon).all_coeffs()]
+        return self.set.power_series(coefficients[::-1], self.epsilon, open_end=False)
+
+    def interval(self, name: str, bounds: tuple[float, float]) -> Markup:
+        ends = numeral(bounds[0]) + operator(",") + numeral(bounds[1])
+        symbol = self.set.row(sp.Symbol(name))
+        return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]")))
+
+    # -- sections -----------------------------------------------------------------------------------------
+
+    def verdict(self) -> tuple[str, Markup]:
+        """(word, sentence): whether one may reduce, with the numbers that say so."""
+        analysis = self.analysis
+        found, scene, comparison = analysis.hyperbolicity, analysis.scene, analysis.comparison
+        at = Markup("at {} = {}").format(self.inline(self.epsilon), number(scene.epsilon))
+        failed = [condition.name for condition in found.conditions if not condition.holds]
+        if failed:
+            return "No", Markup("{}, {} not met.").format(at, self._listed(failed))
+        if found.kind is not Kind.ATTRACTING:
+            how = "in every fast direction" if found.kind is Kind.REPELLING else "in some fast directions"
+            leave = Markup(
+                "the slow manifold is {}: {}, orbits that start next to it leave it {} within a time of about "
+                "{}/gap = {}. The reduced flow describes orbits on the manifold only."
+            )
+            time = number(scene.epsilon / found.gap)
+            return "Only on the manifold", leave.format(found.kind, at, how, self.inline(self.epsilon), time)
+        if all(comparison.is_exact(order) for order in comparison.errors):
+            return "Yes", Markup("{} and at every other: the reduced flow is exact at order {}.").format(
+                at, min(comparison.errors)
+            )
+        errors = {order: self.error_at(order) for order in comparison.errors}
+        known = {order: error for order, error in errors.items() if not math.isnan(error[0])}
+        if not known:
+            return "Unknown", Markup("{}, no full run reached the end, so no error was measured.").format(at)
+        shown = 1 if 1 in known else min(known)
+        error, how = known[shown]
+        sentence = Markup("{}, order {} is right to {}{} over {}.").format(
+            at,
+            shown,
+            number(error, 2),
+            Markup(" ({})").format(how) if how else "",
+            span(self.analysis.scene.span),
+        )
+        enough = [order for order, (value, _) in known.items() if value <= scene.tolerance]
+        if enough:
+            met = Markup(" Order {} meets the scene's tolerance of {}, with {}.")
+            sentence += met.format(enough[0], number(scene.tolerance), number(known[enough[0]][0], 2))
+            return "Yes", sentence
+        best = min(known, key=lambda order: known[order][0])
+        missed = Markup(
+            " No order up to {} meets the scene's tolerance of {}; order {} comes nearest, with {}."
+        )
+        sentence += missed.format(max(known), number(scene.tolerance), best, number(known[best][0], 2))
+        return "Yes, to a limited accuracy", sentence
+
+    def error_at(self, order: int) -> tuple[float, str]:
+        """(error of an order at the scene's epsilon, how it is known when it was not measured there)."""
+        comparison, epsilon = self.analysis.comparison, self.analysis.scene.epsilon
+        pairs = sorted(zip(comparison.epsilons, comparison.errors[order]))
+        pairs = [(e, error) for e, error in pairs if math.isfinite(error) and error > 0.0]
+        for e, error in pairs:
+            if math.isclose(e, epsilon, rel_tol=1e-9):
+                return error, ""
+        if len(pairs) < 2:
+            return float("nan"), ""
+        below = [pair for pair in pairs if pair[0] < epsilon]
+        above = [pair for pair in pairs if pair[0] > epsilon]
+        if below and above:
+            (a, low), (b, high) = below[-1], above[0]
+            slope, how = math.log(high / low) / math.log(b / a), "interpolated"
+        else:
+            a, low = below[-1] if below else above[0]
+            slope = comparison.slopes[order]
+            how = f"extrapolated from {a:g} with the measured slope {fitted(slope)}"
+        return low * (epsilon / a) ** slope, how
+
+    def card(self) -> list[tuple[str, Markup]]:
+        analysis = self.analysis
+        found, comparison = analysis.hyperbolicity, analysis.comparison
+        slopes = ["exact" if comparison.is_exact(n) else fitted(s) for n, s in comparison.slopes.items()]
+        orders = self._listed([str(order) for order in comparison.slopes])
+        measured = Markup("{} at orders {}").format(", ".join(slopes), orders)
+        if set(slopes) == {"–"}:
+            measured = Markup("not measured: no full run reached the end")
+        return [
+            ("slow, fast", Markup("{}; {}").format(self.names(self.system.x), self.names(self.system.y))),
+            ("kind", Markup("normally hyperbolic, {} ({})").format(found.kind, found.evidence)),
+            ("gap", Markup("{} in fast time").format(number(found.gap, 4))),
+            ("series", Markup("through order {}, exact").format(analysis.series.order)),
+            ("slopes", measured),
+        ]
+
+    def equations(self) -> list[tuple[Markup, Markup]]:
+        system = self.analysis.scene.system
+        if isinstance(system, SlowFastSystem):
+            slow = [(dotted(self.set.row(s)), rate) for s, rate in system.slow.items()]
+            fast = [
+                (row(self.set.row(self.epsilon), dotted(self.set.row(s))), rate)
+                for s, rate in system.fast.items()
+            ]
+            pairs = [*slow, *fast]
+        else:
+            pairs = [(dotted(self.set.row(s)), rate) for s, rate in zip(system.states, system.rates)]
+        return [self.block(left, rate) for left, rate in pairs]
+
+    def splitting(self) -> dict[str, Any] | None:
+        splitting = self.analysis.placement.splitting
+        if splitting is None:
+            return None
+        f: Any = splitting.layer[0] if splitting.layer.shape == (1, 1) else splitting.layer
+        new = {s: e for s, e in splitting.coordinates.items() if s != e}
+        system = self.system
+        return {
+            "rescaled": splitting.rescaled,
+            "states": self.names(splitting.field.states),
+            "layer": [self.block("<mi>f</mi>", f), self.block("<mi>N</mi>", splitting.N)],
+            "route": splitting.route,
+            "new": [self.block(self.set.row(s), e) for s, e in new.items()],
+            "slow": self.names(system.x),
+            "fast": self.names(system.y),
+            "nonzero": [self.inline(row(self.set.row(e), operator("≠"), "<mn>0</mn>")) for e in splitting.nonzero],
+            "system": [
+                *(self.block(dotted(self.set.row(s)), e) for s, e in system.slow.items()),
+                *(
+                    self.block(row(self.set.row(self.epsilon), dotted(self.set.row(s))), e)
+                    for s, e in system.fast.items()
+                ),
+            ],
+        }  # fmt: skip
+
+    def branches(self) -> list[dict[str, Any]]:
+        placement = self.analysis.placement
+        result = []
+        for branch in placement.critical.branches:
+            if branch.graph is not None:
+                rows = [self.block(self.set.row(y), h) for y, h in branch.graph.items()]
+            else:
+                rows = [self.block(self.set.row(e), "<mn>0</mn>") for e in branch.equations]
+            chosen = branch.equations == placement.branch.equations
+            result.append({"rows": rows, "chosen": chosen, "explicit": branch.is_explicit})
+        return result
+
+    def constant_eigenvalues(self) -> bool:
+        return has_constant_eigenvalues(self.analysis)
+
+    def series(self) -> dict[str, Any]:
+        series = self.analysis.series
+        fast, slow = self.system.y, self.system.x
+
+        def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
+            return [
+                self.block(indexed(name, k, self.set.row(s) if len(symbols) > 1 else None), table[k][s])
+                for k in range(series.order + 1)
+                for s in symbols
+            ]
+
+        return {
+            "h": rows("h", fast, series.coefficients),
+            "f": rows("f", slow, series.reduced_field),
+            "implicit": self.names(y for y in series.coordinates if y in fast),
+        }
+
+    def raw(self) -> dict[str, Any] | None:
+        raw = self.analysis.raw
+        if raw is None or not set(raw.chart) - set(self.system.x):
+            return None
+        through = min(1, raw.order)
+        field = [
+            self.block(
+                dotted(self.set.row(z)),
+                self.set.power_series([raw.reduced_field[k][z] for k in range(through + 1)], self.epsilon),
+            )
+            for z in raw.chart
+        ]
+        graph = [
+            self.block(
+                self.set.row(z), self.set.power_series([h[z] for h in raw.coefficients[:3]], self.epsilon)
+            )
+            for z in raw.coefficients[0].symbols
+        ]
+        return {"chart": self.names(raw.chart), "field": field, "graph": graph}
+
+    def errors(self) -> dict[str, Any]:
+        found = self.analysis.comparison
+        slopes = {n: "exact" if found.is_exact(n) else fitted(s) for n, s in found.slopes.items()}
+        stopped = {
+            f"At epsilon = {epsilon:g} a run did not reach the end: {status}."
+            for statuses in found.statuses.values()
+            for epsilon, status in zip(found.epsilons, statuses)
+            if not status.ok
+        }
+        return {
+            "orders": list(found.errors),
+            "rows": list(zip(found.epsilons, zip(*found.errors.values()), found.floor)),
+            "slopes": list(slopes.values()),
+            "expected": [found.expected[n] for n in found.errors],
+            "first": slopes.get(1),
+            "stopped": sorted(stopped),
+        }
+
+    def claims(self) -> list[dict[str, Any]]:
+        comparison = self.analysis.comparison
+        result = []
+        for name, rates in self.analysis.scene.claims.items():
+            promised = max((_degree(rate, self.epsilon) for rate in rates.values()), default=0) + 1
+            slope = comparison.claim_slopes[name]
+            result.append(
+                {
+                    "name": name,
+                    "field": [self.block(dotted(self.set.row(s)), self.by_power(r)) for s, r in rates.items()],
+                    "promised": promised,
+                    "slope": fitted(slope),
+                    "errors": comparison.claims[name],
+                    "right": slope >= promised - SLOPE_TOLERANCE,
+                    "verdict": self._judged(slope, promised),
+                }
+            )
+        return result
+
+    def _judged(self, slope: float, promised: int) -> Markup:
+        epsilon = self.inline(self.epsilon)
+        if math.isnan(slope):
+            return Markup("no error above rounding, or no run finished: nothing to fit")
+        if slope >= promised - SLOPE_TOLERANCE:
+            return Markup("error falls like {}<sup>{:.1f}</sup>: right through order {}").format(
+                epsilon, slope, promised - 1
+            )
+        wrong = max(0, round(slope))
+        ordinal = ORDINALS[wrong] if wrong < len(ORDINALS) else f"{wrong}th"
+        return Markup("error falls like {}<sup>{:.1f}</sup>, not {}<sup>{}</sup>: wrong at {} order").format(
+            epsilon, slope, epsilon, promised, ordinal
+        )
+
+    @staticmethod
+    def _listed(words: list[str]) -> str:
+        return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _degree(rate: sp.Expr, epsilon: sp.Symbol) -> int:
+    """Through which power of epsilon a rate claims to be right: its degree, or 0 when it is no polynomial."""
+    expanded = sp.expand(rate)
+    return (
+        int(sp.Poly(expanded, epsilon).degree())
+        if expanded.has(epsilon) and expanded.is_polynomial(epsilon)
+        else 0
+    )

@@ -1,0 +1,72 @@
+"""Numbers and words as they are set in the text of a page."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from markupsafe import Markup, escape
+
+
+def number(value: float, digits: int = 3) -> Markup:
+    """A number as it is set in text: 0.0123, 1.2 times a power of ten, and a dash for nan."""
+    if math.isnan(value):
+        return Markup("–")
+    if math.isinf(value):
+        return Markup("∞" if value > 0 else "−∞")
+    text = f"{value:.{digits}g}"
+    if 0.0 < abs(value) < 1e-3 and "e" not in text:
+        head, power = f"{value:.{digits - 1}e}".split("e")
+        text = f"{float(head):g}e{power}"
+    mantissa, _, exponent = text.replace("-", "−").partition("e")
+    if not exponent:
+        return Markup(mantissa)
+    power = Markup("10<sup>{}</sup>").format(str(int(exponent.replace("−", "-"))).replace("-", "−"))
+    return power if mantissa == "1" else Markup("{}×{}").format(mantissa, power)
+
+
+def scientific(value: float) -> Markup:
+    """A number of a table: always two decimals and a power of ten."""
+    if not math.isfinite(value) or value == 0.0:
+        return number(value)
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return Markup("{}×10<sup>{}</sup>").format(mantissa.replace("-", "−"), str(int(exponent)).replace("-", "−"))
+
+
+def words(text: str) -> Markup:
+    """Words of this package's own, in which mathematics is written as h_0(x), |Re lambda| or 1e-09, set as such."""
+    result = str(escape(text))
+    for pattern, replacement in _MATHEMATICS:
+        result = re.sub(pattern, replacement, result)
+    return Markup(result)
+
+
+_MATHEMATICS = (
+    (r"\bepsilon\b", "ε"),
+    (r"\blambda\b", "λ"),
+    (r"\b([a-zA-Z])_([a-z0-9])\b", r"<i>\1</i><sub>\2</sub>"),
+    (r"\b([a-zA-Z])\^([0-9])\b", r"<i>\1</i><sup>\2</sup>"),
+    (r"\b1e-0?([0-9]+)\b", r"10<sup>−\1</sup>"),
+    (r"(?<![\w<])([bfgrxNy])(?=[\s,(:)]|$)(?!\w)", r"<i>\1</i>"),
+)
+
+
+def listed(items: Iterable[Any]) -> Markup:
+    """Items with commas that do not part from them at the end of a line."""
+    parts = list(items)
+    commas = [","] * (len(parts) - 1) + [""]
+    return Markup(" ").join(
+        Markup('<span class="whole">{}{}</span>').format(*pair) for pair in zip(parts, commas)
+    )
+
+
+def fitted(value: float) -> str:
+    """A fitted slope: two decimals, or a dash for nan."""
+    return "–" if math.isnan(value) else f"{value:.2f}"
+
+
+def span(interval: tuple[float, float]) -> Markup:
+    """An interval of slow time."""
+    return Markup("<i>t</i> = {} to {}").format(number(interval[0]), number(interval[1]))

@@ -1,0 +1,331 @@
+"""The slow manifold and the reduced field as exact power series in epsilon.
+
+y = h_epsilon(x) = h_0 + epsilon h_1 + ... solves the invariance equation epsilon Dh f(x, h, epsilon) =
+g(x, h, epsilon) (Fenichel 1979; Kaper 1999, section 2), order by order:
+
+    g_y h_k = sum_(i<k) Dh_i f_(k-1-i) - [g(x, h_0 + ... + epsilon^(k-1) h_(k-1), epsilon)]_k .
+
+The coefficients live in the chart's ring, so parameters stay symbolic and nothing is rounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.chart import Chart, chart, dot
+from gsp.critical import Branch
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.flow import as_points, check_epsilon
+from gsp.lowering import compile_function, parameter_vector
+from gsp.power_series import SeriesProgram
+from gsp.ring import Element
+
+
+class Components(tuple):
+    """Expressions in the order of some symbols, indexed by place, by symbol or by name."""
+
+    symbols: tuple[sp.Symbol, ...]
+
+    def __new__(cls, symbols: Iterable[sp.Symbol], values: Iterable[sp.Expr]) -> Components:
+        self = super().__new__(cls, values)
+        self.symbols = tuple(symbols)
+        return self
+
+    def __getitem__(self, key):  # pyright: ignore[reportIncompatibleMethodOverride]
+        if isinstance(key, (str, sp.Symbol)):
+            names = [symbol.name for symbol in self.symbols]
+            name = key if isinstance(key, str) else key.name
+            if name not in names:
+                raise KeyError(f"{name} is none of {', '.join(names)}")
+            return super().__getitem__(names.index(name))
+        return super().__getitem__(key)
+
+    def as_dict(self) -> dict[sp.Symbol, sp.Expr]:
+        """The same as a mapping."""
+        return dict(zip(self.symbols, self))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SeriesManifold:
+    """The slow manifold of `branch` to `order` in epsilon, and the reduced field on it.
+
+    `coefficients[k]` is h_k, by place or name of the fast variables; `reduced_field[k]` is f_k, by slow variables.
+    On an implicit branch they are functions on M0: the fast symbols in them stand for the point y of M0 over x.
+    """
+
+    branch: Branch
+    order: int
+    chart: Chart = field(repr=False)
+    _h: list[list[Element]]
+    _f: list[list[Element]]
+    _exact: bool = True
+
+    @cached_property
+    def coefficients(self) -> tuple[Components, ...]:
+        """h_0, ..., h_n: exact expressions in x, the parameters and, on implicit branches, y on M0."""
+        return self._components(self._h, self.branch.system.y)
+
+    @cached_property
+    def reduced_field(self) -> tuple[Components, ...]:
+        """f_0, ..., f_n with x' = sum_k epsilon^k f_k on the slow manifold."""
+        return self._components(self._f, self.branch.system.x)
+
+    @property
+    def coordinates(self) -> tuple[sp.Symbol, ...]:
+        """The symbols in which the coefficients are written."""
+        return self.chart.coordinates
+
+    def at_order(self, order: int) -> SeriesManifold:
+        """The same series cut at a lower order."""
+        if not 0 <= order <= self.order:
+            raise DeclarationError(
+                f"the series is known through order {self.order}. Got order {order}. Expand the branch further."
+            )
+        rows = order + 1
+        return SeriesManifold(
+            self.branch,
+            order,
+            self.chart,
+            [h[:rows] for h in self._h],
+            [f[:rows] for f in self._f],
+            self._exact,
+        )
+
+    @cached_property
+    def specialised(self) -> SeriesManifold:
+        """The same series with the parameters' values put in first, as every numerical evaluation wants it.
+
+        Expanded numerators with symbolic parameters lose their digits near a denominator's zero.
+        """
+        if not self._exact:
+            return self
+        return _expand(self.branch, self.order, dict(self.branch.system.parameters))
+
+    def evaluate(self, x, epsilon: float, *, order: int | None = None, near=None) -> np.ndarray:
+        """h_epsilon(x) through `order`, shape (m, n_fast), or (n_fast,) for one point; see `Branch.points`."""
+        terms, single = self._terms(x, epsilon, near)
+        result = terms[:, : self._order(order) + 1].sum(axis=1)
+        return result[0] if single else result
+
+    def terms(self, x, epsilon: float, *, near=None) -> np.ndarray:
+        """The terms epsilon^k h_k(x), shape (m, n + 1, n_fast), or (n + 1, n_fast) for one point."""
+        terms, single = self._terms(x, epsilon, near)
+        return terms[0] if single else terms
+
+    def residual(self, x, epsilon: float, *, order: int | None = None, near=None) -> np.ndarray:
+        """Defect of the invariance equation, epsilon Dh f(x, h, epsilon) - g(x, h, epsilon), as `evaluate`.
+
+        It is O(epsilon^(n+1)) for the series through order n, and the error of h is about
+        (g_y)^-1 times the residual.
+        """
+        n = self._order(order)
+        value = check_epsilon(epsilon)
+        array, coordinates, single = self._on_branch(x, near)
+        system = self.branch.system
+        ny, nx = len(system.y), len(system.x)
+        powers = value ** np.arange(n + 1)
+        inputs = (coordinates, parameter_vector(system, value))
+        h = self._h_function(*inputs).reshape(-1, self.order + 1, ny)[:, : n + 1]
+        slopes = self._slope_function(*inputs).reshape(-1, self.order + 1, ny, nx)[:, : n + 1]
+        y = np.einsum("k,mki->mi", powers, h)
+        Dh = np.einsum("k,mkij->mij", powers, slopes)
+        rates = self._rates_function(np.hstack([array, y]), parameter_vector(system, value))
+        defect = value * np.einsum("mij,mj->mi", Dh, rates[:, :nx]) - rates[:, nx:]
+        return defect[0] if single else defect
+
+    def optimal_order(self, x, epsilon: float, *, near=None) -> np.ndarray | int:
+        """Order at which to stop: the one before the smallest term, an int for one point or an array (m,).
+
+        The series is asymptotic, not convergent, as a rule: its error is about the first term left out, so it is
+        best cut just before its smallest term. When the terms are still falling at order n, the answer is n.
+        """
+        terms, single = self._terms(x, epsilon, near)
+        best = np.array([_optimal(np.linalg.norm(rows, axis=1)) for rows in terms])
+        return int(best[0]) if single else best
+
+    def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
+        """Estimated error at the optimal order: the size of the first term left out, or of the last one kept."""
+        terms, single = self._terms(x, epsilon, near)
+        sizes = np.linalg.norm(terms, axis=2)
+        best = np.array([_optimal(row) for row in sizes])
+        error = np.array([row[min(k + 1, self.order)] for row, k in zip(sizes, best)])
+        return float(error[0]) if single else error
+
+    # -- evaluation --------------------------------------------------------------------------------
+
+    def _components(self, rows: list[list[Element]], symbols) -> tuple[Components, ...]:
+        ring = self.chart.ring
+        return tuple(
+            Components(symbols, [ring.to_sympy(row[k]) for row in rows]) for k in range(self.order + 1)
+        )
+
+    def _order(self, order: int | None) -> int:
+        return self.order if order is None else self.at_order(order).order
+
+    def _on_branch(self, x, near) -> tuple[np.ndarray, np.ndarray, bool]:
+        """(x, the chart's coordinates, single): slow points and their coordinates on M0."""
+        system = self.branch.system
+        array, single = as_points(system.x, x, what="x")
+        if self.branch.is_explicit:
+            return array, array, single
+        z = np.hstack([array, self.branch.points(array, near=near)])
+        places = [system.states.index(symbol) for symbol in self.coordinates]
+        return array, z[:, places], single
+
+    def _terms(self, x, epsilon: float, near) -> tuple[np.ndarray, bool]:
+        value = check_epsilon(epsilon)
+        array, coordinates, single = self._on_branch(x, near)
+        system = self.branch.system
+        h = self._h_function(coordinates, parameter_vector(system, value))
+        h = h.reshape(-1, self.order + 1, len(system.y))
+        finite = np.isfinite(h).all(axis=(1, 2))
+        if not finite.all():
+            point = array[np.argmin(finite)]
+            place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
+            raise HyperbolicityError(
+                f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there. "
+                "Stay on the normally hyperbolic part of the branch; classify() says where that is."
+            )
+        return h * (value ** np.arange(self.order + 1))[None, :, None], single
+
+    @cached_property
+    def _h_function(self):
+        special = self.specialised
+        outputs = [special._h[i][k] for k in range(self.order + 1) for i in range(len(special._h))]
+        return self._compiled(outputs)
+
+    @cached_property
+    def _slope_function(self):
+        special = self.specialised
+        ring = special.chart.ring
+        outputs = [
+            ring.derive(special._h[i][k], j).reduced()
+            for k in range(self.order + 1)
+            for i in range(len(special._h))
+            for j in range(ring.derivations)
+        ]
+        return self._compiled(outputs)
+
+    def _compiled(self, elements: list[Element]):
+        system = self.branch.system
+        ring = self.specialised.chart.ring
+        return compile_function(
+            tuple(ring.horner(element) for element in elements),
+            arguments=self.coordinates,
+            epsilon=system.epsilon,
+            parameters=tuple(system.parameters),
+        )
+
+    @cached_property
+    def _rates_function(self):
+        system = self.branch.system
+        return compile_function(
+            (*system.f, *system.g),
+            arguments=system.states,
+            epsilon=system.epsilon,
+            parameters=tuple(system.parameters),
+        )
+
+    def __repr__(self) -> str:
+        return f"SeriesManifold({self.branch}, order={self.order})"
+
+    def __str__(self) -> str:
+        lines = [f"slow manifold of {self.branch}, through order {self.order}"]
+        for k in range(self.order + 1):
+            lines += [f"  h_{k}: {y} = {e}" for y, e in self.coefficients[k].as_dict().items()]
+        for k in range(self.order + 1):
+            lines += [f"  f_{k}: {x}' = {e}" for x, e in self.reduced_field[k].as_dict().items()]
+        return "\n".join(lines)
+
+    def _repr_latex_(self) -> str:
+        eps = sp.latex(self.branch.system.epsilon)
+        rows = []
+        for y in self.branch.system.y:
+            terms = [sp.latex(self.coefficients[k][y]) for k in range(self.order + 1)]
+            powers = [f"{eps}^{{{k}}}" if k > 1 else ("" if k == 0 else eps) for k in range(self.order + 1)]
+            body = " + ".join(f"{p}\\left({t}\\right)" for p, t in zip(powers, terms))
+            rows.append(f"{sp.latex(y)} = {body}")
+        return r"$\displaystyle " + r" \\ ".join(rows) + "$"
+
+
+def expand(branch: Branch, *, order: int = 3) -> SeriesManifold:
+    """The slow manifold over `branch` and its reduced field as exact series through `order` in epsilon.
+
+    Works on explicit and implicit branches, with any number of slow and fast variables, symbolic parameters and
+    elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
+    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, and
+    `UnsupportedFunctionError` for functions without a power series rule.
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=eps)
+    >>> expand(solve_critical(system).branches[0], order=2).coefficients
+    ((y,), (y,), (y,))
+    """
+    if isinstance(order, bool) or not isinstance(order, int) or order < 0:
+        raise DeclarationError(f"order is a non-negative integer. Got {order!r}.")
+    if not isinstance(branch, Branch):
+        raise DeclarationError(
+            f"expand takes a Branch. Got {type(branch).__name__}. "
+            "Use solve_critical(system).branches[0], or .nearest(start)."
+        )
+    return _expand(branch, order, {})
+
+
+def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr]) -> SeriesManifold:
+    system = branch.system
+    values = dict(substitute)
+    place = chart(branch, substitute=values)
+    ring = place.ring
+    h: list[list[Element]] = [[place.elements[y]] for y in system.y]
+    program = SeriesProgram(
+        ring,
+        epsilon=system.epsilon,
+        inputs=dict(zip(system.y, h)),
+        constants={x: place.elements[x] for x in system.x},
+    )
+    f = [program.compile(rate.xreplace(values)) for rate in system.f]
+    g = [program.compile(rate.xreplace(values)) for rate in system.g]
+    slopes: list[list[list[Element]]] = []
+
+    def differentiate(k: int) -> None:
+        slopes.append([[ring.derive(row[k], j).reduced() for j in range(len(system.x))] for row in h])
+
+    program.extend(0)
+    differentiate(0)
+    for k in range(1, order + 1):
+        for row in h:
+            row.append(ring.zero)
+        # With h_k = 0 the program gives what the lower orders contribute to [g]_k.
+        program.extend(k)
+        defect = []
+        for i in range(len(h)):
+            total = g[i].coefficients[k]
+            for lower in range(k):
+                rates = [rate.coefficients[k - 1 - lower] for rate in f]
+                total = total - dot(slopes[lower][i], rates, ring)
+            defect.append(total.reduced())
+        for i, row in enumerate(h):
+            row[k] = (-dot(place.inverse_jacobian[i], defect, ring)).reduced()
+        program.extend(k)
+        if k < order:
+            differentiate(k)
+    reduced = [[c.reduced() for c in rate.coefficients[: order + 1]] for rate in f]
+    return SeriesManifold(branch, order, place, h, reduced, not values)
+
+
+def _optimal(sizes: np.ndarray) -> int:
+    """The order before the smallest term of sizes[1:], zeros of single terms bridged by their successors."""
+    n = len(sizes) - 1
+    if n == 0:
+        return 0
+    if not sizes[1:].any():
+        return n
+    # A term that happens to vanish at a point says nothing; the pair with its successor does.
+    pairs = np.maximum(sizes[1:], np.append(sizes[2:], sizes[n]))
+    smallest = int(np.argmin(pairs)) + 1
+    return n if smallest >= n else max(smallest - 1, 0)

@@ -1,0 +1,146 @@
+"""Charts: each draws on every scene that it applies to, with labels, and touches no global state."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+import sympy as sp
+from matplotlib.figure import Figure
+
+from gsp import SlowFastSystem, analyse, charts, models
+from gsp.charts.streamlines import streamlines
+from gsp.charts.style import mathematics, plain
+from gsp.errors import DeclarationError
+from gsp.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def analyses():
+    return {name: analyse(models.load(name)) for name in models.names()}
+
+
+@pytest.fixture(scope="module")
+def saddle():
+    s, x, y, epsilon = sp.symbols("s x y epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"s": (0.1, 2)},
+        start={"s": 1, "x": -1, "y": -1},
+        span=(0, 0.5),
+        epsilon=0.02,
+        epsilons=(0.04, 0.02),
+        tolerance=1e-4,
+    )
+    return analyse(scene)
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_every_chart_that_applies_draws_with_labels(analyses, name):
+    drawn = charts.applicable(analyses[name])
+    assert {"phase_portrait", "convergence", "error_against_epsilon", "manifold", "time_series"} <= set(drawn)
+    for chart, draw in drawn.items():
+        axes = draw(analyses[name])
+        assert axes.get_xlabel(), chart
+        assert axes.get_ylabel(), chart
+        assert axes.lines or axes.collections, chart
+        legend = axes.get_legend()
+        assert legend is not None, chart
+        assert all(text.get_text() for text in legend.get_texts()), chart
+
+
+def test_a_saddle_draws_without_landing_runs(saddle):
+    assert saddle.landing == ()
+    drawn = charts.applicable(saddle)
+    assert "distance" not in drawn
+    for draw in drawn.values():
+        assert charts.png(draw(saddle)).startswith(b"\x89PNG")
+    with pytest.raises(DeclarationError, match="no run lands"):
+        charts.distance(saddle)
+
+
+def test_png_draws_the_figure_and_equal_figures_are_equal_files(analyses, tmp_path):
+    first, second = (charts.png(charts.time_series(analyses["linear"])) for _ in range(2))
+    assert first.startswith(b"\x89PNG")
+    assert first == second
+    written = charts.save(charts.time_series(analyses["linear"]), tmp_path / "figure.png")
+    assert written.read_bytes() == first
+
+
+def test_given_axes_are_drawn_on(analyses):
+    axes = Figure().add_subplot()
+    assert charts.phase_portrait(analyses["linear"], axes) is axes
+    assert axes.lines
+
+
+def test_a_surface_refuses_plane_axes(analyses):
+    with pytest.raises(DeclarationError, match="three-dimensional"):
+        charts.manifold(analyses["chaplygin_sleigh"], Figure().add_subplot())
+
+
+def test_style_does_not_leak(analyses):
+    before = dict(matplotlib.rcParams)
+    charts.png(charts.error_against_epsilon(analyses["linear"].comparison))
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_measured_and_expected_slopes_stand_in_the_legend(analyses):
+    comparison = analyses["michaelis_menten"].comparison
+    texts = [t.get_text() for t in charts.error_against_epsilon(comparison).get_legend().get_texts()]
+    assert f"order 2: slope {comparison.slopes[2]:.2f}, expected 3" in texts
+    exact = charts.error_against_epsilon(analyses["davis_skodje"].comparison)
+    assert "order 0: exact to rounding" in [t.get_text() for t in exact.get_legend().get_texts()]
+
+
+def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane(analyses):
+    sleigh = analyses["chaplygin_sleigh"]
+    portrait, path = charts.phase_portrait(sleigh), charts.path(sleigh)
+    assert (portrait.get_xlabel(), portrait.get_ylabel()) == ("$v$", r"$\omega$")
+    assert portrait.get_aspect() == 1.0
+    assert (path.get_xlabel(), path.get_ylabel()) == ("$x$", "$y$")
+    assert charts.heading_of(sleigh) == "phi"
+
+
+def test_a_path_needs_a_scene_that_has_one(analyses):
+    with pytest.raises(DeclarationError, match="draws no path"):
+        charts.path(analyses["linear"])
+
+
+def test_constant_eigenvalues_are_known(analyses):
+    assert charts.has_constant_eigenvalues(analyses["chaplygin_sleigh"])
+    assert not charts.has_constant_eigenvalues(analyses["van_der_pol"])
+    assert "eigenvalues" not in charts.applicable(analyses["chaplygin_sleigh"])
+    # In the complex plane, where there is nothing to see over the region.
+    assert charts.eigenvalues(analyses["chaplygin_sleigh"]).get_ylabel()
+
+
+def test_names_that_matplotlib_cannot_set_become_plain_text():
+    assert mathematics("omega") == r"$\omega$"
+    assert mathematics("y1") == "$y_{1}$"
+    assert plain("costs 5$") == r"costs 5\$"
+    for name in ("xdot", "slow_rate", "xnorm", "lambda", "a__b_c", "Abs", "é"):
+        axes = Figure().add_subplot()
+        axes.set_xlabel(mathematics(name))
+        charts.png(axes)
+
+
+def test_streamlines_follow_the_field_and_stop_at_rest():
+    axes = Figure().add_subplot()
+    u = v = np.linspace(-1.0, 1.0, 81)
+    x, y = (a.ravel() for a in np.meshgrid(u, v))
+    # Rotation, with a line of equilibria on y = 0.
+    streamlines(axes, u, v, np.stack([-y * y, x * y], axis=1), distance=0.1, colour="k")
+    assert len(axes.lines) > 10
+    for line in axes.lines:
+        px, py = line.get_data()
+        assert np.ptp(np.hypot(px, py)) < 0.02
+        assert (py > -0.06).all() or (py < 0.06).all()
+
+
+def test_importing_the_package_does_not_import_matplotlib():
+    code = "import sys, gsp; assert not any(m.startswith('matplotlib') for m in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,113 @@
+"""The command line: what it prints, what it writes, and its exit status."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from gsp.cli import cli, main
+from gsp.errors import GspError
+
+FOLD = """
+[slow]
+y = "-x"
+[fast]
+x = "y - x^3/3 + x"
+[region]
+y = [-2, 2]
+x = [-3, 3]
+[start]
+y = 1
+x = 2.1
+[scene]
+span = [0, 0.1]
+epsilon = 0.01
+"""
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(cli, list(arguments), catch_exceptions=False)
+
+
+def exit_status(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["gsp", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    return int(stopped.value.code or 0)
+
+
+def test_help_names_every_command() -> None:
+    text = run("--help").output
+    for command in ("models", "split", "expand", "check", "report"):
+        assert command in text
+
+
+def test_models_lists_the_scenes_as_text_and_json() -> None:
+    assert "chaplygin_sleigh" in run("models").output
+    rows = json.loads(run("models", "--json").output)
+    assert {"chaplygin_sleigh", "michaelis_menten", "van_der_pol"} <= {row["name"] for row in rows}
+
+
+def test_split_finds_the_slow_momentum() -> None:
+    got = json.loads(run("split", "chaplygin_sleigh", "--json").output)
+    assert got["coordinates"]["p"] == "a*m*w + omega*(I + a**2*m)"
+    assert "linear first integral" in run("split", "chaplygin_sleigh").output
+
+
+def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
+    got = json.loads(run("expand", "chaplygin_sleigh", "--order", "2", "--json").output)
+    assert [len(row) for row in got["h"]] == [1, 1, 1]
+    assert got["slow"] == ["v", "p"]
+    assert "f_1  v' = -I*m*omega**2*v/(I + a**2*m)" in run("expand", "chaplygin_sleigh", "--raw").output
+
+
+def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, capsys) -> None:
+    assert exit_status(monkeypatch, "check", "van_der_pol") == 0
+    file = tmp_path / "fold.toml"
+    file.write_text(FOLD)
+    assert exit_status(monkeypatch, "check", str(file)) == 1
+    assert "lost: zero eigenvalue" in capsys.readouterr().out
+    verdict = json.loads(run("check", str(file), "--json").output)
+    assert verdict["holds"] is False
+    assert verdict["kind"] == "lost"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("check", "chaplygin_slay"), 'Did you mean "chaplygin_sleigh"'),
+        (("check", "missing.toml"), "no such file"),
+        (("expand", "linear", "--order", "-1"), "non-negative integer"),
+        (("report", "linear", "-o", "/proc/nowhere"), "/proc/nowhere"),
+        (("expand", "linear", "--order", "three"), "not a valid integer"),
+        (("nonsense",), "No such command"),
+    ],
+)
+def test_bad_input_exits_with_2_and_says_why(arguments, words, monkeypatch, capsys) -> None:
+    assert exit_status(monkeypatch, *arguments) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_report_is_written_where_it_was_asked_for(tmp_path) -> None:
+    result = run("report", "linear", "-o", str(tmp_path / "out"))
+    assert result.exit_code == 0
+    written = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert written["name"] == "linear"
+    assert (tmp_path / "out" / "report.html").stat().st_size > 1000
+
+
+def test_nothing_is_written_when_the_scene_is_refused(tmp_path) -> None:
+    file = tmp_path / "fold.toml"
+    file.write_text(FOLD)
+    with pytest.raises(GspError, match="not normally hyperbolic"):
+        run("report", str(file), "-o", str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_installed_command_runs() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "gsp.cli", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("gsp, version")

@@ -1,0 +1,94 @@
+"""What the documents say is run: README, first steps, examples, and the docstrings' examples."""
+
+import ast
+import doctest
+import importlib
+import pkgutil
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+import gsp
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(document: Path, language: str) -> list[str]:
+    return re.findall(
+        rf"^```{language}\n(.*?)^```", document.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
+
+
+def test_readme_begins_with_the_two_commands() -> None:
+    first = blocks(ROOT / "README.md", "sh")[0].splitlines()
+    assert first == ["pip install . && gsp report chaplygin_sleigh", "pip install '.[test]' && pytest"]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_the_python_in_a_document_runs_from_top_to_bottom(
+    document: Path, capsys, monkeypatch, tmp_path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for block in blocks(document, "python"):
+        exec(compile(block, document.name, "exec"), names)
+    printed = capsys.readouterr().out
+    if document.name == "README.md":
+        assert "kappa*lambda*s/(kappa + s)**4" in printed
+        assert "0.50303" in printed
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_model_file_in_a_document_loads_and_compares(document: Path, tmp_path) -> None:
+    for i, block in enumerate(blocks(document, "toml")):
+        file = tmp_path / f"model_{i}.toml"
+        file.write_text(block, encoding="utf-8")
+        comparison = gsp.compare(gsp.load(file), orders=(0, 1))
+        assert comparison.slopes[1] == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_between_documents_lead_somewhere(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", document.read_text(encoding="utf-8")):
+        assert (document.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_and_is_short(script: Path, capsys, monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 80
+    assert any(isinstance(node, ast.FunctionDef) and node.name == "main" for node in ast.parse(text).body)
+    runpy.run_path(str(script), run_name="__main__")
+    assert len(capsys.readouterr().out.splitlines()) > 5
+
+
+def module_names() -> list[str]:
+    return [
+        info.name for info in pkgutil.walk_packages(gsp.__path__, "gsp.") if not info.name.endswith("__main__")
+    ]
+
+
+@pytest.mark.parametrize("name", module_names())
+def test_the_examples_in_docstrings_print_what_they_say(name: str) -> None:
+    module = importlib.import_module(name)
+    public = {key: getattr(gsp, key) for key in gsp.__all__}
+    globals_ = {**public, "sp": sp, **vars(module)}
+    finder = doctest.DocTestFinder(exclude_empty=True)
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    for test in finder.find(module, name, globs=globals_):
+        runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
+
+
+def test_the_architecture_page_shows_the_table_that_is_tested() -> None:
+    from tests.test_architecture import LAYERS
+
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"^\| `([a-z_]+)` \|", page, re.MULTILINE)
+    assert named == LAYERS

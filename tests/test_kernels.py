@@ -1,0 +1,277 @@
+"""The integrators step by step: coefficients, measured orders, resumption, and the linear algebra below."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gsp.kernels import dop853_tableau, ledger, rodas5p_tableau
+from gsp.kernels.dense_output import interpolate_many
+from gsp.kernels.dop853 import dop853
+from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.rodas5p import rodas5p
+from gsp.lowering import CompiledFlow, compile_flow
+from gsp.system import VectorField
+
+METHODS = {
+    "rodas5p": (rodas5p, rodas5p_tableau.DENSE_ROWS),
+    "dop853": (dop853, dop853_tableau.DENSE_ROWS),
+}
+NO_PARAMETERS = np.array([np.nan])
+
+x, y, z = sp.symbols("x y z")
+
+
+class Run:
+    """One integration by hand: the caller's side of the ledger."""
+
+    def __init__(self, method, compiled: CompiledFlow, start, stops, *, rtol=1e-8, atol=1e-10, capacity=10_000):
+        self.kernel, self.rows = METHODS[method]
+        self.compiled = compiled
+        self.stops = np.array(stops[1:], dtype=float)
+        self.tolerances = (rtol, atol)
+        self.y = np.array(start, dtype=float)
+        self.rate = np.zeros(self.y.size)
+        self.memory = np.zeros(ledger.MEMORY_SIZE)
+        self.memory[ledger.TIME] = stops[0]
+        self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
+        self.capacity = capacity
+        self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
+        self.dense = [np.empty((0, self.rows, self.y.size))]
+
+    def force_step(self, h: float) -> Run:
+        """Propose `h` for the first step; what follows can only grow when the tolerance is slack."""
+        self.rate[:] = self.compiled.rates(self.y, NO_PARAMETERS)
+        self.memory[ledger.STEP] = h
+        return self
+
+    def advance(self, max_steps: int = 10**9) -> int:
+        n = self.y.size
+        times, states = np.empty(self.capacity), np.empty((self.capacity, n))
+        dense = np.empty((self.capacity, self.rows, n))
+        before = self.counters[ledger.STEPS]
+        code = self.kernel(
+            self.compiled.field,
+            self.compiled.jacobian,
+            NO_PARAMETERS,
+            self.stops,
+            *self.tolerances,
+            max_steps,
+            self.y,
+            self.rate,
+            self.memory,
+            self.counters,
+            times,
+            states,
+            dense,
+        )
+        new = self.counters[ledger.STEPS] - before
+        self.times.append(times[:new])
+        self.states.append(states[:new])
+        self.dense.append(dense[:new])
+        return code
+
+    def at(self, t) -> np.ndarray:
+        out = np.empty((self.y.size, len(t)))
+        interpolate_many(
+            np.concatenate(self.times),
+            np.concatenate(self.states),
+            np.concatenate(self.dense),
+            np.array(t),
+            out,
+        )
+        return out
+
+
+def fixed_steps(method: str, compiled: CompiledFlow, start, *, end: float, count: int) -> Run:
+    """`count` equal steps: every step lands on a stop, and the tolerance is so slack that none is shorter."""
+    run = Run(method, compiled, start, np.linspace(0.0, end, count + 1), rtol=1e9, atol=1e9)
+    assert run.force_step(end).advance() == ledger.FINISHED
+    assert run.counters[ledger.STEPS] == count
+    return run
+
+
+@pytest.fixture(scope="module")
+def swing() -> CompiledFlow:
+    """x' = x cos(y), y' = 1: nonlinear, with the solution x = e^(sin t) from (1, 0)."""
+    return compile_flow(VectorField({x: x * sp.cos(y), y: sp.Integer(1)}, epsilon=None))
+
+
+# Coefficients
+
+
+def test_dop853_rows_sum_to_the_nodes():
+    assert dop853_tableau.A.sum(axis=1) == pytest.approx(dop853_tableau.C, abs=5e-15)
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_dop853_weights_satisfy_the_quadrature_conditions_of_order_8(k):
+    nodes = dop853_tableau.C[: dop853_tableau.STAGES]
+    assert math.fsum(dop853_tableau.B * nodes**k) == pytest.approx(1 / (k + 1), abs=2e-15)
+
+
+def test_dop853_satisfies_nested_order_conditions():
+    b, c = dop853_tableau.B, dop853_tableau.C[:12]
+    a = dop853_tableau.A[:12, :12]
+    # sum b_i a_ij c_j^k = 1/((k+1)(k+2)), and sum b_i c_i a_ij c_j^k = 1/((k+1)(k+3)), to total order 8.
+    for k in range(1, 7):
+        assert b @ a @ c**k == pytest.approx(1 / ((k + 1) * (k + 2)), abs=1e-14)
+    for k in range(1, 6):
+        assert (b * c) @ a @ c**k == pytest.approx(1 / ((k + 1) * (k + 3)), abs=1e-14)
+    assert b @ a @ a @ c**5 == pytest.approx(1 / (6 * 7 * 8), abs=1e-14)
+
+
+def test_dop853_error_weights_vanish_on_constants_and_to_their_order():
+    nodes = dop853_tableau.C[:12]
+    for k in range(5):
+        assert dop853_tableau.ERROR_5 @ nodes**k == pytest.approx(0, abs=1e-14)
+    for k in range(3):
+        assert dop853_tableau.ERROR_3 @ nodes**k == pytest.approx(0, abs=1e-14)
+
+
+def test_rodas5p_stage_times_are_the_row_sums_of_alpha():
+    s = rodas5p_tableau.STAGES
+    gamma = np.diag(np.full(s, 1 / rodas5p_tableau.GAMMA))
+    gamma[:, : s - 1] -= rodas5p_tableau.C
+    a = np.zeros((s, s))
+    a[:6, :5] = rodas5p_tableau.A
+    a[6, :5], a[6, 5] = a[5, :5], 1.0
+    a[7, :6], a[7, 6] = a[6, :6], 1.0
+    alpha = a @ np.linalg.inv(gamma)
+    assert alpha.sum(axis=1) == pytest.approx(rodas5p_tableau.NODES, abs=1e-12)
+
+
+# Orders
+
+
+@pytest.mark.parametrize(
+    ("method", "counts", "order", "dense_order"),
+    [("rodas5p", (40, 80, 160, 320), 5, 4), ("dop853", (10, 20, 40), 8, 7)],
+)
+def test_measured_orders_of_the_step_and_of_the_dense_output(swing, method, counts, order, dense_order):
+    end, between = 6.0, np.linspace(0.0, 6.0, 997)
+    errors, dense_errors = [], []
+    for count in counts:
+        run = fixed_steps(method, swing, (1.0, 0.0), end=end, count=count)
+        errors.append(abs(run.y[0] - math.exp(math.sin(end))))
+        dense_errors.append(np.abs(run.at(between)[0] - np.exp(np.sin(between))).max())
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    dense_slope = -np.polyfit(np.log(counts), np.log(dense_errors), 1)[0]
+    assert order - 0.3 < slope < order + 1.2, errors
+    # A dense output of order q errs by O(h^(q+1)) within a step.
+    assert dense_order + 0.7 < dense_slope < order + 1.2, dense_errors
+
+
+def test_both_methods_are_exact_for_constant_fields_and_for_their_dense_output():
+    compiled = compile_flow(VectorField({x: sp.Integer(3), y: sp.Rational(-1, 2)}, epsilon=None))
+    for method in METHODS:
+        run = fixed_steps(method, compiled, (1.0, 0.0), end=2.0, count=4)
+        assert run.y == pytest.approx([7.0, -1.0], rel=1e-15)
+        assert run.at([0.3, 1.9]) == pytest.approx(np.array([[1.9, 6.7], [-0.15, -0.95]]), rel=1e-14)
+
+
+def test_rodas5p_damps_an_infinitely_stiff_component_in_one_step():
+    """Stiff accuracy: R(infinity) = 0, so one step of any length forgets the start."""
+    compiled = compile_flow(VectorField({x: -(10**15) * (x - 2)}, epsilon=None))
+    run = fixed_steps("rodas5p", compiled, (5.0,), end=1.0, count=1)
+    assert run.y[0] == pytest.approx(2.0, abs=1e-12)
+
+
+def test_dense_output_meets_the_steps_exactly():
+    compiled = compile_flow(VectorField({x: y, y: -sp.sin(x)}, epsilon=None))
+    for method in METHODS:
+        run = Run(method, compiled, (1.0, 0.0), [0.0, 7.0])
+        assert run.advance() == ledger.FINISHED
+        assert np.array_equal(run.at(np.concatenate(run.times)), np.concatenate(run.states).T)
+
+
+# The driver
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
+    stops = [0.0, 1.0, 2.5, 9.0]
+    whole = Run(method, swing, (1.0, 0.0), stops)
+    assert whole.advance() == ledger.FINISHED
+    pieces = Run(method, swing, (1.0, 0.0), stops, capacity=3)
+    while (code := pieces.advance()) == ledger.RECORD_FULL:
+        assert pieces.times[-1].size == 3
+    assert code == ledger.FINISHED
+    assert np.array_equal(np.concatenate(whole.times), np.concatenate(pieces.times))
+    assert np.array_equal(np.concatenate(whole.states), np.concatenate(pieces.states))
+    assert np.array_equal(np.concatenate(whole.dense), np.concatenate(pieces.dense))
+    assert np.array_equal(whole.counters, pieces.counters)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_out_of_steps_can_go_on(method, swing):
+    run = Run(method, swing, (1.0, 0.0), [0.0, 9.0])
+    assert run.advance(max_steps=5) == ledger.TOO_MANY_STEPS
+    assert run.counters[ledger.STEPS] + run.counters[ledger.REJECTED] == 5
+    assert run.advance() == ledger.FINISHED
+    assert run.y[0] == pytest.approx(math.exp(math.sin(9.0)), rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_counters_add_up(method, swing):
+    run = Run(method, swing, (1.0, 0.0), [0.0, 20.0], rtol=1e-9, atol=1e-9)
+    run.advance()
+    counters = run.counters
+    steps, rejected = counters[ledger.STEPS], counters[ledger.REJECTED]
+    assert steps == sum(piece.size for piece in run.times) - 1
+    if method == "rodas5p":
+        assert counters[ledger.JACOBIAN_CALLS] == steps
+        assert counters[ledger.DECOMPOSITIONS] == steps + rejected
+        assert counters[ledger.FIELD_CALLS] == 2 + 8 * steps + 7 * rejected
+    else:
+        assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
+        assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected
+
+
+def test_a_step_whose_matrix_is_singular_is_shortened():
+    h = 0.5
+    growth = sp.Rational(1.0 / (h * rodas5p_tableau.GAMMA))
+    run = Run("rodas5p", compile_flow(VectorField({x: growth * x}, epsilon=None)), (1.0,), [0.0, 1.0])
+    assert run.force_step(h).advance() == ledger.FINISHED
+    assert run.counters[ledger.REJECTED] >= 1
+    assert run.y[0] == pytest.approx(math.exp(float(growth)), rel=1e-6)
+
+
+def test_a_matrix_that_stays_singular_ends_the_run():
+    """The diagonal 1/(h gamma) is lost beside entries of 1e300, whatever h."""
+    rise = sp.Integer(10) ** 300 * (x + y)
+    run = Run("rodas5p", compile_flow(VectorField({x: rise, y: rise}, epsilon=None)), (0.0, 0.0), [1.0, 2.0])
+    assert run.force_step(0.5).advance() == ledger.SINGULAR_JACOBIAN
+    assert run.memory[ledger.TIME] == 1.0
+
+
+# Linear algebra
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 9), st.integers(0, 2**31))
+def test_solving_agrees_with_numpy(n, seed):
+    generator = np.random.default_rng(seed)
+    matrix, b = generator.normal(size=(n, n)), generator.normal(size=n)
+    factors, pivots, solution = matrix.copy(), np.empty(n, np.int64), b.copy()
+    assert factorise(factors, pivots)
+    solve(factors, pivots, solution)
+    assert solution == pytest.approx(np.linalg.solve(matrix, b), rel=1e-8, abs=1e-8)
+
+
+def test_a_zero_on_the_diagonal_is_pivoted_away():
+    factors, pivots, b = np.array([[0.0, 2.0], [4.0, 0.0]]), np.empty(2, np.int64), np.array([6.0, 4.0])
+    assert factorise(factors, pivots)
+    solve(factors, pivots, b)
+    assert np.array_equal(b, [1.0, 3.0])
+
+
+@pytest.mark.parametrize("bad", [[[1.0, 2.0], [2.0, 4.0]], [[0.0]], [[np.nan]]])
+def test_a_singular_matrix_is_not_factorised(bad):
+    factors = np.array(bad)
+    assert not factorise(factors, np.empty(len(bad), np.int64))

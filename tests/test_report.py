@@ -1,0 +1,296 @@
+"""The report: complete, strict, escaped, self-contained, and all or nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+from html.parser import HTMLParser
+
+import pytest
+import sympy as sp
+
+from gsp import SlowFastSystem, analyse, charts, models
+from gsp.errors import OutputError
+from gsp.readers.expressions import parse_expression
+from gsp.report import as_json, check_folder, write_report
+from gsp.report import folder as report_folder
+from gsp.report.mathml import Typesetter
+from gsp.report.wording import number, scientific, words
+from gsp.scene import Scene
+
+HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags and attributes of a page; complains when a tag is not closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in {"dt", "dd", "td", "tr", "th"}:
+            while self.open and self.open[-1] in {"dt", "dd", "td", "tr", "th"} and self.open[-1] != tag:
+                self.open.pop()
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def sleigh():
+    return analyse(models.load("chaplygin_sleigh"))
+
+
+@pytest.fixture(scope="module")
+def written(sleigh, tmp_path_factory):
+    return write_report(sleigh, tmp_path_factory.mktemp("reports") / "sleigh").parent
+
+
+@pytest.fixture(scope="module")
+def saddle():
+    s, x, y, epsilon = sp.symbols("s x y epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"s": (0.1, 2)},
+        start={"s": 1, "x": -1, "y": -1},
+        span=(0, 0.5),
+        epsilon=0.02,
+        epsilons=(0.04, 0.02),
+        tolerance=1e-4,
+        title=HOSTILE,
+        description=HOSTILE,
+        source=HOSTILE,
+    )
+    return analyse(scene)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """One figure instead of all."""
+    monkeypatch.setattr(charts, "applicable", lambda analysis: {"time_series": charts.time_series})
+
+
+def _strict(text: str):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_json_is_strict_and_complete(written, sleigh):
+    content = _strict((written / "report.json").read_text(encoding="utf-8"))
+    assert content["slow"] == ["v", "p"]
+    assert content["fast"] == ["w"]
+    assert content["hyperbolicity"]["kind"] == "attracting"
+    assert content["hyperbolicity"]["gap"] == pytest.approx(1.04)
+    assert {"name", "statement", "value", "requirement", "holds"} == set(
+        content["hyperbolicity"]["conditions"][0]
+    )
+    assert set(content["comparison"]["errors"]) == {"0", "1", "2", "3"}
+    assert content["comparison"]["slopes"]["1"] == pytest.approx(2, abs=0.1)
+    assert set(content["comparison"]["claim_slopes"]) == set(sleigh.scene.claims)
+    assert {"split", "comparison", "report", "total"} <= set(content["timings"])
+    assert content["timings"]["total"] >= content["timings"]["report"]
+    assert content["stats"]["full"]["steps"] > 0
+    keys = [
+        "name",
+        "coordinates",
+        "raw",
+        "parameters",
+        "epsilon",
+        "span",
+        "start",
+        "region",
+        "versions",
+        "figures",
+    ]
+    assert set(keys) <= set(content)
+    assert content["raw"]["chart"] == ["v", "omega"]
+    for name in content["figures"]:
+        assert (written / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_series_parse_back_to_themselves(sleigh):
+    content = as_json(sleigh)
+    system = sleigh.placement.system
+    symbols = {s.name: s for s in (*system.states, *system.parameters)}
+    for key, table in (("h", sleigh.series.coefficients), ("reduced_field", sleigh.series.reduced_field)):
+        for texts, row in zip(content[key], table):
+            for text, expression in zip(texts, row):
+                assert sp.cancel(parse_expression(text, symbols=symbols) - expression) == 0
+
+
+def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
+    content = as_json(analyse(models.load("davis_skodje")))
+    assert content["comparison"]["slopes"] == dict.fromkeys("0123")
+    assert content["comparison"]["exact"]["0"] is True
+    assert content["coordinates"] == {"y1": "y1", "y2": "y2"}
+    assert content["raw"] is None
+    json.dumps(content, allow_nan=False)
+
+
+def test_page_is_well_formed_and_fetches_nothing(written):
+    page = Page((written / "report.html").read_text(encoding="utf-8"))
+    for tag, attributes in page.tags:
+        assert tag not in {"script", "link", "iframe", "object"}
+        for name in ("src", "href", "action", "data"):
+            assert (attributes.get(name) or "data:").startswith("data:")
+    text = re.sub(r"data:[^\"]*", "", (written / "report.html").read_text(encoding="utf-8"))
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "url(" not in text
+
+
+def test_page_says_what_the_numbers_say(written, sleigh):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert "May I reduce?" in text
+    assert "sampled" in text
+    assert "wrong at first order" in text
+    assert "right through order 1" in text
+    for name in sleigh.scene.claims:
+        assert name in text
+    assert text.count("<figure") == len(as_json(sleigh)["figures"])
+    numbers = [int(n) for n in re.findall(r"<b>Figure (\d+)\.", text)]
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path):
+    folder = write_report(saddle, tmp_path / "saddle").parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert "<img src=x" not in text
+    assert "&lt;/script&gt;&lt;img src=x" in text
+    assert all("onerror" not in attributes for _, attributes in page.tags)
+    assert "Only on the manifold" in text
+    assert not (folder / "distance.png").exists()
+    _strict((folder / "report.json").read_text(encoding="utf-8"))
+
+
+def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
+    claims = {HOSTILE: next(iter(sleigh.scene.claims.values()))}
+    scene = dataclasses.replace(sleigh.scene, claims=claims)
+    comparison = dataclasses.replace(
+        sleigh.comparison, claims={HOSTILE: (0.1, 0.05, 0.025, 0.0125)}, claim_slopes={HOSTILE: 1.0}
+    )
+    hostile = dataclasses.replace(sleigh, scene=scene, comparison=comparison)
+    text = write_report(hostile, tmp_path / "r").read_text(encoding="utf-8")
+    assert "<img src=x" not in text
+    charts.png(charts.error_against_epsilon(comparison))
+
+
+@pytest.mark.parametrize("where", ["drawing", "page", "moving"])
+def test_failure_midway_leaves_nothing_new_and_the_old_report_intact(
+    sleigh, quick, monkeypatch, tmp_path, where
+):
+    target = write_report(sleigh, tmp_path / "report").parent
+    (target / "notes.txt").write_text("mine")
+    before = {path.name: path.read_bytes() for path in target.iterdir()}
+
+    def fail(*arguments, **keywords):
+        raise RuntimeError("midway")
+
+    if where == "drawing":
+        monkeypatch.setattr(charts, "png", fail)
+    elif where == "page":
+        monkeypatch.setattr(report_folder, "render", fail)
+    else:
+        move, moved = os.replace, []
+
+        def third_time(source, destination):
+            moved.append(destination)
+            return fail() if len(moved) == 3 else move(source, destination)
+
+        monkeypatch.setattr(os, "replace", third_time)
+    with pytest.raises(RuntimeError, match="midway"):
+        write_report(sleigh, target)
+    assert {path.name: path.read_bytes() for path in target.iterdir()} == before
+    if where != "moving":
+        with pytest.raises(RuntimeError):
+            write_report(sleigh, tmp_path / "deep" / "new")
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["report"]
+
+
+def test_an_older_report_is_replaced_and_other_files_stay(sleigh, quick, tmp_path):
+    target = tmp_path / "report"
+    target.mkdir()
+    (target / "notes.txt").write_text("mine")
+    (target / "path.png").write_text("also mine: no report lists it")
+    (target / "manifold.png").write_text("of an older report")
+    (target / "report.json").write_text('{"figures": ["manifold.png", "../escape.png", "notes.txt"]}')
+    write_report(sleigh, target)
+    found = {path.name for path in target.iterdir()}
+    assert found == {"notes.txt", "path.png", "report.html", "report.json", "time_series.png"}
+    assert _strict((target / "report.json").read_text(encoding="utf-8"))["figures"] == ["time_series.png"]
+
+
+def test_folders_are_made_readable_and_with_their_parents(sleigh, quick, tmp_path):
+    page = write_report(sleigh, tmp_path / "a" / "b")
+    assert page == tmp_path / "a" / "b" / "report.html"
+    mask = os.umask(0)
+    os.umask(mask)
+    assert page.parent.stat().st_mode & 0o777 == 0o777 & ~mask
+    assert page.is_file()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(OutputError, match="is a file"):
+        check_folder(file)
+    with pytest.raises(OutputError, match="cannot be written"):
+        check_folder(file / "below")
+    with pytest.raises(OutputError, match="cannot be written"):
+        check_folder("/proc/nowhere")
+    (tmp_path / "report" / "report.html").mkdir(parents=True)
+    with pytest.raises(OutputError, match="which is a folder"):
+        check_folder(tmp_path / "report")
+    assert check_folder(tmp_path / "fresh") == tmp_path / "fresh"
+    assert not (tmp_path / "fresh").exists()
+
+
+def test_a_full_disk_is_an_output_error(sleigh, quick, monkeypatch, tmp_path):
+    def full(files, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(report_folder, "_install", full)
+    with pytest.raises(OutputError, match="No space left"):
+        write_report(sleigh, tmp_path / "report")
+
+
+def test_progress_rises_to_one(sleigh, quick, tmp_path):
+    shares: list[float] = []
+    write_report(sleigh, tmp_path / "report", progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_numbers_and_words_are_set():
+    assert number(1e-5) == "10<sup>−5</sup>"
+    assert number(0.00011, 2) == "1.1×10<sup>−4</sup>"
+    assert number(-0.0123) == "−0.0123"
+    assert number(float("nan")) == "–"
+    assert scientific(1.234e-7) == "1.23×10<sup>−7</sup>"
+    assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
+
+
+def test_mathematics_keeps_the_order_given_and_signs_are_signs():
+    v, m, epsilon = sp.symbols("v m epsilon")
+    setter = Typesetter([epsilon, m, v])
+    assert setter.row(m * v).index("<mi>m</mi>") < setter.row(m * v).index("<mi>v</mi>")
+    assert "<mo>−</mo>" in setter.row(-v)
+    series = setter.power_series([v, -m * v, sp.Integer(0)], epsilon)
+    assert series.index("<mi>v</mi>") < series.index("−") < series.index("<mi>O</mi>")
+    assert "<mn>3</mn>" in series
+    assert "<mn>0</mn>" in setter.power_series([sp.Integer(0)], epsilon)
