@@ -229,10 +229,10 @@ HOSTILE = {
 
 @pytest.mark.parametrize("key", HOSTILE)
 def test_hostile_text_is_refused_at_once(key):
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(ModelFileError):
         parse(HOSTILE[key])
-    assert time.perf_counter() - started < 1
+    assert time.process_time() - started < 1
 
 
 @pytest.mark.parametrize(
@@ -250,9 +250,9 @@ def test_hostile_text_is_refused_at_once(key):
     ids=lambda text: text[:16],
 )
 def test_the_largest_text_that_is_allowed_is_read_quickly(text):
-    started = time.perf_counter()
+    started = time.process_time()
     assert isinstance(parse(text), sp.Expr)
-    assert time.perf_counter() - started < 2
+    assert time.process_time() - started < 2
 
 
 @given(st.text(max_size=60))
@@ -498,10 +498,10 @@ BOMBS = {
 @pytest.mark.parametrize("key", BOMBS)
 def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     path = write(tmp_path, BOMBS[key])
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(ModelFileError):
         load(path)
-    assert time.perf_counter() - started < 1
+    assert time.process_time() - started < 1
 
 
 @given(st.text(max_size=80))
