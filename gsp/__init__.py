@@ -5,6 +5,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     SlowFastSystem, VectorField   declare
     split                         find the slow and the fast variables
     solve_critical                the critical manifold, branch by branch
+    continue_critical             one curve of it through its folds, with its special points
     classify                      where it is normally hyperbolic, and how strongly
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
     restrict                      the reduced flow
@@ -32,6 +33,16 @@ _HOME = {
     "solve_critical": "critical",
     "CriticalManifold": "critical",
     "Branch": "critical",
+    "continue_critical": "continuation",
+    "switch_branch": "continuation",
+    "continue_folds": "continuation",
+    "critical_sheet": "continuation",
+    "CriticalCurve": "continuation",
+    "FoldCurve": "continuation",
+    "CriticalSheet": "continuation",
+    "SpecialPoint": "continuation",
+    "SpecialKind": "continuation",
+    "Ending": "continuation",
     "classify": "hyperbolicity",
     "Hyperbolicity": "hyperbolicity",
     "expand": "series",
@@ -49,7 +60,7 @@ _HOME = {
     "Analysis": "analysis",
     "write_report": "report",
 }
-_SUBMODULES = ("models", "readers", "charts")
+_SUBMODULES = ("charts", "mechanics", "models", "readers")
 
 __all__ = ["__version__", *_HOME, "models"]  # pyright: ignore[reportUnsupportedDunderAll]
 
@@ -59,6 +70,16 @@ if TYPE_CHECKING:
     from gsp.analysis import analyse as analyse
     from gsp.comparison import Comparison as Comparison
     from gsp.comparison import compare as compare
+    from gsp.continuation import CriticalCurve as CriticalCurve
+    from gsp.continuation import CriticalSheet as CriticalSheet
+    from gsp.continuation import Ending as Ending
+    from gsp.continuation import FoldCurve as FoldCurve
+    from gsp.continuation import SpecialKind as SpecialKind
+    from gsp.continuation import SpecialPoint as SpecialPoint
+    from gsp.continuation import continue_critical as continue_critical
+    from gsp.continuation import continue_folds as continue_folds
+    from gsp.continuation import critical_sheet as critical_sheet
+    from gsp.continuation import switch_branch as switch_branch
     from gsp.critical import Branch as Branch
     from gsp.critical import CriticalManifold as CriticalManifold
     from gsp.critical import solve_critical as solve_critical

@@ -1,0 +1,209 @@
+"""Moving frames adapted to the constraints: velocities u along the distribution D, w = A qdot + c across it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers, transpose
+from gsp.mechanics.lagrangian import LagrangianSystem, is_singular
+from gsp.mechanics.velocity_forms import VelocityForms, linear_form, rank
+
+
+@dataclass(frozen=True)
+class MovingFrame:
+    """Quasi-velocities (`along`, `across`) = `forms` qdot + (0, `offset`).
+
+    `forms` is (n, n): the n - k forms of u, then A. `across` are the slip velocities w.
+    """
+
+    along: tuple[sp.Symbol, ...]
+    across: tuple[sp.Symbol, ...]
+    forms: sp.ImmutableMatrix
+    offset: tuple[sp.Expr, ...]
+
+    @property
+    def quasi_velocities(self) -> tuple[sp.Symbol, ...]:
+        """u, then w."""
+        return (*self.along, *self.across)
+
+    def expressions(self, velocities: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
+        """Each quasi-velocity in terms of q and qdot."""
+        linear = self.forms * sp.Matrix(list(velocities))
+        offsets = [sp.Integer(0)] * len(self.along) + list(self.offset)
+        return {s: e + c for s, e, c in zip(self.quasi_velocities, linear, offsets)}
+
+
+def moving_frame(
+    system: LagrangianSystem,
+    constraints: VelocityForms,
+    frame: Mapping[sp.Symbol, sp.Expr] | None,
+    reserved: Sequence[sp.Symbol] = (),
+) -> MovingFrame:
+    """The frame that the user names, or one that is built; raises `DeclarationError` when it is none.
+
+    In `frame` an entry equal to a constraint names that slip velocity; the others are quasi-velocities on D.
+    """
+    fixed = {s.name for s in (*system.coordinates, *system.values, *system.clock, *reserved)}
+    across: list[sp.Symbol | None] = list(constraints.names)
+    if frame is None:
+        taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
+        along, rows = _built(system, constraints, taken)
+    else:
+        along, rows = _named(system, constraints, frame, across)
+    used = fixed | {s.name for s in along} | {s.name for s in across if s is not None}
+    used |= {v.name for v in system.velocities}
+    fresh = _fresh(sum(s is None for s in across), ("w", "s", "slip"), used)
+    slips = tuple(next(fresh) if s is None else s for s in across)
+    for symbol in (*along, *slips):
+        if symbol.name in fixed or [s.name for s in (*along, *slips)].count(symbol.name) > 1:
+            raise DeclarationError(f"the quasi-velocity {symbol} has a name that is taken. Give it another.")
+    result = MovingFrame(
+        along, slips, sp.ImmutableMatrix([*rows, *constraints.matrix.tolist()]), constraints.offset
+    )
+    shown = result.expressions(system.velocities)
+    for symbol in result.quasi_velocities:
+        if symbol in system.velocities and shown[symbol] != symbol:
+            raise DeclarationError(
+                f"the quasi-velocity {symbol} = {shown[symbol]} has the name of a velocity and is not that. "
+                "Rename it."
+            )
+    points = generic_points(3, len(system.coordinates))
+    n = len(system.velocities)
+    matrices = numbers(entries(result.forms), system.coordinates, points, system.values).reshape(3, n, n)
+    if all(is_singular(matrix) for matrix in matrices):
+        listed = ", ".join(f"{s} = {e}" for s, e in shown.items())
+        raise DeclarationError(
+            f"the frame does not determine the velocities: {listed} are dependent. "
+            "Choose quasi-velocities that are independent of one another and of the constraints."
+        )
+    return result
+
+
+def _named(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
+    if not isinstance(frame, Mapping):
+        raise DeclarationError(f"frame maps symbols to velocities. Got {type(frame).__name__}.")
+    along, rows = [], []
+    for symbol, expression in frame.items():
+        if not isinstance(symbol, sp.Symbol):
+            raise DeclarationError(f"frame is keyed by SymPy symbols. Got the key {symbol!r}.")
+        coefficients, offset = linear_form(system, expression, f"the quasi-velocity {symbol}")
+        for i in range(constraints.count):
+            pairs = zip([*coefficients, offset], [*constraints.matrix.row(i), constraints.offset[i]])
+            if across[i] in (None, symbol) and all(sp.expand(a - b) == 0 for a, b in pairs):
+                across[i] = symbol
+                break
+        else:
+            if offset != 0:
+                raise DeclarationError(
+                    f"the quasi-velocity {symbol} = {expression} is not linear in the velocities: "
+                    f"it contains {offset}."
+                )
+            along.append(symbol)
+            rows.append(coefficients)
+    wanted = len(system.velocities) - constraints.count
+    if len(along) != wanted:
+        raise DeclarationError(
+            f"the frame names {len(along)} quasi-velocities along the constraints. Got "
+            f"{', '.join(map(str, along)) or 'none'}; {len(system.velocities)} velocities with "
+            f"{constraints.count} constraints need {wanted}."
+        )
+    return tuple(along), rows
+
+
+def _built(system, constraints: VelocityForms, taken: set[str]) -> tuple[tuple[sp.Symbol, ...], list]:
+    """A frame of D: raw velocities where constant pivots leave them free, combinations elsewhere."""
+    algebra = Algebra(system.coordinates, tuple(system.values), entries(constraints.matrix))
+    n = len(system.velocities)
+    rows, solved = _constant_pivots(algebra, algebra.matrix(constraints.matrix))
+    support = [j for j in range(n) if j not in solved and any(not row[j].is_zero for row in rows)]
+    forms: list[tuple[int, sp.Symbol | None, list[sp.Expr]]] = []
+    for j in range(n):
+        if j not in solved and j not in support:
+            forms.append((j, system.velocities[j], [sp.Integer(int(i == j)) for i in range(n)]))
+    if rows:
+        block = [[row[j] for j in support] for row in rows]
+        null = _null_space(system, algebra, block)
+        # U = (N^T N)^-1 N^T is a left inverse of the null vectors N, so that S restricted to them is N.
+        gram = algebra.multiply(null, transpose(null))
+        for place, row in enumerate(algebra.multiply(algebra.inverse(gram), null)):
+            form: list[sp.Expr] = [sp.Integer(0)] * n
+            for j, element in zip(support, row):
+                form[j] = algebra.write(element)
+            forms.append((support[place], None, form))
+    forms.sort(key=lambda item: item[0])
+    fresh = _fresh(sum(name is None for _, name, _ in forms), ("u", "nu", "along"), taken, always=True)
+    names = tuple(next(fresh) if name is None else name for _, name, _ in forms)
+    return names, [form for _, _, form in forms]
+
+
+def _constant_pivots(algebra: Algebra, matrix: Matrix) -> tuple[Matrix, set[int]]:
+    """Rows left, and columns solved for, after eliminating with every pivot that no position enters."""
+    rows, solved = [list(row) for row in matrix], set()
+    while True:
+        found = next(
+            (
+                (i, j)
+                for numeric in (True, False)
+                for i, row in enumerate(rows)
+                for j, e in enumerate(row)
+                if not e.is_zero and algebra.is_constant(e) and (algebra.write(e).is_number or not numeric)
+            ),
+            None,
+        )
+        if found is None:
+            return rows, solved
+        i, j = found
+        pivot_row = rows.pop(i)
+        scale = pivot_row[j].inverse()
+        rows = [[(a - row[j] * scale * b).reduced() for a, b in zip(row, pivot_row)] for row in rows]
+        solved.add(j)
+
+
+def _null_space(system, algebra: Algebra, block: Matrix) -> Matrix:
+    """Vectors that `block` annihilates, without denominators, each with its first entry not negated."""
+    k, columns = len(block), len(block[0])
+    expressions = [algebra.write(e) for row in block for e in row]
+    values = numbers(expressions, system.coordinates, generic_points(1, len(system.coordinates)), system.values)
+    values = values.reshape(k, columns)
+    pivots = max(
+        (c for c in itertools.combinations(range(columns), k) if rank(values[:, list(c)]) == k),
+        key=lambda c: -sum(sp.count_ops(expressions[i * columns + j]) for i in range(k) for j in c),
+    )
+    square = [[row[j] for j in pivots] for row in block]
+    inverse = algebra.inverse(square)
+    vectors = []
+    for free in [j for j in range(columns) if j not in pivots]:
+        tops = algebra.apply(inverse, [row[free] for row in block])
+        vector: list[sp.Expr] = [sp.Integer(0)] * columns
+        vector[free] = sp.Integer(1)
+        for j, top in zip(pivots, tops):
+            vector[j] = algebra.write(-top)
+        denominator = sp.Integer(1)
+        for e in vector:
+            denominator = sp.lcm(denominator, sp.denom(sp.together(e)))
+        cleared = [algebra.read(sp.cancel(e * denominator)) for e in vector]
+        leading = next(algebra.write(e) for e in cleared if not e.is_zero)
+        vectors.append([-e for e in cleared] if leading.could_extract_minus_sign() else cleared)
+    return vectors
+
+
+def _fresh(count: int, stems: Sequence[str], taken: set[str], *, always: bool = False) -> Iterator[sp.Symbol]:
+    """Symbols of the first stem that is free: the stem itself for a single one, else numbered from 1."""
+    for stem in itertools.chain(stems, (f"{stems[-1]}{i}_" for i in itertools.count())):
+        names = [f"{stem}{i + 1}" for i in range(count)] if always or count > 1 else [stem]
+        if not taken & set(names):
+            return iter([sp.Symbol(name) for name in names])
+    raise AssertionError("the stems never end")
+
+
+def inverse_forms(algebra: Algebra, frame: MovingFrame) -> Matrix:
+    """Psi = (S, T) with qdot = S u + T (w - c); raises `DeclarationError` when the forms are dependent."""
+    try:
+        return algebra.inverse(algebra.matrix(frame.forms))
+    except HyperbolicityError:
+        raise DeclarationError(f"the forms {frame.forms.tolist()} of the frame are dependent.") from None

@@ -1,0 +1,181 @@
+"""Hamel's equations: Lagrange's equations in a moving frame, with what both limits take from them.
+
+With qdot = Psi (eta - gamma), eta = (u, w), gamma = (0, c): G eta' = Q, G = Psi^T M Psi,
+Q = Psi^T (R - M d(qdot)/dt at constant eta). Constraint forces and friction act on the rows of w alone,
+since Psi^T A^T = (0, 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.mechanics.algebra import Algebra, Matrix, transpose
+from gsp.mechanics.frame import MovingFrame, inverse_forms
+from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.ring import Element
+
+
+@dataclass(frozen=True, eq=False)
+class HamelEquations:
+    """The equations in elements of `algebra`, functions of (q, t, u, w).
+
+    Derivation 0 of the algebra is d/dt at constant eta, derivation 1 + j the one by eta_j.
+    """
+
+    system: LagrangianSystem
+    frame: MovingFrame
+    algebra: Algebra
+    psi: Matrix
+    velocities: list[Element]
+    metric: Matrix
+    force: list[Element]
+    along_inverse: Matrix
+
+    @property
+    def along(self) -> int:
+        """Number of quasi-velocities on D."""
+        return len(self.frame.along)
+
+    @property
+    def zeros(self) -> dict[sp.Symbol, sp.Expr]:
+        """w = 0."""
+        return dict.fromkeys(self.frame.across, sp.Integer(0))
+
+    @cached_property
+    def coupling(self) -> Matrix:
+        """C = G_uu^-1 G_uw (n - k, k): u + C w feels no friction."""
+        a = self.along
+        return self.algebra.multiply(self.along_inverse, [row[a:] for row in self.metric[:a]])
+
+    @cached_property
+    def free(self) -> list[Element]:
+        """G_uu^-1 Q_u, the rate of u + C w at constant C."""
+        return self.algebra.apply(self.along_inverse, self.force[: self.along])
+
+    @cached_property
+    def schur_inverse(self) -> Matrix:
+        """(G_ww - G_wu C)^-1 = A M^-1 A^T (k, k): the mobility of the slip velocities."""
+        a, algebra = self.along, self.algebra
+        product = algebra.multiply([row[:a] for row in self.metric[a:]], self.coupling)
+        schur = [
+            [(x - y).reduced() for x, y in zip(row[a:], other)] for row, other in zip(self.metric[a:], product)
+        ]
+        try:
+            return algebra.inverse(schur)
+        except HyperbolicityError:
+            raise DeclarationError(
+                f"A M^-1 A^T is degenerate for L = {self.system.lagrangian}: the kinetic energy is not "
+                "definite across the constraints, so that no force there determines the motion. Correct it."
+            ) from None
+
+    @cached_property
+    def drift(self) -> list[Element]:
+        """eta' without constraint force and friction."""
+        a, algebra = self.along, self.algebra
+        pulled = algebra.apply([row[:a] for row in self.metric[a:]], self.free)
+        slip = algebra.apply(self.schur_inverse, [f - p for f, p in zip(self.force[a:], pulled)])
+        back = algebra.apply(self.coupling, slip)
+        return [*[(f - b).reduced() for f, b in zip(self.free, back)], *slip]
+
+    @cached_property
+    def on_distribution(self) -> tuple[list[Element], list[Element]]:
+        """(u', lambda) of the Lagrange-d'Alembert equations (9) on w = 0."""
+        a, algebra = self.along, self.algebra
+        rates = [algebra.put(f, self.zeros) for f in self.free]
+        pulled = algebra.apply([row[:a] for row in self.metric[a:]], rates)
+        multipliers = [algebra.put(p - f, self.zeros) for p, f in zip(pulled, self.force[a:])]
+        return rates, multipliers
+
+    def positions(self, *, on_distribution: bool = False) -> dict[sp.Symbol, Element]:
+        """q' and t' as elements; with w = 0 on request."""
+        put = (lambda e: self.algebra.put(e, self.zeros)) if on_distribution else (lambda e: e)
+        rates = {q: put(v) for q, v in zip(self.system.coordinates, self.velocities)}
+        return rates | dict.fromkeys(self.system.clock, self.algebra.ring.one)
+
+    @cached_property
+    def energy(self) -> Element:
+        """H (4) in the moving frame."""
+        system = self.system
+        return self.algebra.read(system.raw_energy, dict(zip(system.velocities, self.velocities)))
+
+    def energy_derivative(self, rates: list[Element], *, explicit: bool) -> Element:
+        """sum_j eta_j' dH/d eta_j, and with `explicit` also dH/dt at constant eta."""
+        ring = self.algebra.ring
+        total = ring.derive(self.energy, 0) if explicit else ring.zero
+        for j, rate in enumerate(rates):
+            total = total + ring.derive(self.energy, 1 + j) * rate
+        return total.reduced()
+
+
+def hamel(system: LagrangianSystem, frame: MovingFrame, further: tuple[sp.Expr, ...] = ()) -> HamelEquations:
+    """Hamel's equations of `system` in `frame`; `further` are expressions to be read in their algebra."""
+    first = _derived(system, frame, further, frozenset())
+    _ = first.drift
+    awkward = first.algebra.awkward_angles
+    return _derived(system, frame, further, awkward) if awkward else first
+
+
+def _derived(system, frame: MovingFrame, further, sines) -> HamelEquations:
+    eta = frame.quasi_velocities
+    right = list(system.right_hand_sides)
+    mass = system.raw_mass_matrix
+    expressions = [*right, *mass, *frame.forms, *frame.offset, system.lagrangian, *further]
+    algebra = Algebra(
+        (*system.coordinates, *system.clock, *eta),
+        tuple(system.values),
+        expressions,
+        derivations=1 + len(eta),
+        sines=sines,
+    )
+    ring = algebra.ring
+    psi = inverse_forms(algebra, frame)
+    offsets = [ring.zero] * len(frame.along) + [algebra.read(c) for c in frame.offset]
+    shifted = [ring.generator(s) - c for s, c in zip(eta, offsets)]
+    velocities = algebra.apply(psi, shifted)
+    for q, v in zip(system.coordinates, velocities):
+        ring.set_derivative(q, 0, v)
+    for t in system.clock:
+        ring.set_derivative(t, 0, ring.one)
+    for j, s in enumerate(eta):
+        ring.set_derivative(s, 1 + j, ring.one)
+    environment = dict(zip(system.velocities, velocities))
+    M = algebra.matrix(mass, environment)
+    psi_transposed = transpose(psi)
+    metric = algebra.multiply(psi_transposed, algebra.multiply(M, psi))
+    inertia = algebra.apply(M, algebra.derive(velocities, 0))
+    applied = [(algebra.read(r, environment) - f).reduced() for r, f in zip(right, inertia)]
+    force = algebra.apply(psi_transposed, applied)
+    a = len(frame.along)
+    try:
+        along_inverse = algebra.inverse([row[:a] for row in metric[:a]])
+    except HyperbolicityError:
+        raise DeclarationError(
+            f"the kinetic energy is degenerate along the constraints, L = {system.lagrangian}: the motion is "
+            "not determined. Give every admissible velocity a kinetic energy."
+        ) from None
+    return HamelEquations(system, frame, algebra, psi, velocities, metric, force, along_inverse)
+
+
+def split_positions(
+    positions: dict[sp.Symbol, sp.Expr], rates: list[sp.Expr], clock: tuple[sp.Symbol, ...]
+) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """(those that the rates depend on, the others): the second are driven, which is the symmetry.
+
+    Time that nothing depends on is left out of both.
+    """
+    needed: set = set()
+    waiting: list = list(rates)
+    while waiting:
+        met = waiting.pop().free_symbols & set(positions) - needed
+        needed |= met
+        waiting += [positions[q] for q in met]
+    matter = {q: rate for q, rate in positions.items() if q in needed}
+    driven = {q: rate for q, rate in positions.items() if q not in needed}
+    for t in clock:
+        if t in driven and not any(rate.has(t) for q, rate in driven.items() if q != t):
+            del driven[t]
+    return matter, driven

@@ -1,0 +1,304 @@
+"""Declaration of a mechanical system by its Lagrangian; Lagrange's equations (2), (5) of Eldering (2015)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+from sympy.core.function import AppliedUndef
+
+from gsp.errors import DeclarationError, HyperbolicityError, nearest
+from gsp.flow import Values
+from gsp.lowering import derivative
+from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
+from gsp.system import VectorField
+
+# Relative size of the smallest singular value below which a matrix of numbers counts as singular.
+SINGULAR = 1e-11
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LagrangianSystem:
+    """A system with Lagrangian L(q, qdot, t) and forces F(q, qdot, t): d/dt L_qdot - L_q = F, equation (5).
+
+    `coordinates` and `velocities` are plain symbols, in the same order; `forces` maps coordinates to the force
+    along them, friction included, for those that have one; `parameters` gives every other symbol its value,
+    `time` names time when L or F depends on it. Angles enter through sin and cos.
+
+    Raises `DeclarationError` for symbols without a role and for a degenerate mass matrix L_qdot,qdot.
+
+    >>> x, xdot, m, k = sp.symbols("x xdot m k")
+    >>> spring = LagrangianSystem(m*xdot**2/2 - k*x**2/2, [x], [xdot], parameters={m: 2, k: 3})
+    >>> spring.euler_lagrange().rates
+    (xdot, -k*x/m)
+    """
+
+    lagrangian: sp.Expr
+    coordinates: Sequence[sp.Symbol]
+    velocities: Sequence[sp.Symbol]
+    _: KW_ONLY
+    forces: Values | None = None
+    parameters: Values | None = None
+    time: sp.Symbol | None = None
+    name: str = ""
+    _right: tuple[sp.Expr, ...] = field(init=False)
+    _mass: sp.ImmutableMatrix = field(init=False)
+
+    def __post_init__(self) -> None:
+        q, v = _symbols(self.coordinates, "coordinates"), _symbols(self.velocities, "velocities")
+        if len(q) != len(v) or not q:
+            raise DeclarationError(
+                f"every coordinate has one velocity. Got coordinates {_listed(q)} and velocities {_listed(v)}."
+            )
+        twice = {s.name for s in (*q, *v) if (*q, *v).count(s) > 1}
+        if twice:
+            raise DeclarationError(
+                f"{', '.join(sorted(twice))} is named twice among coordinates and velocities."
+            )
+        if self.time is not None and (not isinstance(self.time, sp.Symbol) or self.time in (*q, *v)):
+            raise DeclarationError(f"time is a symbol of its own. Got {self.time!r}.")
+        object.__setattr__(self, "coordinates", q)
+        object.__setattr__(self, "velocities", v)
+        parameters = {} if self.parameters is None else self.parameters
+        lagrangian, values = self._checked(self.lagrangian, "the Lagrangian", parameters)
+        object.__setattr__(self, "parameters", MappingProxyType(dict(values)))
+        object.__setattr__(self, "lagrangian", lagrangian)
+        forces = self._given_forces()
+        object.__setattr__(self, "forces", MappingProxyType(forces))
+        gradient = [sp.diff(lagrangian, u) for u in v]
+        mass = sp.ImmutableMatrix([[sp.expand(sp.diff(p, u)) for u in v] for p in gradient])
+        right = []
+        for x, p in zip(q, gradient):
+            drift = sp.Add(*[sp.diff(p, y) * u for y, u in zip(q, v)])
+            if self.time is not None:
+                drift += sp.diff(p, self.time)
+            right.append(forces[x] + derivative(lagrangian, x) - drift)
+        object.__setattr__(self, "_mass", mass)
+        object.__setattr__(self, "_right", tuple(right))
+        self._refuse_degenerate()
+
+    # -- what the Lagrangian says ------------------------------------------------------------------
+
+    @cached_property
+    def mass_matrix(self) -> sp.ImmutableMatrix:
+        """L_qdot,qdot (n, n)."""
+        return self._mass.applyfunc(self.algebra.clean)
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether L is quadratic in the velocities."""
+        return not self._mass.has(*self.velocities)
+
+    def momenta(self) -> Values:
+        """L_qdot by coordinate."""
+        return MappingProxyType(
+            {
+                x: self.algebra.clean(sp.diff(self.lagrangian, v))
+                for x, v in zip(self.coordinates, self.velocities)
+            }
+        )
+
+    def energy(self) -> sp.Expr:
+        """H = L_qdot . qdot - L, equation (4)."""
+        return self.algebra.clean(self.raw_energy)
+
+    def equations(self, accelerations: Sequence[sp.Symbol]) -> Values:
+        """d/dt L_qdot - L_q - F by coordinate, with symbols for the accelerations, as (11) is written."""
+        given = _symbols(accelerations, "accelerations")
+        if len(given) != len(self.velocities):
+            raise DeclarationError(f"every velocity has one acceleration. Got {_listed(given)}.")
+        left = self.mass_matrix * sp.Matrix(list(given))
+        return MappingProxyType(
+            {x: a - self.algebra.clean(r) for x, a, r in zip(self.coordinates, entries(left), self._right)}
+        )
+
+    def euler_lagrange(self) -> VectorField:
+        """Lagrange's equations (5) in first order: states (q, qdot), then time with rate 1 when it enters."""
+        rates = dict(zip(self.coordinates, self.velocities))
+        rates |= {v: self.algebra.write(a) for v, a in zip(self.velocities, self.accelerations)}
+        if self.time is not None:
+            rates[self.time] = sp.Integer(1)
+        return VectorField(rates, epsilon=None, parameters=self.values, name=self.name)
+
+    def energy_rate(self) -> sp.Expr:
+        """dH/dt along Lagrange's equations, exactly; 0 without forces and explicit time (Theorem 1.3)."""
+        algebra, ring = self.algebra, self.algebra.ring
+        energy = algebra.read(self.raw_energy)
+        # Derivation 0 is d/dt at constant velocity, derivation 1 + i that by velocity i.
+        rate = ring.derive(energy, 0)
+        for i, acceleration in enumerate(self.accelerations):
+            rate = rate + ring.derive(energy, 1 + i) * acceleration
+        return algebra.write(rate)
+
+    # -- for the stages that follow ----------------------------------------------------------------
+
+    @property
+    def values(self) -> Values:
+        """The parameters' values, exact."""
+        assert self.parameters is not None
+        return self.parameters
+
+    @property
+    def clock(self) -> tuple[sp.Symbol, ...]:
+        """(time,), or () for an autonomous system."""
+        return () if self.time is None else (self.time,)
+
+    @property
+    def right_hand_sides(self) -> tuple[sp.Expr, ...]:
+        """R with M qddot = R, one expression for each coordinate."""
+        return self._right
+
+    @property
+    def raw_mass_matrix(self) -> sp.ImmutableMatrix:
+        """The mass matrix as differentiation gives it."""
+        return self._mass
+
+    @cached_property
+    def algebra(self) -> Algebra:
+        """The algebra of functions of (q, qdot, t) that the Lagrangian and the forces are made of."""
+        return self.raw_algebra(())
+
+    def raw_algebra(self, further: Sequence[sp.Expr], sines: frozenset[sp.Expr] = frozenset()) -> Algebra:
+        """The algebra of (q, qdot, t) with what `further` expressions need.
+
+        Derivation 0 is d/dt at constant velocity, derivation 1 + i the one by velocity i.
+        """
+        expressions = [self.lagrangian, *entries(self._mass), *self._right, *further]
+        algebra = Algebra(
+            (*self.coordinates, *self.velocities, *self.clock),
+            tuple(self.values),
+            expressions,
+            derivations=1 + len(self.velocities),
+            sines=sines,
+        )
+        ring = algebra.ring
+        for i, (x, v) in enumerate(zip(self.coordinates, self.velocities)):
+            ring.set_derivative(x, 0, ring.generator(v))
+            ring.set_derivative(v, 1 + i, ring.one)
+        for t in self.clock:
+            ring.set_derivative(t, 0, ring.one)
+        return algebra
+
+    @cached_property
+    def accelerations(self) -> list:
+        """qddot as elements of `algebra`."""
+        return self.algebra.apply(self._inverse_mass, [self.algebra.read(r) for r in self._right])
+
+    def checked(self, expression: sp.Expr, what: str) -> sp.Expr:
+        """`expression` with exact numbers; raises `DeclarationError` for symbols that have no role here."""
+        return self._checked(expression, what, self.values)[0]
+
+    @cached_property
+    def raw_energy(self) -> sp.Expr:
+        """H as differentiation gives it."""
+        momenta = [sp.diff(self.lagrangian, v) for v in self.velocities]
+        return sp.Add(*[p * v for p, v in zip(momenta, self.velocities)]) - self.lagrangian
+
+    @cached_property
+    def _inverse_mass(self) -> Matrix:
+        return self.algebra.inverse(self.algebra.matrix(self._mass))
+
+    def _checked(self, expression: sp.Expr, what: str, parameters: Values) -> tuple[sp.Expr, Values]:
+        functions = expression.atoms(AppliedUndef) if isinstance(expression, sp.Expr) else ()
+        if functions:
+            raise DeclarationError(
+                f"{what} is {expression}, which contains {sorted(map(str, functions))[0]}. "
+                "Write positions and velocities as plain symbols, not as functions of time."
+            )
+        # The field's own checks: undeclared symbols, unknown functions, floats made exact.
+        states = dict.fromkeys((*self.coordinates, *self.velocities, *self.clock), expression)
+        try:
+            probe = VectorField(states, epsilon=None, parameters=parameters)
+        except DeclarationError as error:
+            raise DeclarationError(f"{what} is {expression}. {error}") from None
+        return probe.rates[0], probe.parameters
+
+    def _given_forces(self) -> dict[sp.Symbol, sp.Expr]:
+        forces = {} if self.forces is None else self.forces
+        if not isinstance(forces, Mapping):
+            raise DeclarationError(f"forces maps coordinates to expressions. Got {type(forces).__name__}.")
+        for symbol in forces:
+            if symbol not in self.coordinates:
+                raise DeclarationError(
+                    f"forces has an entry for {symbol}, which is no coordinate. The coordinates are "
+                    f"{_listed(self.coordinates)}." + nearest(str(symbol), [x.name for x in self.coordinates])
+                )
+        return {
+            x: self.checked(forces[x], f"the force along {x}") if x in forces else sp.Integer(0)
+            for x in self.coordinates
+        }
+
+    def _refuse_degenerate(self) -> None:
+        fact = f"the mass matrix L_qdot,qdot is degenerate: {self._mass.tolist()} for L = {self.lagrangian}"
+        remedy = "Give every velocity a kinetic energy, or leave out the coordinate that has none."
+        try:
+            self._inverse_mass  # noqa: B018 - inverting is the exact test
+        except HyperbolicityError:
+            raise DeclarationError(f"{fact}. {remedy}") from None
+        symbols = (*self.coordinates, *self.velocities, *self.clock)
+        points = generic_points(3, len(symbols))
+        n = len(self.velocities)
+        matrices = numbers(entries(self._mass), symbols, points, self.values).reshape(-1, n, n)
+        if all(is_singular(matrix) for matrix in matrices):
+            listed = ", ".join(f"{s} = {value}" for s, value in self.values.items())
+            raise DeclarationError(f"{fact}, at the parameters' values {listed}. {remedy}")
+
+    def __repr__(self) -> str:
+        label = f"{self.name}: " if self.name else ""
+        return f"LagrangianSystem({label}L = {self.lagrangian} in {_listed(self.coordinates)})"
+
+    def __str__(self) -> str:
+        lines = [self.name or "Lagrangian system", f"  L = {self.lagrangian}"]
+        assert self.forces is not None
+        lines += [f"  force along {x}: {force}" for x, force in self.forces.items() if force != 0]
+        if self.values:
+            lines.append("  with " + ", ".join(f"{s} = {value}" for s, value in self.values.items()))
+        return "\n".join(lines)
+
+    def _repr_latex_(self) -> str:
+        return rf"$\displaystyle L = {sp.latex(self.lagrangian)}$"
+
+    def _key(self) -> tuple:
+        assert self.forces is not None
+        return (
+            self.lagrangian,
+            tuple(self.coordinates),
+            tuple(self.velocities),
+            tuple(self.forces.items()),
+            tuple(self.values.items()),
+            self.time,
+            self.name,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LagrangianSystem) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+
+def is_singular(matrix: np.ndarray) -> bool:
+    """Whether a matrix of numbers is singular to rounding, or not finite."""
+    if not np.isfinite(matrix).all():
+        return True
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return bool(sizes[-1] <= SINGULAR * sizes[0])
+
+
+def _symbols(symbols: Sequence[sp.Symbol], what: str) -> tuple[sp.Symbol, ...]:
+    if isinstance(symbols, (str, sp.Basic)):
+        raise DeclarationError(f"{what} is a sequence of SymPy symbols. Got {symbols!r}.")
+    for symbol in symbols:
+        if not isinstance(symbol, sp.Symbol):
+            raise DeclarationError(
+                f"{what} are plain SymPy symbols. Got {symbol!r}. Use sp.symbols, not functions of time."
+            )
+    return tuple(symbols)
+
+
+def _listed(symbols: Sequence[sp.Symbol]) -> str:
+    return ", ".join(s.name for s in symbols)
