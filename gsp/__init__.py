@@ -8,6 +8,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     continue_critical             one curve of it through its folds, with its special points
     classify                      where it is normally hyperbolic, and how strongly
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
+    zero_derivative               the slow manifold at points, to machine precision
+    solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
     integrate                     trajectories of any of these
     compare                       the reduced flow against full trajectories
@@ -45,6 +47,10 @@ _HOME = {
     "Ending": "continuation",
     "classify": "hyperbolicity",
     "Hyperbolicity": "hyperbolicity",
+    "zero_derivative": "slow_points",
+    "SlowPoints": "slow_points",
+    "solve_manifold": "manifold",
+    "SampledManifold": "manifold",
     "expand": "series",
     "SeriesManifold": "series",
     "restrict": "reduced",
@@ -87,6 +93,8 @@ if TYPE_CHECKING:
     from gsp.errors import Status as Status
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity
     from gsp.hyperbolicity import classify as classify
+    from gsp.manifold import SampledManifold as SampledManifold
+    from gsp.manifold import solve_manifold as solve_manifold
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict
@@ -94,6 +102,8 @@ if TYPE_CHECKING:
     from gsp.scene import Scene as Scene
     from gsp.series import SeriesManifold as SeriesManifold
     from gsp.series import expand as expand
+    from gsp.slow_points import SlowPoints as SlowPoints
+    from gsp.slow_points import zero_derivative as zero_derivative
     from gsp.splitting import Splitting as Splitting
     from gsp.splitting import split as split
     from gsp.system import SlowFastSystem as SlowFastSystem

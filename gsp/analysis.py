@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.comparison import Comparison, compare, on_manifold
+from gsp.continuation import CriticalCurve, CriticalSheet, continue_critical, critical_sheet
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.placement import Placement, place, place_splitting
@@ -31,6 +32,8 @@ PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
 LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
 LAYER_TIMES = 12.0
 FOLLOWED = 0.3
+# The critical manifold is shown in a box wider than the region by so many of its widths on every side.
+WIDENED = 1.5
 PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "matplotlib")
 
 
@@ -41,7 +44,9 @@ class Analysis:
     `raw` is the series in the field's own variables (None where it cannot be carried back); `full` is the full
     run from the scene's start, reconstruction included, `limit` the reduced run of order 0 and `reduced` of the
     highest order; `ladder` holds full runs at the pictured epsilons, `landing` runs that start off the slow
-    manifold (empty unless it attracts). `timings` are seconds per stage, `versions` of what computed it.
+    manifold (empty unless it attracts); `surroundings` is the critical manifold through its folds in a box around
+    the region, for implicit branches over one or two slow variables. `timings` are seconds per stage, `versions`
+    of what computed it.
     """
 
     scene: Scene
@@ -55,6 +60,7 @@ class Analysis:
     reduced: Trajectory
     ladder: Mapping[float, Trajectory]
     landing: tuple[Trajectory, ...]
+    surroundings: CriticalCurve | CriticalSheet | None
     timings: Mapping[str, float]
     versions: Mapping[str, str]
 
@@ -107,6 +113,7 @@ def analyse(
     with stage("hyperbolicity"):
         hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
         _require_hyperbolic(hyperbolicity)
+        around = surroundings(placement)
     with stage("series"):
         series = expand(placement.branch, order=order)
         raw = None if placement.splitting is None else carry_back(series, placement.splitting)
@@ -123,6 +130,7 @@ def analyse(
         raw=raw,
         comparison=comparison,
         landing=landing,
+        surroundings=around,
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
         **runs,
@@ -138,6 +146,25 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
         f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. "
         "Shrink the region to one side of it; nothing can be reduced across."
     )
+
+
+def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
+    """M0 through its folds in a box around the region; None for explicit branches and more than two slow variables."""
+    system, branch = placement.system, placement.branch
+    if branch.is_explicit or len(system.x) > 2:
+        return None
+    bounds = {
+        name: (low - WIDENED * (high - low), high + WIDENED * (high - low))
+        for name, (low, high) in placement.region.items()
+    }
+    x = np.array([[placement.start[s.name] for s in system.x]])
+    values = np.concatenate([x[0], branch.points(x)[0]])
+    start = {s.name: float(value) for s, value in zip(system.states, values)}
+    if len(system.x) == 1:
+        return continue_critical(system, start=start, bounds=bounds)
+    if not all(y.name in bounds for y in system.y):
+        return None
+    return critical_sheet(system, start=start, bounds=bounds)
 
 
 def _runs(scene: Scene, placement: Placement, series: SeriesManifold) -> dict:

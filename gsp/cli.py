@@ -151,6 +151,39 @@ def check(context: click.Context, model: str, as_json: bool) -> None:
 
 @cli.command()
 @click.argument("model")
+@_json_option
+def folds(model: str, as_json: bool) -> None:
+    """Follow the critical manifold of MODEL through its folds, around its region."""
+    from gsp.analysis import surroundings
+    from gsp.continuation import CriticalCurve
+    from gsp.placement import place
+
+    scene = load_scene(model)
+    found = surroundings(place(scene))
+    if found is None:
+        raise GspError(
+            f"the branch of {scene.name} is an explicit graph over its slow variables, so it has no folds; or there "
+            "are more than two slow variables. Use gsp.continue_critical with free=... for a curve of it."
+        )
+    curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
+    if as_json:
+        _print_json(
+            {
+                "name": scene.name,
+                "message": found.message,
+                "special": [
+                    {"kind": str(p.kind), "point": dict(p.point), "coefficients": dict(p.coefficients)}
+                    for curve in curves
+                    for p in curve.special
+                ],
+            }
+        )
+        return
+    click.echo("\n".join([found.message, *(str(curve) for curve in curves)]))
+
+
+@cli.command()
+@click.argument("model")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
 )

@@ -20,6 +20,9 @@ from gsp.system import SlowFastSystem
 
 # Products of factors, one from each equation, that are tried at most.
 COMPONENT_LIMIT = 256
+# A variable is eliminated only while what remains has this degree at most, or about so many operations.
+DEGREE_LIMIT = 9
+OPERATION_LIMIT = 200
 
 Graph = dict[sp.Symbol, sp.Expr]
 
@@ -100,7 +103,7 @@ def _eliminate(
         yield tuple(y - graph[y] for y in system.y), graph
         return
     step = _linear_step(equations, remaining, system)
-    if step is not None:
+    if step is not None and _stays_small(equations, *step, system):
         place, y, value = step
         rest = [numerator(e.subs(y, value)) for i, e in enumerate(equations) if i != place]
         yield from _branching(rest, {**known, y: value}, system, found)
@@ -133,6 +136,19 @@ def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], s
         return None
     _, place, y, slope = best
     return place, y, sp.cancel(-equations[place].subs(y, 0) / slope)
+
+
+def _stays_small(
+    equations: Sequence[sp.Expr], place: int, y: sp.Symbol, value: sp.Expr, system: SlowFastSystem
+) -> bool:
+    """Whether the substitution keeps the degree in the fast variables low; a chain of cubics multiplies it."""
+    top, bottom = sp.fraction(sp.together(value))
+    if not (top.is_polynomial(*system.y) and bottom.is_polynomial(*system.y)):
+        return sp.count_ops(value) * len(equations) <= OPERATION_LIMIT
+    grown = sp.Poly(top, *system.y).total_degree()
+    others = [e for i, e in enumerate(equations) if i != place and e.has(y)]
+    powers = [sp.degree(e, y) for e in others if e.is_polynomial(y)]
+    return grown * max(powers, default=1) <= DEGREE_LIMIT
 
 
 def _branching(

@@ -179,12 +179,26 @@ def _antiderivative(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
     """
     from sympy.integrals.manualintegrate import manualintegrate
 
+    if not _is_tractable(expression, t):
+        return None
     stand_in = {s: sp.Dummy(s.name, positive=True) for s in expression.free_symbols if s != t}
     back = {dummy: s for s, dummy in stand_in.items()}
     result = manualintegrate(expression.xreplace(stand_in), t).xreplace(back)
     if result.has(sp.Integral, sp.Piecewise, sp.RootSum, sp.I) or not _is_elementary(result):
         return None
     return result
+
+
+def _is_tractable(expression: sp.Expr, t: sp.Symbol) -> bool:
+    """False for quotients whose denominators have factors of degree 2 with parameters, or higher: no useful formula."""
+    for factor in sp.Mul.make_args(sp.factor(sp.denom(sp.together(expression)))):
+        base = factor.as_base_exp()[0]
+        if not base.has(t) or not base.is_polynomial(t):
+            continue
+        degree = sp.degree(base, t)
+        if degree > 2 or (degree == 2 and base.free_symbols != {t}):
+            return False
+    return True
 
 
 def _is_elementary(expression: sp.Expr) -> bool:

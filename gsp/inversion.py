@@ -10,7 +10,7 @@ INVERSES = {sp.exp: sp.log, sp.log: sp.exp, sp.tanh: sp.atanh, sp.sinh: sp.asinh
 
 
 def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Expr]):
-    """Each unknown as an expression from {value: expression in unknowns}, or None when no formula is found.
+    """Each unknown, in order, as an expression from {value: expression in unknowns}, or None without a formula.
 
     Linear systems are solved together; other equations one at a time, each for an unknown that a linear step or
     one inverse function isolates. Two-valued formulas (square roots) are refused.
@@ -35,7 +35,7 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
         solved = {z: e.xreplace({symbol: value}) for z, e in solved.items()}
         solved[symbol] = value
         remaining = [sp.numer(sp.together(e.xreplace({symbol: value}))) for e in remaining]
-    return solved
+    return {z: solved[z] for z in unknown}
 
 
 def _isolate(equations: Sequence[sp.Expr], unknown: Sequence[sp.Symbol]):

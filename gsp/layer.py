@@ -22,6 +22,7 @@ SEARCH_TOLERANCE = 1e-10
 RANK_TOLERANCE = 1e-7
 # Expressions with more operations are not rewritten for looks.
 TIDY_LIMIT = 120
+RATIONAL_LIMIT = 5000
 # Determinants are expanded by rows up to this size; the number of terms grows like the factorial.
 LAPLACE = 4
 
@@ -156,14 +157,29 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
 
 
 def inverse(matrix: sp.Matrix) -> sp.Matrix:
-    """The inverse by cofactors: they need none of the simplification that pivots and Berkowitz's sums need."""
-    method = "laplace" if matrix.rows <= LAPLACE else "berkowitz"
-    return matrix.adjugate(method=method) / matrix.det(method=method)
+    """The inverse by cofactors, expanded by rows: nothing is simplified, which can take minutes."""
+    n = matrix.rows
+    cofactors = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
+    return cofactors / sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+
+
+def _determinant(matrix: sp.Matrix) -> sp.Expr:
+    if matrix.rows == 0:
+        return sp.Integer(1)
+    if matrix.rows > LAPLACE:
+        return matrix.det(method="berkowitz")
+    terms = [
+        (-1) ** j * matrix[0, j] * _determinant(matrix.minor_submatrix(0, j))
+        for j in range(matrix.cols)
+        if matrix[0, j] != 0
+    ]
+    return sp.Add(*terms)
 
 
 def reduced(expression: sp.Expr) -> sp.Expr:
     """`expression` in lowest terms, unless it is long: `cancel` takes minutes on nested sines and roots."""
-    return expression if sp.count_ops(expression) > TIDY_LIMIT else sp.cancel(expression)
+    limit = RATIONAL_LIMIT if expression.is_rational_function() else TIDY_LIMIT
+    return expression if sp.count_ops(expression) > limit else sp.cancel(expression)
 
 
 def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matrix:

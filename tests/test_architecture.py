@@ -37,6 +37,12 @@ LAYERS = [
     "sampling",
     "losses",
     "hyperbolicity",
+    "tape",
+    "slow_points",
+    "slow_track",
+    "orbit_segments",
+    "chebyshev",
+    "manifold",
     "chart",
     "series",
     "raw",
@@ -168,3 +174,14 @@ def test_no_module_evaluates_text() -> None:
                 assert strict, f"sympify without strict in {path.name}:{node.lineno}"
             elif not own_method:
                 assert name not in forbidden, f"{name} in {path.name}:{node.lineno}"
+
+
+def test_no_public_function_has_the_name_of_a_module() -> None:
+    # Importing a submodule binds its name in the package, and would hide the function.
+    clashes = set(gsp.__all__) & {layer for layer, _ in modules()} - {
+        "models",
+        "charts",
+        "mechanics",
+        "readers",
+    }
+    assert not clashes

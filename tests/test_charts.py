@@ -144,3 +144,13 @@ def test_streamlines_follow_the_field_and_stop_at_rest():
 def test_importing_the_package_does_not_import_matplotlib():
     code = "import sys, gsp; assert not any(m.startswith('matplotlib') for m in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_critical_curves_and_sheets_show_their_special_points(analyses):
+    curve = charts.surroundings(analyses["van_der_pol"])
+    labels = [text.get_text() for text in curve.get_legend().get_texts()]
+    assert {"attracting", "repelling", "fold"} <= set(labels)
+    sheet = charts.surroundings(analyses["koper"])
+    assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
+    with pytest.raises(DeclarationError, match="explicit graph"):
+        charts.surroundings(analyses["linear"])

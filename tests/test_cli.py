@@ -40,7 +40,7 @@ def exit_status(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 
 def test_help_names_every_command() -> None:
     text = run("--help").output
-    for command in ("models", "split", "expand", "check", "report"):
+    for command in ("models", "split", "expand", "check", "folds", "report"):
         assert command in text
 
 
@@ -88,6 +88,15 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
 def test_bad_input_exits_with_2_and_says_why(arguments, words, monkeypatch, capsys) -> None:
     assert exit_status(monkeypatch, *arguments) == 2
     assert words in capsys.readouterr().err
+
+
+def test_folds_are_found_along_an_implicit_branch() -> None:
+    got = json.loads(run("folds", "van_der_pol", "--json").output)
+    places = sorted((round(p["point"]["x"], 9), round(p["point"]["y"], 9)) for p in got["special"])
+    assert (1.0, -0.666666667) in places
+    assert "curve of folds" in run("folds", "koper").output
+    with pytest.raises(GspError, match="explicit graph"):
+        run("folds", "linear")
 
 
 def test_a_report_is_written_where_it_was_asked_for(tmp_path) -> None:

@@ -12,15 +12,20 @@ from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
+from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
+from gsp.continuation import CriticalSheet
+from gsp.errors import DeclarationError
 
 __all__ = [
     "applicable",
     "convergence",
+    "critical_curve",
+    "critical_sheet",
     "distance",
     "eigenvalues",
     "error_against_epsilon",
@@ -32,13 +37,29 @@ __all__ = [
     "png",
     "save",
     "shape",
+    "surroundings",
     "time_series",
 ]
+
+
+def surroundings(analysis: Analysis) -> Axes:
+    """The critical manifold around the scene's region, through its folds: a curve or a sheet."""
+    found = analysis.surroundings
+    if isinstance(found, CriticalSheet):
+        return critical_sheet(found)
+    if found is None:
+        raise DeclarationError(
+            "the critical manifold of this analysis is an explicit graph, or over more than two slow variables. "
+            "Got no curve and no sheet. Draw `manifold` instead."
+        )
+    return critical_curve(found)
 
 
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     """The charts that say something about this analysis, by name, in the order of a report."""
     charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
+    if analysis.surroundings is not None:
+        charts["critical_manifold"] = surroundings
     if not has_constant_eigenvalues(analysis):
         charts["eigenvalues"] = eigenvalues
     # In higher dimensions `manifold` is the distance already, and nothing when no run lands.

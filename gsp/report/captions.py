@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from gsp.analysis import Analysis
 from gsp.charts import heading_of, shape
+from gsp.continuation import CriticalCurve, CriticalSheet
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 
@@ -100,6 +101,24 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
     ).format(number(analysis.hyperbolicity.gap), analysis.hyperbolicity.kind)
 
 
+def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.surroundings
+    assert found is not None
+    points = (
+        found.special if isinstance(found, CriticalCurve) else tuple(p for f in found.folds for p in f.special)
+    )
+    text = Markup("The critical manifold around the region, by continuation, coloured by stability.")
+    if isinstance(found, CriticalSheet) and found.folds:
+        text += " Normal hyperbolicity is lost along the black fold curves."
+    if points:
+        listed = "; ".join(
+            f"{point.kind} at " + ", ".join(f"{name} = {value:.6g}" for name, value in point.point.items())
+            for point in points[:4]
+        )
+        text += Markup(" Special points: {}.").format(listed)
+    return text
+
+
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
         "The full run at {} = {} (broad) and the reduced run of order {} from the same slow variables (dashed), on "
@@ -124,6 +143,7 @@ _CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
     "error_against_epsilon": _error,
     "manifold": _manifold,
     "distance": _distance,
+    "critical_manifold": _critical_manifold,
     "eigenvalues": _eigenvalues,
     "time_series": _time_series,
 }

@@ -24,6 +24,7 @@ HTML, JSON = "report.html", "report.json"
 # Every name that a report may ever use; files of other names in the folder are never touched.
 FIGURES = (
     "phase_portrait",
+    "critical_manifold",
     "path",
     "convergence",
     "error_against_epsilon",

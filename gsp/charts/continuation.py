@@ -1,0 +1,96 @@
+"""Charts of the critical manifold as continuation finds it: curves through folds, and sheets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from gsp.charts.style import AMBER, BLUE, GREEN, INK, PURPLE, VERMILION, chart, legend, mathematics, name_axes
+from gsp.continuation import CriticalCurve, CriticalSheet, SpecialKind
+
+# Colour and line by stability: attracting, repelling, saddle.
+STABILITY = {"attracting": (BLUE, "-"), "repelling": (VERMILION, "--"), "saddle": (PURPLE, "-.")}
+MARKERS: dict[SpecialKind, Any] = {
+    SpecialKind.FOLD: {"marker": "o", "mfc": INK},
+    SpecialKind.CUSP: {"marker": "D", "mfc": INK},
+    SpecialKind.HOPF: {"marker": "s", "mfc": GREEN},
+    SpecialKind.BOGDANOV_TAKENS: {"marker": "p", "mfc": AMBER},
+    SpecialKind.TRANSCRITICAL: {"marker": "X", "mfc": INK},
+    SpecialKind.PITCHFORK: {"marker": "P", "mfc": INK},
+    SpecialKind.BRANCH_POINT: {"marker": "*", "mfc": INK},
+}
+
+
+@chart()
+def critical_curve(curve: CriticalCurve, axes: Axes, *, names: tuple[str, str] | None = None) -> None:
+    """A curve of M0 by stability, with its special points, and the branches switched to beside it.
+
+    `names` are the variables of the two axes; the free variable and the first fast one unless given. A Hopf point
+    is filled when it is supercritical.
+    """
+    across, up = names or (curve.free[0], next(n for n in curve.names if n not in curve.free))
+    for each in (curve, *curve.others):
+        for segment in each.segments:
+            colour, line = STABILITY[segment.kind]
+            axes.plot(each[across][segment.rows], each[up][segment.rows], color=colour, ls=line, lw=1.7)
+        for point in each.special:
+            if point.kind in MARKERS:
+                style = dict(MARKERS[point.kind])
+                if point.kind is SpecialKind.HOPF and point.coefficients.get("l1", -1.0) > 0:
+                    style["mfc"] = "white"
+                axes.plot(point[across], point[up], color=INK, mec=INK, ms=6, ls="none", zorder=5, **style)
+    kinds = {s.kind for each in (curve, *curve.others) for s in each.segments}
+    handles = [
+        Line2D([], [], color=STABILITY[kind][0], ls=STABILITY[kind][1], label=kind)
+        for kind in STABILITY
+        if kind in kinds
+    ]
+    special = dict.fromkeys(
+        p.kind for each in (curve, *curve.others) for p in each.special if p.kind in MARKERS
+    )
+    handles += [
+        Line2D([], [], color=INK, mec=INK, ls="none", ms=6, label=str(kind), **MARKERS[kind])
+        for kind in special
+    ]
+    name_axes(axes, across, up)
+    for handle in handles:
+        axes.add_line(handle)
+    legend(axes, columns=4)
+
+
+@chart(height=3.9, solid=lambda result: True)
+def critical_sheet(sheet: CriticalSheet, axes: Any, *, name: str | None = None) -> None:
+    """A sheet of M0 over its two free variables, coloured by stability, with its fold curves.
+
+    `name` is the variable drawn upwards; the first fast one unless given.
+    """
+    across, along = sheet.free
+    up = name or next(n for n in sheet.names if n not in sheet.free)
+    points = np.stack([sheet[across], sheet[along], sheet[up]], axis=1)
+    fast = sheet.eigenvalues.shape[1]
+    for unstable in np.unique(sheet.triangle_unstable):
+        kind = "attracting" if unstable == 0 else ("repelling" if unstable == fast else "saddle")
+        chosen = sheet.triangles[sheet.triangle_unstable == unstable]
+        colour = STABILITY[kind][0]
+        axes.add_collection3d(Poly3DCollection(points[chosen], facecolor=colour, edgecolor="none", alpha=0.45))
+        axes.plot([], [], [], color=colour, lw=5, alpha=0.5, label=kind)
+    for i, fold in enumerate(sheet.folds):
+        label = "folds" if i == 0 else None
+        axes.plot(fold[across], fold[along], fold[up], color=INK, lw=1.8, label=label, zorder=8)
+        for cusp in fold.of_kind(SpecialKind.CUSP):
+            axes.plot([cusp[across]], [cusp[along]], [cusp[up]], "D", color=INK, ms=5, zorder=9)
+    for values, setter in zip(points.T, (axes.set_xlim, axes.set_ylim, axes.set_zlim)):
+        setter(values.min(), values.max())
+    axes.view_init(elev=22, azim=-62)
+    axes.set_box_aspect((1.25, 1.25, 0.9))
+    for axis, label in zip((axes.xaxis, axes.yaxis, axes.zaxis), (across, along, up)):
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_pane_color((1, 1, 1, 0))
+        axis.set_rotate_label(False)
+        axis.set_label_text(mathematics(label))
+    legend(axes, columns=4)
