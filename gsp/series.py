@@ -25,6 +25,9 @@ from gsp.lowering import compile_function, parameter_vector
 from gsp.power_series import SeriesProgram
 from gsp.ring import Element
 
+# Terms of a series scatter from order to order; so many neighbours tell their level.
+WINDOW = 3
+
 
 class Components(tuple):
     """Expressions in the order of some symbols, indexed by place, by symbol or by name."""
@@ -139,7 +142,7 @@ class SeriesManifold:
         return defect[0] if single else defect
 
     def optimal_order(self, x, epsilon: float, *, near=None) -> np.ndarray | int:
-        """Order at which to stop: the one before the smallest term, an int for one point or an array (m,).
+        """Order at which to stop: the one before the smallest terms, an int for one point or an array (m,).
 
         The series is asymptotic, not convergent, as a rule: its error is about the first term left out, so it is
         best cut just before its smallest term. When the terms are still falling at order n, the answer is n.
@@ -149,11 +152,10 @@ class SeriesManifold:
         return int(best[0]) if single else best
 
     def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
-        """Estimated error at the optimal order: the size of the first term left out, or of the last one kept."""
+        """Estimated error at the optimal order: the level of the first terms left out, or of the last ones kept."""
         terms, single = self._terms(x, epsilon, near)
         sizes = np.linalg.norm(terms, axis=2)
-        best = np.array([_optimal(row) for row in sizes])
-        error = np.array([row[min(k + 1, self.order)] for row, k in zip(sizes, best)])
+        error = np.array([_error_level(row, _optimal(row)) for row in sizes])
         return float(error[0]) if single else error
 
     # -- evaluation --------------------------------------------------------------------------------
@@ -318,14 +320,30 @@ def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr])
     return SeriesManifold(branch, order, place, h, reduced, not values)
 
 
+def _levels(sizes: np.ndarray) -> np.ndarray:
+    """Geometric means of three neighbours of sizes[1:], zeros left out: the level that single terms scatter about.
+
+    A term that happens to be small at a point says nothing about the error, its neighbours do.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(sizes[1:], min(WINDOW, len(sizes) - 1))
+    counted = np.maximum((windows > 0.0).sum(axis=1), 1)
+    logarithms = np.log(np.where(windows > 0.0, windows, 1.0)).sum(axis=1)
+    return np.where((windows > 0.0).any(axis=1), np.exp(logarithms / counted), 0.0)
+
+
 def _optimal(sizes: np.ndarray) -> int:
-    """The order before the smallest term of sizes[1:], zeros of single terms bridged by their successors."""
+    """The order before the lowest level of the terms sizes[1:]; the last one when they are still falling."""
     n = len(sizes) - 1
-    if n == 0:
-        return 0
-    if not sizes[1:].any():
+    if n == 0 or not sizes[1:].any():
         return n
-    # A term that happens to vanish at a point says nothing; the pair with its successor does.
-    pairs = np.maximum(sizes[1:], np.append(sizes[2:], sizes[n]))
-    smallest = int(np.argmin(pairs)) + 1
-    return n if smallest >= n else max(smallest - 1, 0)
+    levels = _levels(sizes)
+    lowest = int(np.argmin(levels))
+    return n if lowest == len(levels) - 1 else lowest
+
+
+def _error_level(sizes: np.ndarray, order: int) -> float:
+    """Level of the terms from the first one left out at `order`, or of the last ones kept."""
+    if len(sizes) == 1:
+        return float(sizes[0])
+    levels = _levels(sizes)
+    return float(levels[min(order, len(levels) - 1)])

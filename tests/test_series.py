@@ -207,6 +207,17 @@ def test_the_optimal_order_is_as_good_as_the_best_within_a_factor_ten(epsilon: f
     assert 0.1 < series.truncation_error(1.0, epsilon) / errors[order] < 10
 
 
+def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges() -> None:
+    # epsilon = 0.2, (v, p/J) = (1/2, -2): terms fall to about 1e-6 near order 25 and pass 1 before order 60.
+    series = expand(branch_of(systems.sleigh()), order=60)
+    point, exact = {"v": 0.5, "p": -2 * 1.04}, 0.14688108653956
+    errors = np.abs(np.cumsum(series.terms(point, 0.2)[:, 0]) - exact)
+    assert errors[60] > 1
+    order = series.optimal_order(point, 0.2)
+    assert 0.1 < series.truncation_error(point, 0.2) / errors[order] < 10
+    assert errors[order] < 10 * min(errors)
+
+
 def test_a_terminating_series_is_best_at_its_full_order() -> None:
     gamma = (1 - eps) * x
     system = SlowFastSystem(slow={x: -x}, fast={y: -y + (gamma + x**2) / (1 + x) ** 2}, epsilon=eps)
