@@ -72,6 +72,14 @@ class Status(Enum):
         "a fold of the critical manifold was reached",
         "the reduction ends here; integrate the full system across the fold",
     )
+    HYPERBOLICITY_LOST = (
+        "normal hyperbolicity is lost",
+        "lower epsilon, or shrink the region to where the fast eigenvalues keep their type",
+    )
+    HISTORY_ENDS = (
+        "the orbits that fix the slow manifold begin too near to where it ends",
+        "move the region downstream, or lower epsilon; the error estimate counts what is missing",
+    )
     REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
     INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")
 

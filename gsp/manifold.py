@@ -312,12 +312,12 @@ class _Work:
         if not np.isfinite(estimate):
             status, lost = Status.NON_FINITE, True
         elif (unstable != expected).any():
-            status, lost = Status.SINGULAR_JACOBIAN, True
+            status, lost = Status.HYPERBOLICITY_LOST, True
             place = self._place(x[np.argmax(unstable != expected)])
             self.notes.insert(0, f"the normal rates change their type on the slow manifold, at {place}")
         elif estimate > SLACK * self.tolerance * scale:
             left = any("followed only" in note for note in self.notes)
-            status = Status.FOLD_REACHED if left else Status.NOT_CONVERGED
+            status = Status.HISTORY_ENDS if left else Status.NOT_CONVERGED
         rate = self.verdict.rates.r(self.epsilon)
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")
