@@ -24,14 +24,19 @@ def main() -> None:
     for i, (x, y) in enumerate(zip(points, solved.evaluate(points)[:, 0])):
         order = series.optimal_order(x, 0.1)
         best = series.evaluate(x, 0.1, order=order)[0]
-        print(f"{x:6.2f}  {y:.15f}  {abs(pointwise.y[i, 0] - y):10.1e} away {pointwise.order[i]:6}   {abs(best - y):.1e} away")
+        pointwise_error = abs(pointwise.y[i, 0] - y)
+        print(
+            f"{x:6.2f}  {y:.15f}  {pointwise_error:10.1e} away {pointwise.order[i]:6}   {abs(best - y):.1e} away"
+        )
 
     # Saddle type: one fast direction attracts, the other repels; no integration in either direction finds it.
     x, y = sp.symbols("x y")
     saddle = gsp.SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
     found = gsp.solve_manifold(gsp.solve_critical(saddle).branches[0], region={"s": (0.2, 1)}, epsilon=0.05)
     exact = np.array([-1 / 1.1, -1 / (1.1 * 0.85)])
-    print(f"saddle type at s = 1: {found.evaluate(1.0)}, {np.abs(found.evaluate(1.0) - exact).max():.1e} from exact")
+    print(
+        f"saddle type at s = 1: {found.evaluate(1.0)}, {np.abs(found.evaluate(1.0) - exact).max():.1e} from exact"
+    )
 
     # Ten thousand points of the sleigh's manifold in one call.
     sleigh = gsp.split(gsp.models.load("chaplygin_sleigh").system).system

@@ -143,8 +143,12 @@ def orbit(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str, *, 
     axes.plot(
         x[:1], y[:1], "o", color=colour, mec="white", mew=0.8, ms=6.5, zorder=6, label="start", clip_on=False
     )
+    reach = max(np.ptp(x), np.ptp(y))
+    if reach <= 1e-9 * (1.0 + max(np.abs(x).max(), np.abs(y).max())):
+        # A run at rest moves by rounding only, and that has no direction.
+        return
     size = np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
-    if arrow and size.sum() > 0:
+    if arrow:
         half = int(np.searchsorted(size.cumsum(), 0.5 * size.sum()))
         axes.annotate(
             "", (x[half + 1], y[half + 1]), (x[half], y[half]), zorder=5,

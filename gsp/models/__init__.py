@@ -11,10 +11,19 @@ from typing import TYPE_CHECKING
 from gsp.errors import GspError, nearest
 
 if TYPE_CHECKING:
+    from gsp.mechanics import FrictionSystem, LagrangianSystem
     from gsp.scene import Scene
 
 _SCENES = {
     "chaplygin_sleigh": ("nonholonomic", "Chaplygin sleigh: no slip as the limit of strong friction"),
+    "sleigh_from_lagrangian": ("sliding", "Sleigh from its Lagrangian: spinning turned into motion ahead"),
+    "knife_edge": ("sliding", "Knife edge on an incline: a cycloid across the slope, and a creep down it"),
+    "nonholonomic_particle": ("sliding", "Nonholonomic particle: z' = y x' and its catenary"),
+    "rolling_disc": ("rolling", "Rolling disc: circles, and spirals when it slips"),
+    "falling_disc": ("rolling", "Falling disc: a coin that rolls, leans and turns"),
+    "rolling_ball": ("rolling", "Rolling ball: from slipping to rolling, an exact reduction"),
+    "ball_on_turntable": ("rolling", "Ball on a turntable: circles at two sevenths of the table's rate"),
+    "car": ("vehicles", "Car: parking by rocking and steering"),
     "michaelis_menten": ("chemistry", "Michaelis-Menten: an enzyme, its substrate and their complex"),
     "davis_skodje": ("chemistry", "Davis-Skodje: a slow manifold known exactly"),
     "lindemann": ("chemistry", "Lindemann: unimolecular decay through an activated molecule"),
@@ -23,13 +32,26 @@ _SCENES = {
     "fitzhugh_nagumo": ("neuroscience", "FitzHugh-Nagumo: a neuron that recovers after its spike"),
     "linear": ("linear", "Linear: the smallest slow-fast system, solved exactly"),
 }
+# The scenes that are derived from a Lagrangian: each has a function NAME_with_friction beside it.
+_MECHANICAL = (
+    "sleigh_from_lagrangian",
+    "knife_edge",
+    "nonholonomic_particle",
+    "rolling_disc",
+    "falling_disc",
+    "rolling_ball",
+    "ball_on_turntable",
+    "car",
+)
+# Lagrangian systems without a small parameter, so without a scene.
+_FREE = {"falling_particle": "free_motion", "rotating_frame": "free_motion"}
 
 
 def names() -> tuple[str, ...]:
     """Names that `load` takes, the home example first.
 
     >>> names()[:2]
-    ('chaplygin_sleigh', 'michaelis_menten')
+    ('chaplygin_sleigh', 'sleigh_from_lagrangian')
     """
     return tuple(_SCENES)
 
@@ -52,6 +74,48 @@ def load(name: str) -> Scene:
     """
     module = importlib.import_module(f"gsp.models.{_entry(name)[0]}")
     return getattr(module, name)()
+
+
+def mechanical() -> tuple[str, ...]:
+    """Names that `lagrangian_system` takes: those of `friction_system`, then the systems that move freely.
+
+    >>> mechanical()[-2:]
+    ('falling_particle', 'rotating_frame')
+    """
+    return (*_MECHANICAL, *_FREE)
+
+
+def lagrangian_system(name: str) -> LagrangianSystem:
+    """The `LagrangianSystem` called `name`, without constraints; raises `GspError` for an unknown name.
+
+    >>> lagrangian_system("falling_particle").lagrangian
+    -g*m*z + m*(xdot**2 + ydot**2 + zdot**2)/2
+    """
+    if name in _FREE:
+        return getattr(importlib.import_module(f"gsp.models.{_FREE[name]}"), name)()
+    if name not in _MECHANICAL:
+        raise GspError(
+            f'there is no mechanical system "{name}". The systems are {", ".join(mechanical())}.'
+            + nearest(str(name), mechanical())
+        )
+    return friction_system(name).system
+
+
+def friction_system(name: str) -> FrictionSystem:
+    """The `FrictionSystem` behind the scene called `name`: its Lagrangian, constraints, frame and limit.
+
+    Raises `GspError` for a name that belongs to no such scene.
+
+    >>> friction_system("knife_edge").constraints
+    (-xdot*sin(phi) + ydot*cos(phi),)
+    """
+    if name not in _MECHANICAL:
+        raise GspError(
+            f'there is no system with friction "{name}". The systems are {", ".join(_MECHANICAL)}.'
+            + nearest(str(name), _MECHANICAL)
+        )
+    module = importlib.import_module(f"gsp.models.{_SCENES[name][0]}")
+    return getattr(module, f"{name}_with_friction")()
 
 
 def _entry(name: str) -> tuple[str, str]:
