@@ -12,6 +12,9 @@ The pipeline, each verb taking the frozen noun of the one before:
     solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
     integrate                     trajectories of any of these
+    project                       where a start off the manifold lands: its fast fibre's base point
+    composite                     the initial layer and the slow flow in one approximation
+    method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories
     analyse, write_report         all of it for one scene
 """
@@ -58,6 +61,12 @@ _HOME = {
     "integrate": "trajectory",
     "Trajectory": "trajectory",
     "Method": "trajectory",
+    "project": "fibres",
+    "BasePoint": "fibres",
+    "composite": "layers",
+    "CompositeSolution": "layers",
+    "method_table": "methods",
+    "MethodTable": "methods",
     "Scene": "scene",
     "compare": "comparison",
     "Comparison": "comparison",
@@ -91,10 +100,16 @@ if TYPE_CHECKING:
     from gsp.critical import solve_critical as solve_critical
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
+    from gsp.fibres import BasePoint as BasePoint
+    from gsp.fibres import project as project
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity
     from gsp.hyperbolicity import classify as classify
+    from gsp.layers import CompositeSolution as CompositeSolution
+    from gsp.layers import composite as composite
     from gsp.manifold import SampledManifold as SampledManifold
     from gsp.manifold import solve_manifold as solve_manifold
+    from gsp.methods import MethodTable as MethodTable
+    from gsp.methods import method_table as method_table
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict

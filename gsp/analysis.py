@@ -14,7 +14,8 @@ import numpy as np
 
 from gsp.comparison import Comparison, compare, on_manifold
 from gsp.continuation import CriticalCurve, CriticalSheet, continue_critical, critical_sheet
-from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.errors import DeclarationError, GspError, HyperbolicityError
+from gsp.fibres import BasePoint, project
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.placement import Placement, place, place_splitting
 from gsp.raw import RawManifold, carry_back
@@ -43,7 +44,8 @@ class Analysis:
 
     `raw` is the series in the field's own variables (None where it cannot be carried back); `full` is the full
     run from the scene's start, reconstruction included, `limit` the reduced run of order 0 and `reduced` of the
-    highest order; `ladder` holds full runs at the pictured epsilons, `landing` runs that start off the slow
+    highest order, started at the `base` point of the fast fibre through the scene's start (or over the same slow
+    variables when there is none, for the `base_reason`); `ladder` holds full runs at the pictured epsilons, `landing` runs that start off the slow
     manifold (empty unless it attracts); `surroundings` is the critical manifold through its folds in a box around
     the region, for implicit branches over one or two slow variables. `timings` are seconds per stage, `versions`
     of what computed it.
@@ -60,6 +62,8 @@ class Analysis:
     reduced: Trajectory
     ladder: Mapping[float, Trajectory]
     landing: tuple[Trajectory, ...]
+    base: BasePoint | None
+    base_reason: str
     surroundings: CriticalCurve | CriticalSheet | None
     timings: Mapping[str, float]
     versions: Mapping[str, str]
@@ -120,7 +124,8 @@ def analyse(
     with stage("comparison"):
         comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
     with stage("trajectories"):
-        runs = _runs(scene, placement, series)
+        base, base_reason = _base_point(scene, placement, series, hyperbolicity)
+        runs = _runs(scene, placement, series, base)
         landing = _landing(scene, placement, series, hyperbolicity, runs["limit"])
     return Analysis(
         scene=scene,
@@ -130,6 +135,8 @@ def analyse(
         raw=raw,
         comparison=comparison,
         landing=landing,
+        base=base,
+        base_reason=base_reason,
         surroundings=around,
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
@@ -167,12 +174,30 @@ def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
     return critical_sheet(system, start=start, bounds=bounds)
 
 
-def _runs(scene: Scene, placement: Placement, series: SeriesManifold) -> dict:
+def _base_point(
+    scene: Scene, placement: Placement, series: SeriesManifold, hyperbolicity: Hyperbolicity
+) -> tuple[BasePoint | None, str]:
+    """Base point of the fast fibre through the scene's start, or None and why there is none."""
+    if hyperbolicity.kind is not Kind.ATTRACTING:
+        return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
+    start = {**placement.start, **scene.reconstruction_start}
+    try:
+        base = project(
+            series, start, epsilon=scene.epsilon, order=series.order, reconstruction=scene.reconstruction
+        )
+    except GspError as error:
+        return None, str(error)
+    return base, ""
+
+
+def _runs(scene: Scene, placement: Placement, series: SeriesManifold, base: BasePoint | None) -> dict:
     epsilons = [multiple * scene.epsilon for multiple in PICTURED]
     ladder = {e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons}
     start = {**placement.start, **scene.reconstruction_start}
     flows = [restrict(series, order=n, reconstruction=scene.reconstruction) for n in (0, series.order)]
-    limit, reduced = (_picture(flow, start, scene, scene.epsilon) for flow in flows)
+    limit, reduced = (
+        _picture(flow, begin, scene, scene.epsilon) for flow, begin in zip(flows, (start, base or start))
+    )
     return {
         "full": ladder[scene.epsilon],
         "ladder": MappingProxyType(ladder),

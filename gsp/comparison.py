@@ -2,6 +2,8 @@
 
 The full system starts on M_epsilon over the scene's slow start, so that no initial layer is crossed. A reduced
 field through order N is then in error by O(epsilon^(N+1)) on a time span that does not depend on epsilon.
+On a repelling branch both run backward in time.
+With a correction it starts anywhere, and the reduced runs at the base point of the fast fibre through that start.
 """
 
 from __future__ import annotations
@@ -12,9 +14,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.errors import DeclarationError, Status
+from gsp.errors import DeclarationError, HyperbolicityError, Status
+from gsp.inner import InnerExpansion, expand_inner
 from gsp.placement import Placement, place
 from gsp.reduced import restrict
+from gsp.sampling import Sampler
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
 from gsp.system import VectorField
@@ -29,6 +33,11 @@ CHECK = 10.0
 CLEARANCE = 30.0
 # The slope is fitted to this many of the smallest epsilons that stand clear.
 FITTED = 3
+# With a correction errors are measured after (M + this) epsilon/gap ln(1/epsilon), M the highest power of epsilon
+# corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error expected.
+LAYER_MARGIN = 3
+# A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
+MAX_STEPS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +46,9 @@ class Comparison:
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
     relative to its largest value; `slopes[N]` is the fitted power of epsilon, nan when every error is at rounding
-    (the reduction is exact there); `expected[N]` is N + 1. `floor[i]` estimates the reference's own error. The same
-    for rival reduced fields of the scene in `claims` and `claim_slopes`.
+    (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
+    epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
+    of the scene in `claims` and `claim_slopes`.
     """
 
     scene: Scene
@@ -50,6 +60,7 @@ class Comparison:
     statuses: Mapping[int, tuple[Status, ...]]
     claims: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     claim_slopes: Mapping[str, float] = field(default_factory=dict)
+    correction: int | None = None
 
     def is_exact(self, order: int) -> bool:
         """Whether every error of this order is within the reference's own error."""
@@ -70,7 +81,8 @@ class Comparison:
             f"  {name}: slope {self.claim_slopes[name]:.2f}  " + "  ".join(f"{e:9.2e}" for e in values)
             for name, values in self.claims.items()
         ]
-        return "\n".join(["largest relative error of the reduced run, by epsilon", head, *rows])
+        start = "" if self.correction is None else f", start corrected through epsilon^{self.correction}"
+        return "\n".join([f"largest relative error of the reduced run, by epsilon{start}", head, *rows])
 
 
 def compare(
@@ -78,12 +90,20 @@ def compare(
     *,
     orders: Sequence[int] = (0, 1, 2, 3),
     epsilons: Sequence[float] | None = None,
+    correction: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
     """Error of the reduced flow of each order against the full system, over the scene's ladder of epsilons.
 
+    Without `correction` both start on M_epsilon over the scene's slow start; on a repelling branch they run backward
+    in time, and on one of saddle type a full run leaves the manifold either way, which the errors show. With it
+    the full system starts at the scene's own start, off the manifold, and the reduced runs at the base point of the
+    fast fibre through it, through epsilon^`correction`; errors are measured outside the layer, from (M + 3) epsilon/gap ln(1/epsilon) on,
+    M = min(correction, highest order). With 0 only the slow coordinates are kept.
+
     A run that stops early gives nan for its epsilon, and its `Status` is kept. Raises what the stages before
-    raise for a scene that cannot be split, solved or expanded.
+    raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
+    point; `DeclarationError` when the layer takes more than half of the span.
     """
     wanted = tuple(dict.fromkeys(orders))
     if not wanted or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
@@ -94,25 +114,36 @@ def compare(
     series = expand(placement.branch, order=max(wanted) + 2)
     flows = {n: restrict(series, order=n) for n in wanted}
     rivals = _rivals(scene, placement)
-    grid = np.linspace(*scene.span, GRID_POINTS)
+    inner = None if correction is None else _inner(placement, correction)
+    sense = _sense(placement)
     errors: dict[int, list[float]] = {n: [] for n in wanted}
     statuses: dict[int, list[Status]] = {n: [] for n in wanted}
     claimed: dict[str, list[float]] = {name: [] for name in rivals}
     floor: list[float] = []
     for i, epsilon in enumerate(ladder):
-        start = on_manifold(series, placement.start, epsilon)
+        if inner is None:
+            start = slow_start = on_manifold(series, placement.start, epsilon)
+            first = scene.span[0]
+            last = first + sense * (scene.span[1] - first)
+        else:
+            start = placement.start
+            slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
+            first = scene.span[0] + _layer_time(inner, scene, epsilon, max(wanted))
+            last = scene.span[1]
+        grid = np.linspace(first, last, GRID_POINTS)
         reference = _run(placement.system, start, scene, epsilon, grid)
         check = _run(placement.system, start, scene, epsilon, grid, loosened=CHECK)
         slow = [x.name for x in placement.system.x]
         floor.append(max(_error(check, reference, slow), np.finfo(float).eps))
         for n, flow in flows.items():
-            run = _run(flow, start, scene, epsilon, grid)
+            run = _run(flow, slow_start, scene, epsilon, grid)
             errors[n].append(_error(run, reference, slow))
             statuses[n].append(run.status if not run.status.ok else reference.status)
         for name, rival in rivals.items():
             names = [z.name for z in rival.states]
             there = {z: float(reference[z][0]) for z in names}
-            claimed[name].append(_error(_run(rival, there, scene, epsilon, grid), reference, names))
+            run = _run(rival, there, scene, epsilon, grid, begin=first)
+            claimed[name].append(_error(run, reference, names))
         if progress is not None:
             progress((i + 1) / len(ladder))
     return Comparison(
@@ -120,11 +151,12 @@ def compare(
         epsilons=ladder,
         errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
         slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
-        expected=MappingProxyType({n: n + 1 for n in wanted}),
+        expected=MappingProxyType({n: 1 + (n if correction is None else min(n, correction)) for n in wanted}),
         floor=tuple(floor),
         statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
         claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
         claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
+        correction=correction,
     )
 
 
@@ -154,15 +186,60 @@ def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[fl
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _run(flow, start, scene: Scene, epsilon: float, grid, *, loosened: float = 1.0) -> Trajectory:
+def _sense(placement: Placement) -> int:
+    """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
+    x = np.array([[placement.start[s.name] for s in placement.system.x]])
+    y = placement.branch.points(x)
+    eigenvalues = Sampler(placement.branch).eigenvalues(np.hstack([x, y]))
+    return -1 if (np.real(eigenvalues) > 0).all() else 1
+
+
+def _inner(placement: Placement, correction: int) -> InnerExpansion:
+    if isinstance(correction, bool) or not isinstance(correction, int) or correction < 0:
+        raise DeclarationError(
+            f"correction is a non-negative integer, the power of epsilon. Got {correction!r}. Try 1."
+        )
+    inner = expand_inner(placement.branch, placement.start, order=correction, fast_order=max(correction - 1, 0))
+    if inner.direction < 0:
+        raise HyperbolicityError(
+            f"the branch {placement.branch} repels, so a run from off the slow manifold leaves it. "
+            "Use correction=None, which starts on the manifold."
+        )
+    return inner
+
+
+def _layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
+    """Slow time until the layer is out of the way of the errors measured."""
+    power = min(highest, inner.order) + LAYER_MARGIN
+    time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)
+    length = scene.span[1] - scene.span[0]
+    if time > 0.5 * length:
+        raise DeclarationError(
+            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}), more "
+            f"than half of the span {scene.span}. Take smaller epsilons or a longer span."
+        )
+    return time
+
+
+def _run(
+    flow,
+    start,
+    scene: Scene,
+    epsilon: float,
+    grid,
+    *,
+    loosened: float = 1.0,
+    begin: float | None = None,
+) -> Trajectory:
     return integrate(
         flow,
         start=start,
-        span=scene.span,
+        span=(scene.span[0] if begin is None else begin, float(grid[-1])),
         epsilon=None if flow.epsilon is None else epsilon,
         rtol=RTOL * loosened,
         atol=ATOL * loosened,
         at=grid,
+        max_steps=MAX_STEPS,
     )
 
 

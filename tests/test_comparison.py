@@ -90,3 +90,11 @@ def test_other_parameters_give_another_comparison() -> None:
     other = replace(scene, system=scene.system.with_parameters(kappa=2))
     one, two = (compare(s, orders=(0,)).errors[0] for s in (scene, other))
     assert one != two
+
+
+def test_a_repelling_branch_is_compared_backward_in_time() -> None:
+    system = SlowFastSystem(slow={x: -x + y}, fast={y: y - x + x * y / 4}, epsilon=eps)
+    scene = Scene(system, {"x": (0.1, 2)}, {"x": 1, "y": 1}, (0, 1), 0.01, (0.02, 0.01, 0.005), 1e-6)
+    comparison = compare(scene, orders=(0, 1, 2))
+    for order in range(3):
+        assert comparison.slopes[order] == pytest.approx(order + 1, abs=0.1)

@@ -121,15 +121,24 @@ def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
-        "The full run at {} = {} (broad) and the reduced run of order {} from the same slow variables (dashed), on "
-        "a logarithmic axis. Left of the dotted line is the initial layer, where the fast variables settle; an "
-        "offset that remains after it is of order {}, the shift along the fast fibre through the start."
+        "The full run at {} = {} (broad) and the reduced run of order {} (dashed), on a logarithmic axis. Left of "
+        "the dotted line is the initial layer, where the fast variables settle. {}"
     ).format(
         _epsilon(analysis, setter),
         number(analysis.scene.epsilon),
         analysis.series.order,
-        _epsilon(analysis, setter),
+        _reduced_start(analysis, setter),
     )
+
+
+def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
+    if analysis.base is not None:
+        return Markup(
+            "The reduced run starts at the base point of the fast fibre through the start: {}."
+        ).format(", ".join(f"{name} = {number(value)}" for name, value in analysis.base.items()))
+    return Markup(
+        "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
+    ).format(analysis.base_reason, _epsilon(analysis, setter))
 
 
 def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:

@@ -36,6 +36,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "tolerance": scene.tolerance,
         "span": list(scene.span),
         "start": dict(scene.full_start),
+        "base_point": None if analysis.base is None else dict(analysis.base),
         "region": {name: list(interval) for name, interval in scene.region.items()},
         "stats": {name: _stats(getattr(analysis, name)) for name in ("full", "limit", "reduced")},
         "timings": {**analysis.timings, "total": sum(analysis.timings.values())},
