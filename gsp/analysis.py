@@ -45,8 +45,9 @@ class Analysis:
     `raw` is the series in the field's own variables (None where it cannot be carried back); `full` is the full
     run from the scene's start, reconstruction included, `limit` the reduced run of order 0 and `reduced` of the
     highest order, started at the `base` point of the fast fibre through the scene's start (or over the same slow
-    variables when there is none, for the `base_reason`); `ladder` holds full runs at the pictured epsilons, `landing` runs that start off the slow
-    manifold (empty unless it attracts); `surroundings` is the critical manifold through its folds in a box around
+    variables when there is none, for the `base_reason`); `ladder` holds full runs at the pictured epsilons,
+    `landing` runs that start off the slow manifold (empty unless it attracts); `surroundings` is the critical
+    manifold through its folds in a box around
     the region, for implicit branches over one or two slow variables. `timings` are seconds per stage, `versions`
     of what computed it.
     """

@@ -184,6 +184,22 @@ def folds(model: str, as_json: bool) -> None:
 
 @cli.command()
 @click.argument("model")
+@_json_option
+def methods(model: str, as_json: bool) -> None:
+    """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
+    from gsp.methods import method_table
+
+    table = method_table(load_scene(model))
+    if as_json:
+        from gsp.report import plain
+
+        _print_json(plain(table.as_rows()))
+        return
+    click.echo(str(table))
+
+
+@cli.command()
+@click.argument("model")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
 )

@@ -18,7 +18,7 @@ import sympy as sp
 
 from gsp.branch import Branch
 from gsp.errors import DeclarationError, Status
-from gsp.flow import check_epsilon
+from gsp.flow import Point, check_epsilon
 from gsp.inner import InnerExpansion, expand_inner
 from gsp.series import SeriesManifold
 from gsp.shadowing import shadow
@@ -89,7 +89,7 @@ class BasePoint(Mapping[str, float]):
 
 def project(
     manifold,
-    start: Mapping[str | sp.Symbol, float],
+    start: Point,
     *,
     epsilon: float,
     order: int | None = None,

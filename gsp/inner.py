@@ -25,7 +25,7 @@ from gsp.branch import Branch
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, HyperbolicityError, nearest
 from gsp.exponentials import ExponentialRing, NotClosed
-from gsp.flow import named
+from gsp.flow import Point, named
 from gsp.landing import REFINEMENTS, Landing, land
 from gsp.laurent import laurent
 from gsp.power_series import SeriesProgram
@@ -104,7 +104,7 @@ class InnerExpansion:
 
 def expand_inner(
     branch: Branch,
-    start: Mapping[str, float] | Mapping[str | sp.Symbol, float],
+    start: Mapping[str, float] | Point,
     *,
     order: int,
     reconstruction: Mapping[sp.Symbol, sp.Expr] | None = None,

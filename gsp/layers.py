@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from gsp.branch import Branch
 from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status, nearest
-from gsp.flow import check_epsilon
+from gsp.flow import Point, check_epsilon
 from gsp.inner import InnerExpansion, expand_inner
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.reduced import restrict
@@ -135,7 +135,7 @@ class CompositeSolution:
 
 def composite(
     manifold: SeriesManifold | Branch,
-    start: Mapping[str | sp.Symbol, float],
+    start: Point,
     *,
     span: tuple[float, float],
     epsilon: float,

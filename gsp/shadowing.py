@@ -15,6 +15,7 @@ import sympy as sp
 from gsp.branch import Branch
 from gsp.decaying import chebyshev
 from gsp.errors import BranchError, HyperbolicityError, Status, UnsupportedFunctionError
+from gsp.flow import Point
 from gsp.inner import Problem
 from gsp.landing import land
 from gsp.lowering import compile_function, parameter_vector
@@ -58,7 +59,7 @@ class Shadow:
 
 def shadow(
     branch: Branch,
-    start: Mapping[str | sp.Symbol, float],
+    start: Point,
     *,
     epsilon: float,
     reconstruction: Mapping[sp.Symbol, sp.Expr],

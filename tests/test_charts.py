@@ -15,6 +15,8 @@ from gsp import SlowFastSystem, analyse, charts, models
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import mathematics, plain
 from gsp.errors import DeclarationError
+from gsp.layers import composite
+from gsp.methods import method_table
 from gsp.scene import Scene
 
 
@@ -154,3 +156,15 @@ def test_critical_curves_and_sheets_show_their_special_points(analyses):
     assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
     with pytest.raises(DeclarationError, match="explicit graph"):
         charts.surroundings(analyses["linear"])
+
+
+def test_methods_and_composites_are_drawn_with_their_parts(analyses):
+    scene = analyses["michaelis_menten"].scene
+    table = method_table(scene, refinements=(0, 1), iterates=(1,), orders=(0, 1))
+    axes = charts.method_errors(table)
+    assert len(axes.get_lines()) == len(table.rows)
+    placement = analyses["michaelis_menten"].placement
+    solution = composite(analyses["michaelis_menten"].series, placement.start, span=scene.span, epsilon=0.05)
+    axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}

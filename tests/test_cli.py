@@ -99,6 +99,13 @@ def test_folds_are_found_along_an_implicit_branch() -> None:
         run("folds", "linear")
 
 
+def test_methods_are_tabulated_with_their_orders() -> None:
+    rows = {row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").output)}
+    assert rows["CSP 1"]["expected"] == 2
+    assert rows["series 2"]["fitted"] == pytest.approx(3, abs=0.1)
+    assert rows["solved"]["error at 0.1"] < 1e-10
+
+
 def test_a_report_is_written_where_it_was_asked_for(tmp_path) -> None:
     result = run("report", "linear", "-o", str(tmp_path / "out"))
     assert result.exit_code == 0

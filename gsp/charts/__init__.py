@@ -14,6 +14,7 @@ from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.manifolds import distance, manifold
+from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
@@ -23,6 +24,7 @@ from gsp.errors import DeclarationError
 
 __all__ = [
     "applicable",
+    "composite",
     "convergence",
     "critical_curve",
     "critical_sheet",
@@ -32,6 +34,7 @@ __all__ = [
     "has_constant_eigenvalues",
     "heading_of",
     "manifold",
+    "method_errors",
     "path",
     "phase_portrait",
     "png",

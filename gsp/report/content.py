@@ -43,7 +43,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "versions": dict(analysis.versions),
         "figures": [f"{name}.png" for name in charts.applicable(analysis)],
     }
-    return _plain(content)
+    return plain(content)
 
 
 def _raw(analysis: Analysis) -> dict[str, Any] | None:
@@ -87,7 +87,7 @@ def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None)
         ],
         "evidence": found.evidence,
     }
-    return _plain(content)
+    return plain(content)
 
 
 def _comparison(analysis: Analysis) -> dict[str, Any]:
@@ -108,12 +108,12 @@ def _stats(run: Trajectory) -> dict[str, Any]:
     return {**asdict(run.stats), "method": run.stats.method.value, "status": run.status.name}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Strict JSON: text keys, lists, Python numbers, None for nan and infinity."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if value is None or isinstance(value, (str, bool, int)):
         return value
     number = float(value)
