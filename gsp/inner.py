@@ -22,6 +22,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.branch import Branch
+from gsp.declaration import exact
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, HyperbolicityError, nearest
 from gsp.exponentials import ExponentialRing, NotClosed
@@ -30,7 +31,7 @@ from gsp.landing import REFINEMENTS, Landing, land
 from gsp.laurent import laurent
 from gsp.power_series import SeriesProgram
 from gsp.ring import read
-from gsp.system import SlowFastSystem, exact
+from gsp.system import SlowFastSystem
 
 # The exact route multiplies exponential polynomials out; beyond this order their number of terms costs more
 # than the sampled route, which has no such growth.

@@ -11,11 +11,12 @@ import sympy as sp
 
 from gsp.branch import Branch
 from gsp.decaying import Panels, Signal, SignalRing, chebyshev, tail
+from gsp.declaration import exact
 from gsp.differentiation import derivative
 from gsp.errors import BranchError, HyperbolicityError
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
-from gsp.system import SlowFastSystem, VectorField, exact
+from gsp.system import SlowFastSystem, VectorField
 from gsp.trajectory import Method, integrate
 
 # Fast times 1/gap after which a start is expected near the branch, and how often that is doubled.

@@ -6,21 +6,17 @@ x' = f(x, y, epsilon), epsilon y' = g(x, y, epsilon), equation (19) of Eldering 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
 import sympy as sp
-from sympy.core.function import AppliedUndef
 
-from gsp.errors import DeclarationError, nearest
+from gsp.declaration import checked_parameters, equations_of, updated_parameters
+from gsp.errors import DeclarationError
 from gsp.flow import Flow, Values
-from gsp.laurent import misplaced_epsilon, pole_order
-
-# Numbers given as text: a larger exponent would be written out in full.
-DECIMAL = re.compile(r"[+-]?\d{1,60}(\.\d{0,60})?([eE][+-]?\d{1,3}|/\d{1,60})?")
+from gsp.laurent import pole_order
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +42,7 @@ class SlowFastSystem(Flow):
     observables: Values = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        slow, fast = _equations(self.slow, "slow"), _equations(self.fast, "fast")
+        slow, fast = equations_of(self.slow, "slow"), equations_of(self.fast, "fast")
         if not slow or not fast:
             raise DeclarationError(
                 f"a SlowFastSystem has slow and fast variables. Got {len(slow)} slow and {len(fast)} fast. "
@@ -60,8 +56,8 @@ class SlowFastSystem(Flow):
                 "a SlowFastSystem has a small parameter. Got epsilon=None. "
                 "Pass the symbol that multiplies the fast rates."
             )
-        observables = _equations(self.observables, "observables")
-        parameters = _checked(
+        observables = equations_of(self.observables, "observables")
+        parameters = checked_parameters(
             states=(*slow, *fast),
             expressions=(*slow.values(), *fast.values()),
             observables=observables,
@@ -106,7 +102,7 @@ class SlowFastSystem(Flow):
             slow=self.slow,
             fast=self.fast,
             epsilon=self.epsilon,
-            parameters=_updated(self.parameters, values),
+            parameters=updated_parameters(self.parameters, values),
             name=self.name,
             observables=self.observables,
         )
@@ -172,11 +168,11 @@ class VectorField(Flow):
         name: str = "",
         observables: Values | None = None,
     ) -> None:
-        equations = _equations(states, "states")
+        equations = equations_of(states, "states")
         if not equations:
             raise DeclarationError("a VectorField has at least one state. Got none.")
-        watched = _equations(observables or {}, "observables")
-        values = _checked(
+        watched = equations_of(observables or {}, "observables")
+        values = checked_parameters(
             states=tuple(equations),
             expressions=tuple(equations.values()),
             observables=watched,
@@ -200,7 +196,7 @@ class VectorField(Flow):
         return VectorField(
             self.equations,
             epsilon=self.epsilon,
-            parameters=_updated(self.parameters, values),
+            parameters=updated_parameters(self.parameters, values),
             name=self.name,
             observables=self.observables,
         )
@@ -233,161 +229,6 @@ class VectorField(Flow):
 
     def __hash__(self) -> int:
         return hash(self._key())
-
-
-def exact(value: float | str | sp.Expr) -> sp.Rational:
-    """Exact rational of a number; a float counts as the shortest decimal that prints it, 0.2 as 1/5."""
-    if isinstance(value, sp.Rational):
-        return value
-    if isinstance(value, bool) or value is None:
-        raise DeclarationError(f"{value!r} is no number. Give an int, a float or a Fraction.")
-    if isinstance(value, str) and not DECIMAL.fullmatch(value):
-        raise DeclarationError(
-            f"{value[:80]!r} is no number. Give an int, a float or a Fraction, or digits as text."
-        )
-    if isinstance(value, sp.Float):
-        # SymPy prints 15 digits; a double needs up to 17 to come back.
-        value = float(value) if getattr(value, "_prec", 53) <= 53 else sp.sstr(value, full_prec=True)
-    try:
-        number = sp.Rational(str(value))
-    except (TypeError, ValueError):
-        number = None
-    if not isinstance(number, sp.Rational):
-        raise DeclarationError(f"{value!r} is no finite real number. Give an int, a float or a Fraction.")
-    return number
-
-
-def _equations(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
-    if not isinstance(equations, Mapping):
-        raise DeclarationError(f"{what} maps symbols to expressions. Got {type(equations).__name__}.")
-    result: dict[sp.Symbol, sp.Expr] = {}
-    for symbol, expression in equations.items():
-        if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"{what} is keyed by SymPy symbols. Got the key {symbol!r}.")
-        if isinstance(expression, float):
-            expression = exact(expression)
-        try:
-            expression = sp.sympify(expression, strict=True)
-        except sp.SympifyError:
-            raise DeclarationError(
-                f"the right-hand side of {symbol} is a {type(expression).__name__}, {expression!r}. "
-                "Give a SymPy expression; text is read by gsp.load only."
-            ) from None
-        if not isinstance(expression, sp.Expr) or isinstance(expression, (sp.MatrixBase, sp.MatrixExpr)):
-            raise DeclarationError(
-                f"the right-hand side of {symbol} is no scalar expression. Got {expression!r}."
-            )
-        result[symbol] = _exact_numbers(expression)
-    return result
-
-
-def _exact_numbers(expression: sp.Expr) -> sp.Expr:
-    floats = expression.atoms(sp.Float)
-    return expression.xreplace({number: exact(number) for number in floats}) if floats else expression
-
-
-def _checked(
-    *,
-    states: tuple[sp.Symbol, ...],
-    expressions: tuple[sp.Expr, ...],
-    observables: Mapping[sp.Symbol, sp.Expr],
-    epsilon: sp.Symbol | None,
-    parameters: Mapping,
-) -> dict[sp.Symbol, sp.Rational]:
-    """Parameter values, exact, in the order given, after every check that does not depend on the noun."""
-    if epsilon is not None and not isinstance(epsilon, sp.Symbol):
-        raise DeclarationError(f"epsilon is a SymPy symbol. Got {epsilon!r}; its value is given later.")
-    if not isinstance(parameters, Mapping):
-        raise DeclarationError(f"parameters maps symbols to numbers. Got {type(parameters).__name__}.")
-    values: dict[sp.Symbol, sp.Rational] = {}
-    for symbol, value in parameters.items():
-        if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"parameters is keyed by SymPy symbols. Got the key {symbol!r}.")
-        if value is None:
-            raise DeclarationError(f"the parameter {symbol} has no value. Give it a number.")
-        try:
-            values[symbol] = exact(value)
-        except DeclarationError as error:
-            raise DeclarationError(f"the parameter {symbol} has the value {value!r}. {error}") from None
-    everything = (*expressions, *observables.values())
-    used = set().union(*(e.free_symbols for e in everything))
-    own = () if epsilon is None else (epsilon,)
-    _check_names([*states, *own, *values, *(used - set(states) - set(own) - set(values)), *observables])
-    for role, symbols in (("epsilon", own), ("a parameter", values), ("an observable", observables)):
-        for symbol in symbols:
-            if symbol in states:
-                raise DeclarationError(
-                    f"{symbol} is a state and also {role}. Give one of the two another name."
-                )
-    for symbol in observables:
-        if symbol in values or symbol in own:
-            role = "epsilon" if symbol in own else "a parameter"
-            raise DeclarationError(f"{symbol} is an observable and also {role}. Give it another name.")
-    if epsilon in values:
-        raise DeclarationError(
-            f"{epsilon} is epsilon and also a parameter. Its value is given when integrating."
-        )
-    unknown = sorted(used - set(states) - set(own) - set(values), key=str)
-    if unknown:
-        names = ", ".join(map(str, unknown))
-        known = [s.name for s in (*states, *values, *own)]
-        raise DeclarationError(
-            f"{names} has no value: it is no state and no parameter. "
-            f"Add it as parameters={{{unknown[0]}: ...}}." + nearest(unknown[0].name, known)
-        )
-    for expression in everything:
-        _check_expression(expression)
-        if epsilon is not None:
-            wrong = misplaced_epsilon(expression, epsilon)
-            if wrong is not None:
-                raise DeclarationError(
-                    f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}. "
-                    f"Replace it by its Taylor polynomial in {epsilon}, or rescale."
-                )
-    return values
-
-
-def _check_names(symbols: Iterable[sp.Symbol]) -> None:
-    seen: dict[str, sp.Symbol] = {}
-    for symbol in symbols:
-        if not symbol.name.isidentifier() or len(symbol.name) > 64:
-            raise DeclarationError(
-                f"the symbol {symbol.name[:80]!r} is no plain word. Use letters, digits and _, at most 64."
-            )
-        other = seen.setdefault(symbol.name, symbol)
-        if other != symbol:
-            raise DeclarationError(
-                f"two different symbols are named {symbol.name} (their assumptions differ). Use one object throughout."
-            )
-
-
-def _check_expression(expression: sp.Expr) -> None:
-    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
-        raise DeclarationError(f"{expression} is not finite. Remove the division by zero.")
-    if expression.has(sp.I):
-        raise DeclarationError(f"{expression} is complex. Declare real and imaginary parts as separate states.")
-    applied = expression.atoms(AppliedUndef)
-    if applied:
-        raise DeclarationError(
-            f"{expression} contains the unknown function {sorted(map(str, applied))[0]}. "
-            "Use plain symbols for states; for time declare a state t with t' = 1."
-        )
-    for piece in sp.preorder_traversal(expression):
-        if isinstance(piece, (sp.Derivative, sp.Integral)):
-            raise DeclarationError(f"{expression} contains {piece}. Carry out derivatives and integrals first.")
-
-
-def _updated(parameters: Values, values: Mapping[str, float]) -> dict[sp.Symbol, sp.Expr]:
-    names = {symbol.name: symbol for symbol in parameters}
-    result = dict(parameters)
-    for name, value in values.items():
-        if name not in names:
-            raise DeclarationError(
-                f'there is no parameter "{name}". The parameters are {", ".join(names) or "none"}.'
-                + nearest(name, names)
-            )
-        result[names[name]] = exact(value)
-    return result
 
 
 def _freeze(target: object, **mappings: Mapping) -> None:

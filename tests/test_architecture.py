@@ -18,6 +18,7 @@ LAYERS = [
     "flow",
     "region",
     "laurent",
+    "declaration",
     "system",
     "kernels",
     "differentiation",

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.declaration import exact
 from gsp.errors import DeclarationError
 from gsp.flow import as_points, check_epsilon, named
-from gsp.system import SlowFastSystem, VectorField, exact
+from gsp.system import SlowFastSystem, VectorField
 
 x, y, z, a, b, epsilon = sp.symbols("x y z a b epsilon")
 
