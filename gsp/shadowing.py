@@ -235,6 +235,9 @@ class _SlowFlow:
                     break
             drift += length * error * self.by_height(values[0])
             z = values[0]
+            if drift > LOST * (1.0 + float(np.abs(z).max())):
+                # Already lost: the rest of the way back would only be slow.
+                break
         return z, drift
 
     def _lipschitz(self, z: np.ndarray) -> float:
