@@ -8,6 +8,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     continue_critical             one curve of it through its folds, with its special points
     classify                      where it is normally hyperbolic, and how strongly
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
+    canard_value                  the parameter of the maximal canard, as an exact series in epsilon
+    folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve
     zero_derivative               the slow manifold at points, to machine precision
     solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
@@ -50,6 +52,11 @@ _HOME = {
     "Ending": "continuation",
     "classify": "hyperbolicity",
     "Hyperbolicity": "hyperbolicity",
+    "canard_value": "singularities",
+    "CanardValue": "singularities",
+    "match_canard": "singularities",
+    "folded_singularities": "singularities",
+    "FoldedSingularity": "singularities",
     "zero_derivative": "slow_points",
     "SlowPoints": "slow_points",
     "solve_manifold": "manifold",
@@ -117,6 +124,11 @@ if TYPE_CHECKING:
     from gsp.scene import Scene as Scene
     from gsp.series import SeriesManifold as SeriesManifold
     from gsp.series import expand as expand
+    from gsp.singularities import CanardValue as CanardValue
+    from gsp.singularities import FoldedSingularity as FoldedSingularity
+    from gsp.singularities import canard_value as canard_value
+    from gsp.singularities import folded_singularities as folded_singularities
+    from gsp.singularities import match_canard as match_canard
     from gsp.slow_points import SlowPoints as SlowPoints
     from gsp.slow_points import zero_derivative as zero_derivative
     from gsp.splitting import Splitting as Splitting

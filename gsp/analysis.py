@@ -21,7 +21,7 @@ from gsp.placement import Placement, place, place_splitting
 from gsp.raw import RawManifold, carry_back
 from gsp.reduced import ReducedFlow, restrict
 from gsp.scene import Scene
-from gsp.series import SeriesManifold, expand
+from gsp.series import READABLE, SeriesManifold, expand
 from gsp.trajectory import Trajectory, integrate
 
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
@@ -42,20 +42,20 @@ PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "
 class Analysis:
     """Everything known about a scene.
 
-    `raw` is the series in the field's own variables (None where it cannot be carried back); `full` is the full
-    run from the scene's start, reconstruction included, `limit` the reduced run of order 0 and `reduced` of the
-    highest order, started at the `base` point of the fast fibre through the scene's start (or over the same slow
-    variables when there is none, for the `base_reason`); `ladder` holds full runs at the pictured epsilons,
-    `landing` runs that start off the slow manifold (empty unless it attracts); `surroundings` is the critical
-    manifold through its folds in a box around
-    the region, for implicit branches over one or two slow variables. `timings` are seconds per stage, `versions`
-    of what computed it.
+    `shown` is what of the `series` can be printed, `raw` the same in the field's own variables (None where it
+    cannot be carried back). `full` is the full run from the scene's start, reconstruction included, `limit` the
+    reduced run of order 0 and `reduced` of the highest order, started at the `base` point of the fast fibre through
+    the scene's start (or over the same slow variables when there is none, for the `base_reason`). `ladder` holds full
+    runs at the pictured epsilons, `landing` runs that start off the slow manifold (empty unless it attracts).
+    `surroundings` is the critical manifold through its folds in a box around the region, for implicit branches over
+    one or two slow variables. `timings` are seconds per stage, `versions` of what computed it.
     """
 
     scene: Scene
     placement: Placement
     hyperbolicity: Hyperbolicity
     series: SeriesManifold
+    shown: SeriesManifold
     raw: RawManifold | None
     comparison: Comparison
     full: Trajectory
@@ -121,7 +121,8 @@ def analyse(
         around = surroundings(placement)
     with stage("series"):
         series = expand(placement.branch, order=order)
-        raw = None if placement.splitting is None else carry_back(series, placement.splitting)
+        shown = series.readable(READABLE)
+        raw = None if placement.splitting is None else carry_back(shown, placement.splitting)
     with stage("comparison"):
         comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
     with stage("trajectories"):
@@ -133,6 +134,7 @@ def analyse(
         placement=placement,
         hyperbolicity=hyperbolicity,
         series=series,
+        shown=shown,
         raw=raw,
         comparison=comparison,
         landing=landing,

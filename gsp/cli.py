@@ -86,16 +86,23 @@ def split(model: str, as_json: bool) -> None:
 @click.argument("model")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon.")
 @click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
+@click.option(
+    "--values", is_flag=True, help="Put the parameters' values in: much shorter where there are many."
+)
 @_json_option
-def expand(model: str, order: int, raw: bool, as_json: bool) -> None:
+def expand(model: str, order: int, raw: bool, values: bool, as_json: bool) -> None:
     """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
     from gsp.placement import place
     from gsp.raw import carry_back
+    from gsp.series import READABLE
     from gsp.series import expand as expand_branch
 
     scene = load_scene(model)
     placement = place(scene)
-    series: Any = expand_branch(placement.branch, order=order)
+    whole = expand_branch(placement.branch, order=order, symbolic=not values)
+    through = order if as_json else next((k for k, n in enumerate(whole.sizes) if n > READABLE), order + 1) - 1
+    # Only what is printed is turned into expressions: that is where the time of a long series goes.
+    series: Any = whole.at_order(max(through, 0))
     if raw and placement.splitting is not None:
         series = carry_back(series, placement.splitting)
         if series is None:
@@ -118,9 +125,18 @@ def expand(model: str, order: int, raw: bool, as_json: bool) -> None:
             }
         )
         return
+    if not placement.branch.is_explicit:
+        fast = ", ".join(y.name for y in placement.system.y)
+        click.echo(
+            f"Here {fast} is the point of the critical manifold over the slow variables: {placement.branch}"
+        )
+    remedy = "--json prints all of it" if values else "--values is shorter, --json prints all of it"
     for letter, part in fields:
-        for k, row in enumerate(part):
-            for symbol, expression in row.as_dict().items():
+        for k, size in enumerate(whole.sizes):
+            if k > through:
+                click.echo(f"{letter}_{k}  has coefficients of up to {size} terms; {remedy}")
+                continue
+            for symbol, expression in part[k].as_dict().items():
                 prime = "'" if letter == "f" else ""
                 click.echo(f"{letter}_{k}  {symbol}{prime} = {expression}")
 
@@ -153,17 +169,29 @@ def check(context: click.Context, model: str, as_json: bool) -> None:
 @click.argument("model")
 @_json_option
 def folds(model: str, as_json: bool) -> None:
-    """Follow the critical manifold of MODEL through its folds, around its region."""
+    """Follow the critical manifold of MODEL through its folds.
+
+    In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
+    coefficients of v' = b dx + a v^2 along the null direction.
+    """
     from gsp.analysis import surroundings
     from gsp.continuation import CriticalCurve
     from gsp.placement import place
 
     scene = load_scene(model)
-    found = surroundings(place(scene))
+    placement = place(scene)
+    found = surroundings(placement)
+    if found is None and placement.branch.is_explicit:
+        message = f"the branch of {scene.name} is the explicit graph {placement.branch}: it has no folds"
+        if as_json:
+            _print_json({"name": scene.name, "message": message, "special": []})
+        else:
+            click.echo(message)
+        return
     if found is None:
         raise GspError(
-            f"the branch of {scene.name} is an explicit graph over its slow variables, so it has no folds; or there "
-            "are more than two slow variables. Use gsp.continue_critical with free=... for a curve of it."
+            f"{scene.name} has {len(placement.system.x)} slow variables, or no bounds on the fast ones; folds are "
+            "followed over one or two, in a box. Use gsp.continue_critical with free=..., or bound the fast variables."
         )
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     if as_json:
@@ -179,7 +207,8 @@ def folds(model: str, as_json: bool) -> None:
             }
         )
         return
-    click.echo("\n".join([found.message, *(str(curve) for curve in curves)]))
+    texts = [str(curve) for curve in curves]
+    click.echo("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))
 
 
 @cli.command()
@@ -233,6 +262,9 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
         _print_json(report_json(analysis))
         return
     click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
+    for condition in analysis.hyperbolicity.conditions:
+        if not condition.holds:
+            click.echo(f"do not reduce here: {condition}")
     click.echo(str(analysis.comparison))
     click.echo(f"report: {page}")
 

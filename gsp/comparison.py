@@ -27,8 +27,10 @@ from gsp.trajectory import Trajectory, integrate
 # The grid on which errors are measured, and the tolerances of the runs compared.
 GRID_POINTS = 49
 RTOL, ATOL = 1e-12, 1e-14
-# A second full run at this many times the tolerance shows how far the reference itself can be trusted.
+# A second full run at this many times the tolerance shows how far the reference itself can be trusted: its error is
+# about proportional to the tolerance, so so many times smaller than the difference, and never below rounding.
 CHECK = 10.0
+ROUNDING = 4 * np.finfo(float).eps
 # Errors must stand this far above the reference's own error to enter a slope.
 CLEARANCE = 30.0
 # The slope is fitted to this many of the smallest epsilons that stand clear.
@@ -110,8 +112,8 @@ def compare(
         raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2, 3).")
     ladder = scene.epsilons if epsilons is None else tuple(sorted(map(float, epsilons), reverse=True))
     placement = place(scene)
-    # Two orders more than compared: an error in the start of the fast variable is felt one order later.
-    series = expand(placement.branch, order=max(wanted) + 2)
+    # One order more than compared: an error in the start of the fast variable is felt one order later still.
+    series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
     flows = {n: restrict(series, order=n) for n in wanted}
     rivals = _rivals(scene, placement)
     inner = None if correction is None else _inner(placement, correction)
@@ -134,7 +136,7 @@ def compare(
         reference = _run(placement.system, start, scene, epsilon, grid)
         check = _run(placement.system, start, scene, epsilon, grid, loosened=CHECK)
         slow = [x.name for x in placement.system.x]
-        floor.append(max(_error(check, reference, slow), np.finfo(float).eps))
+        floor.append(max(_error(check, reference, slow) / CHECK, ROUNDING))
         for n, flow in flows.items():
             run = _run(flow, slow_start, scene, epsilon, grid)
             errors[n].append(_error(run, reference, slow))

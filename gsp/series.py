@@ -27,6 +27,8 @@ from gsp.ring import Element
 
 # Terms of a series scatter from order to order; so many neighbours tell their level.
 WINDOW = 3
+# Coefficients with more terms than this are not for reading.
+READABLE = 300
 
 
 class Components(tuple):
@@ -78,6 +80,12 @@ class SeriesManifold:
         """f_0, ..., f_n with x' = sum_k epsilon^k f_k on the slow manifold."""
         return self._components(self._f, self.branch.system.x)
 
+    @cached_property
+    def sizes(self) -> tuple[int, ...]:
+        """Terms in the longest numerator of h_k and f_k, for k = 0, ..., n: what printing them would take."""
+        rows = (*self._h, *self._f)
+        return tuple(max(len(row[k].numerator) for row in rows) for k in range(self.order + 1))
+
     @property
     def coordinates(self) -> tuple[sp.Symbol, ...]:
         """The symbols in which the coefficients are written."""
@@ -98,6 +106,17 @@ class SeriesManifold:
             [f[:rows] for f in self._f],
             self._exact,
         )
+
+    def readable(self, limit: int) -> SeriesManifold:
+        """What of the series can be printed in at most `limit` terms a coefficient.
+
+        The series itself where that is so; else with the parameters' values put in; else that cut at a lower order.
+        """
+        if max(self.sizes) <= limit:
+            return self
+        numbers = self.specialised
+        short = [k for k, size in enumerate(numbers.sizes) if max(numbers.sizes[: k + 1]) <= limit]
+        return numbers.at_order(short[-1] if short else 0)
 
     @cached_property
     def specialised(self) -> SeriesManifold:
@@ -255,11 +274,12 @@ class SeriesManifold:
         return r"$\displaystyle " + r" \\ ".join(rows) + "$"
 
 
-def expand(branch: Branch, *, order: int = 3) -> SeriesManifold:
+def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesManifold:
     """The slow manifold over `branch` and its reduced field as exact series through `order` in epsilon.
 
-    Works on explicit and implicit branches, with any number of slow and fast variables, symbolic parameters and
-    elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
+    With `symbolic=False` the parameters' exact values are put in first: the same series, much shorter where there
+    are many parameters. Works on explicit and implicit branches, with any number of slow and fast variables,
+    symbolic parameters and elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
     `HyperbolicityError` when the fast Jacobian is singular on the whole branch, and
     `UnsupportedFunctionError` for functions without a power series rule.
 
@@ -275,7 +295,7 @@ def expand(branch: Branch, *, order: int = 3) -> SeriesManifold:
             f"expand takes a Branch. Got {type(branch).__name__}. "
             "Use solve_critical(system).branches[0], or .nearest(start)."
         )
-    return _expand(branch, order, {})
+    return _expand(branch, order, {} if symbolic else dict(branch.system.parameters))
 
 
 def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr]) -> SeriesManifold:

@@ -38,6 +38,7 @@ LAYERS = [
     "sampling",
     "losses",
     "hyperbolicity",
+    "singularities",
     "tape",
     "slow_points",
     "slow_track",
@@ -74,7 +75,7 @@ LAYERS = [
 LIBRARIES = {
     "numpy": None,
     "sympy": None,
-    "flint": {"polynomials", "ring"},
+    "flint": {"polynomials", "ring", "singularities"},
     "numba": {"kernels"},
     "llvmlite": {"kernels", "lowering"},
     "scipy": {"branch", "hyperbolicity", "losses", "sampling"},

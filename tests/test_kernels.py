@@ -10,10 +10,11 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.kernels import dop853_tableau, ledger, rodas5p_tableau
+from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.radau import memory_size, radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import CompiledFlow, compile_flow
 from gsp.system import VectorField
@@ -21,7 +22,11 @@ from gsp.system import VectorField
 METHODS = {
     "rodas5p": (rodas5p, rodas5p_tableau.DENSE_ROWS),
     "dop853": (dop853, dop853_tableau.DENSE_ROWS),
+    "radau5": (radau, 3),
+    "radau9": (radau, 5),
+    "radau13": (radau, 7),
 }
+STAGES = {"radau5": 3, "radau9": 5, "radau13": 7}
 NO_PARAMETERS = np.array([np.nan])
 
 x, y, z = sp.symbols("x y z")
@@ -37,7 +42,7 @@ class Run:
         self.tolerances = (rtol, atol)
         self.y = np.array(start, dtype=float)
         self.rate = np.zeros(self.y.size)
-        self.memory = np.zeros(ledger.MEMORY_SIZE)
+        self.memory = np.zeros(memory_size(self.rows, self.y.size) if method in STAGES else ledger.MEMORY_SIZE)
         self.memory[ledger.TIME] = stops[0]
         self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
@@ -88,9 +93,9 @@ class Run:
         return out
 
 
-def fixed_steps(method: str, compiled: CompiledFlow, start, *, end: float, count: int) -> Run:
+def fixed_steps(method: str, compiled: CompiledFlow, start, *, end: float, count: int, slack=1e9) -> Run:
     """`count` equal steps: every step lands on a stop, and the tolerance is so slack that none is shorter."""
-    run = Run(method, compiled, start, np.linspace(0.0, end, count + 1), rtol=1e9, atol=1e9)
+    run = Run(method, compiled, start, np.linspace(0.0, end, count + 1), rtol=slack, atol=slack)
     assert run.force_step(end).advance() == ledger.FINISHED
     assert run.counters[ledger.STEPS] == count
     return run
@@ -146,6 +151,60 @@ def test_rodas5p_stage_times_are_the_row_sums_of_alpha():
     assert alpha.sum(axis=1) == pytest.approx(rodas5p_tableau.NODES, abs=1e-12)
 
 
+@pytest.mark.parametrize("family", range(3))
+def test_radau_is_collocation_at_the_nodes_with_a_quadrature_of_order_2s_minus_1(family):
+    stages = radau_tableau.STAGES[family]
+    a, c = radau_tableau.A[family, :stages, :stages], radau_tableau.NODES[family, :stages]
+    assert c[-1] == 1.0
+    for k in range(1, stages + 1):
+        assert a @ c ** (k - 1) == pytest.approx(c**k / k, rel=1e-13)
+    # Stiffly accurate: the weights are the last row.
+    for k in range(1, 2 * stages):
+        assert math.fsum(a[-1] * c ** (k - 1)) == pytest.approx(1 / k, rel=2e-15)
+    assert math.fsum(a[-1] * c ** (2 * stages - 1)) != pytest.approx(1 / (2 * stages), rel=1e-9)
+
+
+@pytest.mark.parametrize("family", range(3))
+def test_radau_is_transformed_to_one_real_and_several_complex_systems(family):
+    stages = radau_tableau.STAGES[family]
+    a, t, inverse = (
+        matrix[family, :stages, :stages]
+        for matrix in (radau_tableau.A, radau_tableau.T, radau_tableau.T_INVERSE)
+    )
+    eigenvalues = radau_tableau.EIGENVALUES[family, : 1 + stages // 2]
+    blocks = np.zeros((stages, stages))
+    blocks[0, 0] = eigenvalues[0].real
+    for m, value in enumerate(eigenvalues[1:]):
+        blocks[1 + 2 * m : 3 + 2 * m, 1 + 2 * m : 3 + 2 * m] = [
+            [value.real, -value.imag],
+            [value.imag, value.real],
+        ]
+    assert t @ inverse == pytest.approx(np.eye(stages), abs=1e-12)
+    assert t @ blocks @ inverse @ a == pytest.approx(np.eye(stages), abs=1e-11)
+    # The characteristic polynomial's first coefficient: the sum of all eigenvalues of A^-1 is s^2.
+    assert eigenvalues[0].real + 2 * eigenvalues[1:].real.sum() == pytest.approx(stages**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", range(3))
+def test_the_dense_output_of_radau_is_the_collocation_polynomial_and_its_leading_error(family):
+    stages = radau_tableau.STAGES[family]
+    c = radau_tableau.NODES[family, :stages]
+    t, ends = np.linspace(0, 1, 41), np.array([0.0, 1.0])
+    for k in range(1, stages + 1):
+        rows = radau_tableau.DENSE[family, :stages, :stages] @ c**k
+        out = np.empty((1, t.size))
+        interpolate_many(ends, ends[:, np.newaxis], rows.reshape(1, stages, 1), t, out)
+        assert out[0] == pytest.approx(t**k, abs=1e-13)
+    zeros = np.zeros((2, 1))
+    leading = radau_tableau.DEFECT[family, :stages].reshape(1, stages, 1)
+    near = np.concatenate([c[:-1] - 1e-6, c[:-1] + 1e-6, [0.0, 1e-6]])
+    out = np.empty((1, near.size))
+    interpolate_many(ends, zeros, np.ascontiguousarray(leading), near, out)
+    below, above, start = np.split(out[0], [stages - 1, 2 * stages - 2])
+    assert (above - below) / 2e-6 == pytest.approx(0, abs=1e-9)
+    assert (start[1] - start[0]) / 1e-6 == pytest.approx(1, abs=1e-4)
+
+
 # Orders
 
 
@@ -167,7 +226,53 @@ def test_measured_orders_of_the_step_and_of_the_dense_output(swing, method, coun
     assert dense_order + 0.7 < dense_slope < order + 1.2, dense_errors
 
 
-def test_both_methods_are_exact_for_constant_fields_and_for_their_dense_output():
+# Simplified Newton iteration is exact for linear fields, however slack the tolerance.
+
+
+@pytest.mark.parametrize(
+    ("method", "end", "counts"),
+    [("radau5", 6.0, (12, 24, 48)), ("radau9", 24.0, (12, 18, 27)), ("radau13", 72.0, (16, 20, 25))],
+)
+def test_measured_orders_of_radau(method, end, counts):
+    stages = STAGES[method]
+    compiled = compile_flow(VectorField({x: y, y: -x}, epsilon=None))
+    between = np.linspace(0.0, end, 997)
+    errors, dense_errors = [], []
+    for count in counts:
+        run = fixed_steps(method, compiled, (1.0, 0.0), end=end, count=count)
+        errors.append(math.hypot(run.y[0] - math.cos(end), run.y[1] + math.sin(end)))
+        dense_errors.append(np.abs(run.at(between)[0] - np.cos(between)).max())
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert 2 * stages - 1.7 < slope < 2 * stages - 0.3, errors
+    # Degree stages + 1 and so O(h^(stages + 2)) within a step.
+    dense_slope = -np.polyfit(np.log(counts), np.log(dense_errors), 1)[0]
+    assert stages + 1.5 < dense_slope < 2 * stages, dense_errors
+
+
+@pytest.mark.parametrize("method", STAGES)
+def test_radau_on_the_problem_of_prothero_and_robinson_falls_to_its_stage_order(method):
+    """x' = -L (x - u) + u' with u = cos t: order 2s - 1 for L = 1, stage order s and no more for L h >> 1.
+
+    Two rounds of the iteration are exact here, so that a tolerance of 0.5 adds nothing to the error.
+    """
+    stages = STAGES[method]
+    mild = {3: (12, 24, 48), 5: (8, 12, 18), 7: (4, 5, 6)}[stages]
+    stiff = {3: (12, 24, 48), 5: (8, 12, 18), 7: (6, 7, 8)}[stages]
+    slopes = {}
+    for rate, counts in ((1, mild), (10**4, stiff)):
+        field = VectorField({x: -rate * (x - sp.cos(y)) - sp.sin(y), y: sp.Integer(1)}, epsilon=None)
+        compiled = compile_flow(field)
+        errors = []
+        for count in counts:
+            run = fixed_steps(method, compiled, (1.0, 0.0), end=12.0, count=count, slack=0.5)
+            values, t = np.concatenate(run.states)[1:, 0], np.concatenate(run.times)[1:]
+            errors.append(math.sqrt(np.mean((values - np.cos(t)) ** 2)))
+        slopes[rate] = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert 2 * stages - 3 < slopes[1] < 2 * stages, slopes
+    assert stages - 0.7 < slopes[10**4] < stages + 0.7, slopes
+
+
+def test_every_method_is_exact_for_constant_fields_and_for_their_dense_output():
     compiled = compile_flow(VectorField({x: sp.Integer(3), y: sp.Rational(-1, 2)}, epsilon=None))
     for method in METHODS:
         run = fixed_steps(method, compiled, (1.0, 0.0), end=2.0, count=4)
@@ -175,10 +280,11 @@ def test_both_methods_are_exact_for_constant_fields_and_for_their_dense_output()
         assert run.at([0.3, 1.9]) == pytest.approx(np.array([[1.9, 6.7], [-0.15, -0.95]]), rel=1e-14)
 
 
-def test_rodas5p_damps_an_infinitely_stiff_component_in_one_step():
+@pytest.mark.parametrize("method", ["rodas5p", *STAGES])
+def test_an_infinitely_stiff_component_is_damped_in_one_step(method):
     """Stiff accuracy: R(infinity) = 0, so one step of any length forgets the start."""
     compiled = compile_flow(VectorField({x: -(10**15) * (x - 2)}, epsilon=None))
-    run = fixed_steps("rodas5p", compiled, (5.0,), end=1.0, count=1)
+    run = fixed_steps(method, compiled, (5.0,), end=1.0, count=1)
     assert run.y[0] == pytest.approx(2.0, abs=1e-12)
 
 
@@ -228,6 +334,13 @@ def test_the_counters_add_up(method, swing):
         assert counters[ledger.JACOBIAN_CALLS] == steps
         assert counters[ledger.DECOMPOSITIONS] == steps + rejected
         assert counters[ledger.FIELD_CALLS] == 2 + 8 * steps + 7 * rejected
+    elif method in STAGES:
+        assert counters[ledger.JACOBIAN_CALLS] == steps
+        assert counters[ledger.DECOMPOSITIONS] == steps + rejected
+        # Whole rounds, the rate at each new point, the two calls of the start, a second estimate or two.
+        rounds, others = divmod(counters[ledger.FIELD_CALLS] - steps - 2, STAGES[method])
+        assert steps + rejected <= rounds <= 8 * (steps + rejected)
+        assert others <= rejected
     else:
         assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
         assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected
@@ -242,10 +355,11 @@ def test_a_step_whose_matrix_is_singular_is_shortened():
     assert run.y[0] == pytest.approx(math.exp(float(growth)), rel=1e-6)
 
 
-def test_a_matrix_that_stays_singular_ends_the_run():
-    """The diagonal 1/(h gamma) is lost beside entries of 1e300, whatever h."""
+@pytest.mark.parametrize("method", ["rodas5p", *STAGES])
+def test_a_matrix_that_stays_singular_ends_the_run(method):
+    """The diagonal, a multiple of 1/h, is lost beside entries of 1e300, whatever h."""
     rise = sp.Integer(10) ** 300 * (x + y)
-    run = Run("rodas5p", compile_flow(VectorField({x: rise, y: rise}, epsilon=None)), (0.0, 0.0), [1.0, 2.0])
+    run = Run(method, compile_flow(VectorField({x: rise, y: rise}, epsilon=None)), (0.0, 0.0), [1.0, 2.0])
     assert run.force_step(0.5).advance() == ledger.SINGULAR_JACOBIAN
     assert run.memory[ledger.TIME] == 1.0
 

@@ -175,7 +175,9 @@ def test_the_method_follows_the_flow_unless_given():
     class Reduced(VectorField):
         is_stiff = False
 
-    assert oscillate().stats.method is Method.RODAS5P
+    assert oscillate(rtol=1e-6).stats.method is Method.RODAS5P
+    assert oscillate(rtol=1e-8).stats.method is Method.RADAU9
+    assert oscillate(rtol=1e-10).stats.method is Method.RADAU13
     reduced = Reduced({x: -x}, epsilon=None)
     assert integrate(reduced, start={x: 1}, span=(0, 1)).stats.method is Method.DOP853
     assert oscillate(method="dop853").stats.method is Method.DOP853
@@ -237,6 +239,20 @@ def test_division_by_zero_at_the_start_returns_the_start(method):
     empty = integrate(field, start={x: 0}, span=(0, 1), method=method, at=[0.5])
     assert empty.y.shape == (1, 0)
     assert empty["x"].shape == (0,)
+
+
+@pytest.mark.parametrize("method", [method for method in Method if method is not Method.DOP853])
+def test_an_infinite_jacobian_at_the_start_is_named(method):
+    field = VectorField({x: 1 + sp.sqrt(x)}, epsilon=None)
+    trajectory = integrate(field, start={x: 0}, span=(0, 1), method=method)
+    assert trajectory.status is Status.SINGULAR_JACOBIAN
+    assert np.array_equal(trajectory.y, [[0.0]])
+    assert "Method.DOP853" in trajectory.message
+    explicit = integrate(field, start={x: 0}, span=(0, 1), method=Method.DOP853)
+    assert explicit.status is Status.SUCCESS
+    # t = 2 (r - ln(1 + r)) for the root r of x.
+    r = np.sqrt(explicit["x"][-1])
+    assert 2 * (r - np.log1p(r)) == pytest.approx(1, abs=1e-6)
 
 
 @BOTH

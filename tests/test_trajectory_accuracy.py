@@ -168,6 +168,85 @@ def test_a_constant_field_is_integrated_exactly_in_a_few_steps(method):
     assert trajectory.stats.rejected == 0
 
 
+# Tight tolerances: Radau IIA
+
+RADAU = pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13])
+ROBERTSON = {
+    x: -sp.Rational(1, 25) * x + 10**4 * y * z,
+    y: sp.Rational(1, 25) * x - 10**4 * y * z - 3 * 10**7 * y**2,
+    z: 3 * 10**7 * y**2,
+}
+
+
+@RADAU
+def test_the_sleigh_to_twelve_digits(method):
+    for small, expected in SLEIGH_END.items():
+        trajectory = integrate(
+            SLEIGH, start=SLEIGH_START, span=(0, 20), epsilon=small, rtol=1e-12, atol=1e-12, method=method
+        )
+        assert trajectory.y[:, -1] == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+@RADAU
+def test_robertson_to_eleven_digits(method):
+    trajectory = integrate(
+        VectorField(ROBERTSON, epsilon=None),
+        start={"x": 1, "y": 0, "z": 0},
+        span=(0, 40),
+        rtol=1e-12,
+        atol=1e-20,
+        method=method,
+    )
+    # Radau IIA with 7 and with 9 stages in arithmetic of 34 digits; they agree in 19.
+    expected = [0.7158270687194050905, 9.185534764557764e-6, 0.2841637457458303518]
+    assert trajectory.y[:, -1] == pytest.approx(expected, rel=1e-11)
+
+
+@RADAU
+def test_van_der_pol_of_the_test_set_to_eleven_digits(method):
+    field = VectorField({x: y, y: 10**6 * ((1 - x**2) * y - x)}, epsilon=None)
+    trajectory = integrate(field, start={"x": 2, "y": 0}, span=(0, 2), rtol=1e-12, atol=1e-12, method=method)
+    # Test Set for IVP Solvers (Mazzia, Magherini 2008), problem VDPOL.
+    assert trajectory.y[:, -1] == pytest.approx([0.1706167732170483e1, -0.8928097010247975], rel=1e-11)
+
+
+@pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
+def test_dense_output_and_end_meet_a_tolerance_of_1e_11(method):
+    options = {"start": SLEIGH_START, "span": (0, 20), "epsilon": 1e-3}
+    t = np.linspace(0, 20, 501)
+    trajectory = integrate(SLEIGH, rtol=1e-11, atol=1e-11, method=method, **options)
+    # The reference lands on every t: no interpolation.
+    reference = integrate(SLEIGH, rtol=1e-13, atol=1e-13, method=Method.RADAU9, at=t[1:], **options)
+    errors = np.abs(trajectory.at(t[1:]) - reference.y) / (1 + np.abs(reference.y))
+    assert errors[:, -1].max() < 1e-11
+    assert errors.max() < 3e-11
+
+
+@pytest.mark.parametrize("method", list(Method)[:4])
+def test_a_decay_at_a_rate_of_1e12_is_damped_at_once(method):
+    decay = VectorField({x: -(10**12) * x}, epsilon=None)
+    trajectory = integrate(decay, start={"x": 1}, span=(0, 1), method=method)
+    assert trajectory.stats.steps < 150
+    assert abs(trajectory["x"][-1]) < 1e-20
+
+
+@RADAU
+def test_the_work_of_radau_grows_with_its_order_in_the_tolerance(method):
+    """Each step costs one Jacobian, and a tenth of the tolerance 10^(1/(stages + 2)) as many steps."""
+    stages = {Method.RADAU5: 3, Method.RADAU9: 5, Method.RADAU13: 7}[method]
+    tolerances = np.array([1e-6, 1e-8, 1e-10, 1e-12])
+    steps = []
+    for rtol in tolerances:
+        stats = integrate(
+            SLEIGH, start=SLEIGH_START, span=(0, 20), epsilon=0.01, rtol=rtol, atol=rtol, method=method
+        ).stats
+        assert stats.jacobian_calls == stats.steps
+        assert stats.decompositions == stats.steps + stats.rejected
+        steps.append(stats.steps)
+    slope = -np.polyfit(np.log(steps), np.log(tolerances), 1)[0]
+    assert stages + 1 < slope < stages + 5, steps
+
+
 # Invariances
 
 PENDULUM = {x: y, y: -sp.sin(x) - y / 8}
@@ -204,11 +283,12 @@ def test_permuting_the_states_permutes_the_result(method):
     assert abs(backward.stats.steps - forward.stats.steps) <= 1
 
 
-def test_two_methods_are_two_routes_to_one_answer():
+def test_all_methods_are_routes_to_one_answer():
     field = VectorField(PENDULUM, epsilon=None)
     grid = np.linspace(1, 30, 30)
-    one, two = (
+    first, *others = (
         integrate(field, start={"x": 3, "y": 0}, span=(0, 30), rtol=1e-11, atol=1e-12, at=grid, method=m)
         for m in Method
     )
-    assert one.y == pytest.approx(two.y, abs=1e-9)
+    for other in others:
+        assert first.y == pytest.approx(other.y, abs=1e-9)

@@ -9,7 +9,7 @@ Every accepted step fills one row of the record: its end in `times` (k,), its st
 coefficients of its dense output in `dense` (k, rows, n). The record starts afresh at each call; a step starts
 at the row before it. `stops` (s,) are monotone, ahead of the start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
-else is 0.
+else is 0. A method may keep more in a longer `memory`, as `radau.memory_size` says for the Radau methods.
 """
 
 from __future__ import annotations

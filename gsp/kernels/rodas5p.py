@@ -93,7 +93,7 @@ def rodas5p(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, c
             call(jacobian, t, y, p, jacobian_flat)
             counters[ledger.JACOBIAN_CALLS] += 1
             if not all_finite(jacobian_flat):
-                return ledger.NON_FINITE
+                return ledger.SINGULAR_JACOBIAN
             have_jacobian = True
         stop = stops[counters[ledger.NEXT_STOP]]
         step = step_towards(stop, t, memory[ledger.STEP])

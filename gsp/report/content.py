@@ -15,7 +15,7 @@ from gsp.trajectory import Trajectory
 
 def as_json(analysis: Analysis) -> dict[str, Any]:
     """What report.json holds, apart from what writing it adds: plain values only, nan and infinity as None."""
-    scene, placement, series = analysis.scene, analysis.placement, analysis.series
+    scene, placement, series = analysis.scene, analysis.placement, analysis.shown
     system, splitting = placement.system, placement.splitting
     coordinates = splitting.coordinates if splitting else {s: s for s in system.states}
     content = {
@@ -28,6 +28,12 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "coordinates": {s.name: str(e) for s, e in coordinates.items()},
         "h": [[str(e) for e in row] for row in series.coefficients],
         "reduced_field": [[str(e) for e in row] for row in series.reduced_field],
+        "series": {
+            "order": analysis.series.order,
+            "terms": list(analysis.series.sizes),
+            "shown_through": series.order,
+            "parameters": "symbolic" if series is analysis.series else "values",
+        },
         "raw": _raw(analysis),
         "hyperbolicity": hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
         "comparison": _comparison(analysis),

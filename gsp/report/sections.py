@@ -233,7 +233,7 @@ class Page:
         return has_constant_eigenvalues(self.analysis)
 
     def series(self) -> dict[str, Any]:
-        series = self.analysis.series
+        series = self.analysis.shown
         fast, slow = self.system.y, self.system.x
 
         def rows(name: str, symbols, table) -> list[tuple[Markup, Markup]]:
@@ -247,7 +247,21 @@ class Page:
             "h": rows("h", fast, series.coefficients),
             "f": rows("f", slow, series.reduced_field),
             "implicit": self.names(y for y in series.coordinates if y in fast),
+            "cut": self.cut(),
         }
+
+    def cut(self) -> str:
+        """What is not printed of the series, and why; empty when all of it is."""
+        series, shown = self.analysis.series, self.analysis.shown
+        if shown is series:
+            return ""
+        text = f"With symbolic parameters the coefficients have up to {max(series.sizes)} terms, so the parameters' "
+        text += "values are put in here."
+        if shown.order < series.order:
+            text += (
+                f" Even so those beyond order {shown.order} are too long to print; they are used all the same."
+            )
+        return text
 
     def raw(self) -> dict[str, Any] | None:
         raw = self.analysis.raw

@@ -1,0 +1,427 @@
+"""Radau IIA with 3, 5 or 7 stages, for stiff flows at tight tolerances: orders 5, 9, 13, L-stable.
+
+Hairer, Wanner II, section IV.8, and the paper named in `radau_tableau`: simplified Newton iteration with the
+Jacobian of the step's start, transformed to one real and (stages - 1)/2 complex systems of n unknowns;
+collocation polynomials as first guess and as dense output.
+
+The driver's contract in `ledger` holds with two additions. The number of stages is that of the rows of `dense`,
+and `memory` has `memory_size(stages, n)` entries: the tail keeps what the next step starts from.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from gsp.kernels import ledger
+from gsp.kernels.call import call
+from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.radau_tableau import (
+    A_COLUMNS,
+    DEFECT,
+    DENSE,
+    DENSE_COLUMNS,
+    EIGENVALUES,
+    NODES,
+    T_COLUMNS,
+    T_INVERSE_COLUMNS,
+    WIDTH,
+)
+from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+
+# Control of the step as in RADAU: safety 0.9, change between 1/5 and 8, estimate of local order stages + 1.
+SAFETY = 0.9
+MINIMUM_FACTOR = 0.2
+MAXIMUM_FACTOR = 8.0
+# Gustafsson's memory never falls below this (RADAU).
+ERROR_FLOOR = 1e-2
+# After a value that is not finite or a pivot of 0 there is no estimate; as in Rodas5P.
+FAILURE_FACTOR = 0.1
+
+# Control of the iteration as in RADAU: at most 7, 12, 17 rounds; slower than 0.99 is divergence, then half a step.
+SLOWEST_RATE = 0.99
+DIVERGENCE_FACTOR = 0.5
+LOOSEST_ITERATION = 0.03
+# Share of the tolerance asked for. At 0.02 the steps' errors, all of one sign, outweigh those of the collocation.
+ITERATION_SHARE = 0.002
+ROUNDING = 10 * 2.0**-52
+
+# The estimate is O(h^(s+1)) for s stages, the error of the dense output O(h^(s+2)), that of a step O(h^(2s)). A
+# step is controlled with rtol^TRANSFORM in place of rtol, which brings the dense output to the tolerance and the
+# end below it: on five stiff problems at rtol 1e-4 to 1e-12 to 1.4 and 0.03 times rtol in geometric mean. RADAU's
+# 0.1 rtol^((s+1)/(2s)) cares for the end alone. A factor of 0.3 before the power gained nothing at equal cost.
+TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
+
+# Tail of memory: the iteration's last theta/(1 - theta), the length of the last step, its dense output, its rise.
+CONTRACTION = ledger.MEMORY_SIZE
+LENGTH = CONTRACTION + 1
+PIECE = LENGTH + 1
+
+CONVERGED = 0
+DIVERGED = 1
+UNDEFINED = 2
+
+
+def memory_size(stages: int, n: int) -> int:
+    """Entries of `memory` for `n` states."""
+    return PIECE + (stages + 1) * n
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _size(z):
+    return abs(z.real) + abs(z.imag)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _factorise_complex(matrices, m, pivots):
+    """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
+
+    Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
+    """
+    n = matrices.shape[1]
+    for k in range(n):
+        row = k
+        largest = _size(matrices[m, k, k])
+        for i in range(k + 1, n):
+            size = _size(matrices[m, i, k])
+            if size > largest:
+                largest = size
+                row = i
+        pivots[m, k] = row
+        if not largest > 0.0:
+            return False
+        if row != k:
+            for j in range(n):
+                matrices[m, k, j], matrices[m, row, j] = matrices[m, row, j], matrices[m, k, j]
+        inverse = 1.0 / matrices[m, k, k]
+        matrices[m, k, k] = inverse
+        for i in range(k + 1, n):
+            factor = matrices[m, i, k] * inverse
+            matrices[m, i, k] = factor
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    matrices[m, i, j] -= factor * matrices[m, k, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _solve_complex(factors, m, pivots, b):
+    """`solve` with what `_factorise_complex` left."""
+    n = b.shape[0]
+    for k in range(n):
+        row = pivots[m, k]
+        b[k], b[row] = b[row], b[k]
+    for i in range(1, n):
+        total = b[i]
+        for j in range(i):
+            total -= factors[m, i, j] * b[j]
+        b[i] = total
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= factors[m, i, j] * b[j]
+        b[i] = total * factors[m, i, i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _multiply(columns, family, stages, x, out):
+    """`out` (WIDTH, n) = M `x` for the family's M (WIDTH, stages); the eight sums stay in vector registers."""
+    for i in range(x.shape[1]):
+        a = b = c = d = e = f = g = h = 0.0
+        for q in range(stages):
+            value = x[q, i]
+            a += columns[family, q, 0] * value
+            b += columns[family, q, 1] * value
+            c += columns[family, q, 2] * value
+            d += columns[family, q, 3] * value
+            e += columns[family, q, 4] * value
+            f += columns[family, q, 5] * value
+            g += columns[family, q, 6] * value
+            h += columns[family, q, 7] * value
+        out[0, i] = a
+        out[1, i] = b
+        out[2, i] = c
+        out[3, i] = d
+        out[4, i] = e
+        out[5, i] = f
+        out[6, i] = g
+        out[7, i] = h
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _decompose(jacobian_flat, step, family, system):
+    """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
+    real, complexes, pivots, complex_pivots = system
+    n = real.shape[0]
+    for i in range(n):
+        for j in range(n):
+            entry = -jacobian_flat[i * n + j]
+            real[i, j] = entry
+            for m in range(complexes.shape[0]):
+                complexes[m, i, j] = entry
+        real[i, i] += EIGENVALUES[family, 0].real / step
+        for m in range(complexes.shape[0]):
+            complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
+    if not factorise(real, pivots):
+        return False
+    for m in range(complexes.shape[0]):  # noqa: SIM110 - a generator does not compile
+        if not _factorise_complex(complexes, m, complex_pivots):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _guess(memory, step, stages, z):
+    """First guess of the rises `z` (WIDTH, n): the last step's dense output, continued; 0 where there is none."""
+    n = z.shape[1]
+    length = memory[LENGTH]
+    if length == 0.0:
+        z[:] = 0.0
+        return
+    for a in range(stages):
+        s = 1.0 + NODES[(stages - 3) // 2, a] * step / length
+        r = 1.0 - s
+        for i in range(n):
+            total = 0.0
+            for k in range(stages - 1, -1, -1):
+                total = memory[PIECE + k * n + i] + (s if k % 2 == 0 else r) * total
+            z[a, i] = -r * memory[PIECE + stages * n + i] + s * r * total
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _iterate(field, p, t, step, y, weight, tolerance, stages, system, work, memory):
+    """Simplified Newton iteration for Z = h A F(Z); (outcome, rounds, factor for the next attempt).
+
+    The residual is taken in this form, not multiplied by A^-1: the rises are then exact to rounding.
+    """
+    real, complexes, pivots, complex_pivots = system
+    z, f, w, b, twist, argument, value = work
+    n = y.shape[0]
+    family = (stages - 3) // 2
+    for m in range(1 + complexes.shape[0]):
+        twist[m] = EIGENVALUES[family, m] * (1.0 / step)
+    most = 7 + 5 * (stages - 3) // 2
+    contraction = max(memory[CONTRACTION], 2.0**-52) ** 0.8
+    norm = 0.0
+    rate = 0.0
+    for k in range(1, most + 1):
+        for a in range(stages):
+            for i in range(n):
+                argument[i] = y[i] + z[a, i]
+            call(field, t + NODES[family, a] * step, argument, p, value)
+            for i in range(n):
+                f[a, i] = value[i]
+        _multiply(A_COLUMNS, family, stages, f, w)
+        for a in range(stages):
+            for i in range(n):
+                w[a, i] = step * w[a, i] - z[a, i]
+        _multiply(T_INVERSE_COLUMNS, family, stages, w, f)
+        for i in range(n):
+            value[i] = f[0, i] * twist[0].real
+        solve(real, pivots, value)
+        for i in range(n):
+            f[0, i] = value[i]
+        for m in range(complexes.shape[0]):
+            for i in range(n):
+                b[i] = twist[m + 1] * complex(f[2 * m + 1, i], f[2 * m + 2, i])
+            _solve_complex(complexes, m, complex_pivots, b)
+            for i in range(n):
+                f[2 * m + 1, i] = b[i].real
+                f[2 * m + 2, i] = b[i].imag
+        last_norm = norm
+        norm = 0.0
+        for a in range(stages):
+            for i in range(n):
+                norm += (f[a, i] * weight[i]) ** 2
+        norm = math.sqrt(norm / (n * stages))
+        if not math.isfinite(norm):
+            return UNDEFINED, k, FAILURE_FACTOR
+        if k > 1 and norm > 0.0:
+            last_rate = rate
+            rate = norm / last_norm
+            theta = rate if k == 2 else math.sqrt(rate * last_rate)
+            if theta >= SLOWEST_RATE:
+                return DIVERGED, k, DIVERGENCE_FACTOR
+            contraction = theta / (1.0 - theta)
+            left = most - 1 - k
+            expected = contraction * norm * theta**left / tolerance
+            if expected >= 1.0 and k < most:
+                # Too slow to be done in time: a step for which it would be.
+                return DIVERGED, k, 0.8 * min(20.0, expected) ** (-1.0 / (4 + left))
+        _multiply(T_COLUMNS, family, stages, f, w)
+        for a in range(stages):
+            for i in range(n):
+                z[a, i] += w[a, i]
+        if contraction * norm <= tolerance:
+            memory[CONTRACTION] = contraction
+            return CONVERGED, k, 1.0
+    return DIVERGED, most, DIVERGENCE_FACTOR
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _norm(values, y, y_new, rtol, atol):
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += (values[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))) ** 2
+    return math.sqrt(total / values.shape[0])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _record(row, z, defect, family, w, dense):
+    """Coefficients of the dense output: collocation polynomial and its leading error, filtered as the estimate is.
+
+    y - u = gamma e K(theta) in the notation of the tableau, for the estimate e = h (f0 - u'(0))/gamma.
+    """
+    _, stages, n = dense.shape
+    _multiply(DENSE_COLUMNS, family, stages, z, w)
+    for k in range(stages):
+        weight = EIGENVALUES[family, 0].real * DEFECT[family, k]
+        for i in range(n):
+            dense[row, k, i] = w[k, i] + weight * defect[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
+    n = y.shape[0]
+    stages = dense.shape[1]
+    family = (stages - 3) // 2
+    z = np.empty((WIDTH, n))
+    f = np.empty((WIDTH, n))
+    w = np.empty((WIDTH, n))
+    argument = np.empty(n)
+    value = np.empty(n)
+    weight = np.empty(n)
+    defect = np.empty(n)
+    slope = np.empty(n)
+    y_new = np.empty(n)
+    rate_new = np.empty(n)
+    jacobian_flat = np.empty(n * n)
+    real = np.empty((n, n))
+    complexes = np.empty((stages // 2, n, n), np.complex128)
+    b = np.empty(n, np.complex128)
+    twist = np.empty(1 + stages // 2, np.complex128)
+    pivots = np.empty(n, np.int64)
+    complex_pivots = np.empty((stages // 2, n), np.int64)
+    system = (real, complexes, pivots, complex_pivots)
+    work = (z, f, w, b, twist, argument, value)
+
+    controlled = rtol ** TRANSFORM[family]
+    # The iteration ends where its error is lost beside the tolerance asked for, or in rounding.
+    tolerance = max(ROUNDING / controlled, min(LOOSEST_ITERATION, ITERATION_SHARE * rtol / controlled))
+    atol *= controlled / rtol
+    rtol = controlled
+    exponent = -1.0 / (stages + 1)
+    if not begin(field, p, y, rate, stops[-1], rtol, atol, stages, argument, rate_new, memory, counters):
+        return ledger.NON_FINITE
+    if counters[ledger.STEPS] + counters[ledger.REJECTED] == 0:
+        memory[CONTRACTION] = 1.0
+    recorded = 0
+    have_jacobian = False
+    while True:
+        if recorded == times.shape[0]:
+            return ledger.RECORD_FULL
+        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
+            return ledger.TOO_MANY_STEPS
+        t = memory[ledger.TIME]
+        if not have_jacobian:
+            # One for each step: compiled, it costs less than the rounds that an old one would add.
+            call(jacobian, t, y, p, jacobian_flat)
+            counters[ledger.JACOBIAN_CALLS] += 1
+            if not all_finite(jacobian_flat):
+                return ledger.SINGULAR_JACOBIAN
+            have_jacobian = True
+            for i in range(n):
+                weight[i] = 1.0 / (atol + rtol * abs(y[i]))
+        stop = stops[counters[ledger.NEXT_STOP]]
+        step = step_towards(stop, t, memory[ledger.STEP])
+        clipped = abs(step) < abs(memory[ledger.STEP])
+        lands = step == stop - t
+        t_new = stop if lands else t + step
+        # What t really advances by, so that the record of times alone tells the steps.
+        step = t_new - t
+        if step == 0.0:
+            return ledger.STEP_TOO_SMALL
+
+        counters[ledger.DECOMPOSITIONS] += 1
+        error = math.inf
+        factor = FAILURE_FACTOR
+        safety = SAFETY
+        failure = ledger.STEP_TOO_SMALL
+        if not _decompose(jacobian_flat, step, family, system):
+            failure = ledger.SINGULAR_JACOBIAN
+        else:
+            _guess(memory, step, stages, z)
+            outcome, rounds, factor = _iterate(
+                field, p, t, step, y, weight, tolerance, stages, system, work, memory
+            )
+            counters[ledger.FIELD_CALLS] += rounds * stages
+            most = 7 + 5 * (stages - 3) // 2
+            safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
+            if outcome == UNDEFINED:
+                failure = ledger.NON_FINITE
+            elif outcome == CONVERGED:
+                # (8.19): e = (gamma/h - J)^-1 (f0 - u'(0)) with the collocation polynomial u.
+                for i in range(n):
+                    y_new[i] = y[i] + z[stages - 1, i]
+                    total = z[stages - 1, i]
+                    for a in range(stages):
+                        total += DENSE[family, 0, a] * z[a, i]
+                    slope[i] = total / step
+                    defect[i] = rate[i] - slope[i]
+                solve(real, pivots, defect)
+                error = _norm(defect, y, y_new, rtol, atol)
+                if error >= 1.0 and (counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1):
+                    # (8.20), for a start off the slow manifold.
+                    for i in range(n):
+                        argument[i] = y[i] + defect[i]
+                    call(field, t, argument, p, defect)
+                    counters[ledger.FIELD_CALLS] += 1
+                    for i in range(n):
+                        defect[i] -= slope[i]
+                    solve(real, pivots, defect)
+                    error = _norm(defect, y, y_new, rtol, atol)
+                if not math.isfinite(error):
+                    error = math.inf
+                    factor = FAILURE_FACTOR
+                    failure = ledger.NON_FINITE
+                elif error <= 1.0:
+                    call(field, t_new, y_new, p, rate_new)
+                    counters[ledger.FIELD_CALLS] += 1
+                    if not all_finite(rate_new):
+                        error = math.inf
+                        factor = FAILURE_FACTOR
+                        failure = ledger.NON_FINITE
+
+        if error <= 1.0:
+            _record(recorded, z, defect, family, w, dense)
+            times[recorded] = t_new
+            memory[LENGTH] = step
+            for i in range(n):
+                for k in range(stages):
+                    memory[PIECE + k * n + i] = dense[recorded, k, i]
+                memory[PIECE + stages * n + i] = z[stages - 1, i]
+                states[recorded, i] = y_new[i]
+                y[i] = y_new[i]
+                rate[i] = rate_new[i]
+            recorded += 1
+            factor = MAXIMUM_FACTOR
+            if error > 0.0:
+                factor = safety * error**exponent
+                previous = memory[ledger.PREVIOUS_STEP]
+                if previous != 0.0 and not clipped:
+                    # Gustafsson's predictive controller, (8.25).
+                    trend = (error / memory[ledger.PREVIOUS_ERROR]) ** exponent
+                    factor = min(factor, SAFETY * error**exponent * (step / previous) * trend)
+                factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
+            accept(t_new, step, clipped, lands, max(error, ERROR_FLOOR), factor, memory, counters)
+            have_jacobian = False
+            if counters[ledger.NEXT_STOP] == stops.shape[0]:
+                return ledger.FINISHED
+        else:
+            if math.isfinite(error):
+                factor = max(MINIMUM_FACTOR, safety * error**exponent)
+            if not reject(step, factor, memory, counters):
+                return failure
