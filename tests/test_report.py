@@ -294,3 +294,11 @@ def test_mathematics_keeps_the_order_given_and_signs_are_signs():
     assert series.index("<mi>v</mi>") < series.index("−") < series.index("<mi>O</mi>")
     assert "<mn>3</mn>" in series
     assert "<mn>0</mn>" in setter.power_series([sp.Integer(0)], epsilon)
+
+
+def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):
+    write_report(analyse(models.load("koper")), tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "&lt;sup&gt;" not in page
+    numbers = [int(n) for n in re.findall(r"<figcaption><b>Figure (\d+)", page)]
+    assert numbers == list(range(1, len(numbers) + 1))

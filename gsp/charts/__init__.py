@@ -61,10 +61,10 @@ def surroundings(analysis: Analysis) -> Axes:
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     """The charts that say something about this analysis, by name, in the order of a report."""
     charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
-    if analysis.surroundings is not None:
-        charts["critical_manifold"] = surroundings
     if not has_constant_eigenvalues(analysis):
         charts["eigenvalues"] = eigenvalues
+    if analysis.surroundings is not None:
+        charts["critical_manifold"] = surroundings
     # In higher dimensions `manifold` is the distance already, and nothing when no run lands.
     seen = shape(analysis) in ((1, 1), (2, 1))
     if seen or analysis.landing:

@@ -23,12 +23,12 @@ def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
         return Markup(
             "Phase plane at {} = {}. Streamlines fall along the fast direction onto the attracting part of the "
             "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels) and then follow the slow manifold "
-            "<i>M</i><sub>ε</sub> (blue). The full run from the scene's start is in red."
+            "<i>M</i><sub>ε</sub> (blue). The full run from the scene's start is in orange."
         ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
     if shape(analysis)[0] == 1:
         return Markup(
             "The critical manifold (black) and the slow manifold (blue) at {} = {}, seen in the plane of {} and {}, "
-            "with the full run from the scene's start in red."
+            "with the full run from the scene's start in orange."
         ).format(
             _epsilon(analysis, setter),
             number(analysis.scene.epsilon),
@@ -37,7 +37,7 @@ def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
         )
     chart = analysis.raw.chart if analysis.raw else analysis.placement.system.x
     return Markup(
-        "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in red."
+        "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in orange."
     ).format(_epsilon(analysis, setter), Markup(", ").join(setter.inline(s) for s in chart[:2]))
 
 
@@ -133,9 +133,12 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
 
 def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
+        listed = Markup(", ").join(
+            Markup("{} = {}").format(name, number(value)) for name, value in analysis.base.items()
+        )
         return Markup(
             "The reduced run starts at the base point of the fast fibre through the start: {}."
-        ).format(", ".join(f"{name} = {number(value)}" for name, value in analysis.base.items()))
+        ).format(listed)
     return Markup(
         "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
     ).format(analysis.base_reason, _epsilon(analysis, setter))
