@@ -17,7 +17,7 @@ from gsp.continuation import CriticalCurve, CriticalSheet, continue_critical, cr
 from gsp.errors import DeclarationError, GspError, HyperbolicityError
 from gsp.fibres import BasePoint, project
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.placement import Placement, place, place_splitting
+from gsp.placement import Placement, place
 from gsp.raw import RawManifold, carry_back
 from gsp.reduced import ReducedFlow, restrict
 from gsp.scene import Scene
@@ -113,7 +113,6 @@ def analyse(
         report(name, 1.0)
 
     with stage("split"):
-        place_splitting(scene)
         placement = place(scene)
     with stage("hyperbolicity"):
         hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)

@@ -15,8 +15,8 @@ import sympy as sp
 
 from gsp.differentiation import derivative
 from gsp.elimination import numerator
-from gsp.errors import BranchError, DeclarationError, nearest
-from gsp.flow import Point, as_points, named
+from gsp.errors import BranchError
+from gsp.flow import Point, as_points, complete
 from gsp.lowering import compile_flow, compile_function, finite_rows
 from gsp.system import SlowFastSystem
 
@@ -364,15 +364,5 @@ def _solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]:
     """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
-    values = named(point, what="point")
-    names = [s.name for s in system.states]
-    for name in values:
-        if name not in names:
-            raise DeclarationError(
-                f'point names "{name}", which is no state. The states are {", ".join(names)}.'
-                + nearest(name, names)
-            )
-    missing = [name for name in names if name not in values]
-    if missing:
-        raise DeclarationError(f"point gives no value for {', '.join(missing)}. Give every state a value.")
-    return np.array([values[s.name] for s in system.x]), np.array([values[s.name] for s in system.y])
+    values = np.array(complete(point, system.states, what="point"))
+    return values[: len(system.x)], values[len(system.x) :]

@@ -39,20 +39,25 @@ class Flow:
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
-        given = named(start, what="start")
-        names = [state.name for state in self.states]
-        for name in given:
-            if name not in names:
-                raise DeclarationError(
-                    f'start names "{name}", which is no state. The states are {", ".join(names)}.'
-                    + nearest(name, names)
-                )
-        missing = [name for name in names if name not in given]
-        if missing:
+        return complete(start, self.states, what="start")
+
+
+def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:
+    """Values in the order of `states` of a point that names every state and nothing else."""
+    given = named(point, what=what)
+    names = [state.name for state in states]
+    for name in given:
+        if name not in names:
             raise DeclarationError(
-                f"start gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+                f'{what} names "{name}", which is no state. The states are {", ".join(names)}.'
+                + nearest(name, names)
             )
-        return tuple(given[name] for name in names)
+    missing = [name for name in names if name not in given]
+    if missing:
+        raise DeclarationError(
+            f"{what} gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+        )
+    return tuple(given[name] for name in names)
 
 
 def named(values: Point, *, what: str) -> dict[str, float]:
