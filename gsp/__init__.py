@@ -67,7 +67,7 @@ _HOME = {
     "ReducedFlow": "reduced",
     "integrate": "trajectory",
     "Trajectory": "trajectory",
-    "Method": "trajectory",
+    "Method": "integrators",
     "project": "fibres",
     "BasePoint": "fibres",
     "composite": "layers",
@@ -111,6 +111,7 @@ if TYPE_CHECKING:
     from gsp.fibres import project as project
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity
     from gsp.hyperbolicity import classify as classify
+    from gsp.integrators import Method as Method
     from gsp.layers import CompositeSolution as CompositeSolution
     from gsp.layers import composite as composite
     from gsp.manifold import SampledManifold as SampledManifold
@@ -135,7 +136,6 @@ if TYPE_CHECKING:
     from gsp.splitting import split as split
     from gsp.system import SlowFastSystem as SlowFastSystem
     from gsp.system import VectorField as VectorField
-    from gsp.trajectory import Method as Method
     from gsp.trajectory import Trajectory as Trajectory
     from gsp.trajectory import integrate as integrate
 

@@ -49,6 +49,7 @@ LAYERS = [
     "series",
     "raw",
     "reduced",
+    "integrators",
     "trajectory",
     "exponentials",
     "decaying",

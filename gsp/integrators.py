@@ -1,0 +1,234 @@
+"""The integrators that there are, which one is taken, and the loop that runs a kernel to its end."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsp.errors import DeclarationError, Status, nearest
+from gsp.flow import Flow
+from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels.dop853 import dop853
+from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.rodas5p import rodas5p
+from gsp.lowering import CompiledFlow
+
+# Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
+_SMALLEST_RTOL = 1e-14
+# Steps between two returns to Python, where Ctrl-C and progress are seen: milliseconds.
+_RECORD = 1024
+# Which method meets a tolerance in the least time, measured on van der Pol's oscillator (mu = 1e3), Robertson's
+# and the HIRES problem, the Oregonator and the sleigh (epsilon = 1e-3), interleaved in one run, geometric means. At
+# equal error at the end Rodas5P and Radau of order 9 cross at an error of 1e-7, orders 9 and 13 at 3e-10; at equal
+# rtol, which is equal error of the dense output, at 1e-7 and 1e-8. The borders lie in between.
+_TIGHT_RTOL = 5e-7
+_TIGHTEST_RTOL = 5e-9
+
+
+class Method(Enum):
+    """How to integrate.
+
+    RODAS5P: Rosenbrock, order 5, stiffly accurate; for fields with a fast time scale.
+    RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; the same, for tight tolerances.
+    DOP853: explicit Runge-Kutta, order 8; for reduced flows and other fields on one time scale.
+    """
+
+    RODAS5P = "rodas5p"
+    RADAU5 = "radau5"
+    RADAU9 = "radau9"
+    RADAU13 = "radau13"
+    DOP853 = "dop853"
+
+
+_KERNELS = {
+    Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS),
+    Method.RADAU5: (radau, radau_tableau.STAGES[0]),
+    Method.RADAU9: (radau, radau_tableau.STAGES[1]),
+    Method.RADAU13: (radau, radau_tableau.STAGES[2]),
+    Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS),
+}
+_STATUS = {
+    ledger.FINISHED: Status.SUCCESS,
+    ledger.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
+    ledger.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
+    ledger.NON_FINITE: Status.NON_FINITE,
+    ledger.SINGULAR_JACOBIAN: Status.SINGULAR_JACOBIAN,
+}
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What an integration cost. `stiff` is a finding of the explicit method: stability bounds its step."""
+
+    method: Method
+    steps: int
+    rejected: int
+    field_calls: int
+    jacobian_calls: int
+    decompositions: int
+    stiff: bool = False
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a run leaves: the ends of its steps with the start in front, `dense` output, status and counters."""
+
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+    status: Status
+    stats: Stats
+
+
+def advance(
+    compiled: CompiledFlow,
+    p: np.ndarray,
+    y: np.ndarray,
+    first: float,
+    stops: np.ndarray,
+    *,
+    method: Method,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    progress: Callable[[float], object] | None = None,
+) -> Record:
+    """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.
+
+    Ctrl-C ends it with the steps that were made.
+    """
+    kernel, rows = _KERNELS[method]
+    jacobian = 0 if method is Method.DOP853 else compiled.jacobian
+    last = float(stops[-1])
+    n = y.size
+    memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
+    memory[ledger.TIME] = first
+    counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
+    rate = np.zeros(n)
+    times, states, dense = np.empty(_RECORD), np.empty((_RECORD, n)), np.empty((_RECORD, rows, n))
+    pieces = [(np.array([first]), y[np.newaxis].copy(), dense[:0])]
+    kept = 0
+    code = ledger.RECORD_FULL
+    status = None
+    try:
+        while code == ledger.RECORD_FULL:
+            code = kernel(
+                compiled.field, jacobian, p, stops, rtol, atol, max_steps,
+                y, rate, memory, counters, times, states, dense,
+            )  # fmt: skip
+            new = int(counters[ledger.STEPS]) - kept
+            if code == ledger.RECORD_FULL:
+                pieces.append((times.copy(), states.copy(), dense.copy()))
+            else:
+                pieces.append((times[:new], states[:new], dense[:new]))
+            kept += new
+            if progress is not None:
+                progress((float(memory[ledger.TIME]) - first) / (last - first))
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+        # Counted anew: the interrupt may have come between any two lines above.
+        new = int(counters[ledger.STEPS]) + 1 - sum(len(piece[0]) for piece in pieces)
+        pieces.append((times[:new], states[:new], dense[:new]))
+    record = [np.concatenate(arrays) for arrays in zip(*pieces)]
+    steps, rejected, field_calls, jacobian_calls, decompositions, stiff = map(int, counters[: ledger.STIFF + 1])
+    return Record(
+        *record,
+        status=status or _STATUS[code],
+        stats=Stats(method, steps, rejected, field_calls, jacobian_calls, decompositions, bool(stiff)),
+    )
+
+
+def check_span(span: tuple[float, float]) -> tuple[float, float]:
+    """The two ends as floats; raises `DeclarationError` unless finite and different."""
+    try:
+        first, last = map(float, span)
+    except (TypeError, ValueError):
+        raise DeclarationError(f"span is two numbers, (t0, t1). Got {span!r}.") from None
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise DeclarationError(f"span must be finite. Got {span!r}. Give the times of the start and the end.")
+    if first == last or not math.isfinite(last - first):
+        raise DeclarationError(
+            f"span must have a length. Got {span!r}. Give an end that differs from the start."
+        )
+    return first, last
+
+
+def check_tolerances(rtol: float, atol: float) -> None:
+    """Raises `DeclarationError` unless both are finite, positive and above rounding."""
+    for name, value, smallest in (("rtol", rtol, _SMALLEST_RTOL), ("atol", atol, 0.0)):
+        try:
+            fine = math.isfinite(value) and value > 0.0 and value >= smallest
+        except TypeError:
+            fine = False
+        if not fine:
+            bound = f"at least {smallest:g}, which is near rounding" if smallest else "positive"
+            raise DeclarationError(
+                f"{name} is a finite number, {bound}. Got {value!r}. The defaults serve most uses."
+            )
+
+
+def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
+    """Times (m,) inside the span and monotone along it; raises `DeclarationError` otherwise."""
+    try:
+        grid = np.array(at, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(f"at is a sequence of times. Got {at!r}.") from None
+    if grid.ndim != 1 or grid.size == 0:
+        raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
+    low, high = min(first, last), max(first, last)
+    outside = grid[~((grid >= low) & (grid <= high))]
+    if outside.size:
+        raise DeclarationError(
+            f"at must lie inside the span ({first:g}, {last:g}). Got {outside[0]:.17g}. "
+            "Drop it or lengthen the span."
+        )
+    steps = np.diff(grid) if last > first else -np.diff(grid)
+    if not (steps > 0.0).all():
+        i = int(np.argmin(steps > 0.0))
+        raise DeclarationError(
+            f"at must run from the start to the end of the span, without repeats. Got {grid[i]:.17g}, then "
+            f"{grid[i + 1]:.17g}. Sort it."
+        )
+    return grid
+
+
+def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
+    """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
+    if grid is None:
+        return np.array([last])
+    ahead = grid[1:] if grid[0] == first else grid
+    return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
+
+
+def choose_method(flow: Flow, method: Method | str | None, rtol: float) -> Method:
+    """The method asked for, or what was measured to be fastest for this flow at this tolerance."""
+    if method is None:
+        if not flow.is_stiff:
+            return Method.DOP853
+        if rtol >= _TIGHT_RTOL:
+            return Method.RODAS5P
+        return Method.RADAU9 if rtol >= _TIGHTEST_RTOL else Method.RADAU13
+    try:
+        return Method(method)
+    except ValueError:
+        names = [member.value for member in Method]
+        raise DeclarationError(
+            f"{method!r} is no method. The methods are {', '.join(names)}." + nearest(str(method), names)
+        ) from None
+
+
+def check_step_limit(max_steps: int) -> int:
+    """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
+    try:
+        limit = operator.index(max_steps)
+    except TypeError:
+        limit = 0
+    if limit < 1:
+        raise DeclarationError(f"max_steps is an integer, 1 or more. Got {max_steps!r}.")
+    return min(limit, 2**62)
