@@ -18,6 +18,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     composite                     the initial layer and the slow flow in one approximation
     method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories
+    work_precision                error against seconds: every integrator, and reduced models of every order
     analyse, write_report         all of it for one scene
 """
 
@@ -77,6 +78,8 @@ _HOME = {
     "Scene": "scene",
     "compare": "comparison",
     "Comparison": "comparison",
+    "work_precision": "work_curves",
+    "WorkPrecision": "work_curves",
     "load": "readers",
     "analyse": "analysis",
     "Analysis": "analysis",
@@ -138,6 +141,8 @@ if TYPE_CHECKING:
     from gsp.system import VectorField as VectorField
     from gsp.trajectory import Trajectory as Trajectory
     from gsp.trajectory import integrate as integrate
+    from gsp.work_curves import WorkPrecision as WorkPrecision
+    from gsp.work_curves import work_precision as work_precision
 
 
 def __getattr__(name: str) -> object:

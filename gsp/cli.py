@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -230,6 +232,47 @@ def methods(model: str, as_json: bool) -> None:
 @cli.command()
 @click.argument("model")
 @click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="File for the figure [gsp-chart-NAME.png]."
+)
+@click.option("--epsilon", type=float, help="Small parameter [the scene's].")
+@click.option("--csv", "table", type=click.Path(path_type=Path), help="Write every run to this file too.")
+@_json_option
+def chart(model: str, output: Path | None, epsilon: float | None, table: Path | None, as_json: bool) -> None:
+    """Chart speed against accuracy for MODEL: every integrator, those installed beside ours, and reduced models."""
+    scene = load_scene(model)
+    target = output or Path(f"gsp-chart-{scene.name or 'scene'}.png")
+    if not target.absolute().parent.is_dir():
+        raise GspError(f"there is no folder {target.absolute().parent}. Make it, or give another path with -o.")
+    with _progress("runs") as advance:
+        from gsp.work_curves import work_precision
+
+        found = work_precision(scene, epsilon=epsilon, progress=advance)
+    from gsp import charts
+
+    charts.save(charts.work_precision(found), target)
+    if table is not None:
+        found.write_csv(table)
+    if as_json:
+        from gsp.report import plain
+
+        _print_json(
+            plain(
+                {
+                    "name": scene.name,
+                    "epsilon": found.epsilon,
+                    "machine": dict(found.machine),
+                    "runs": found.as_rows(),
+                }
+            )
+        )
+        return
+    click.echo(str(found))
+    click.echo(f"chart: {target}")
+
+
+@cli.command()
+@click.argument("model")
+@click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
 )
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
@@ -267,6 +310,18 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
             click.echo(f"do not reduce here: {condition}")
     click.echo(str(analysis.comparison))
     click.echo(f"report: {page}")
+
+
+@contextmanager
+def _progress(description: str) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error for one stage; gives what takes the fraction done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(description, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 def load_scene(model: str) -> Scene:

@@ -117,7 +117,7 @@ def compare(
     flows = {n: restrict(series, order=n) for n in wanted}
     rivals = _rivals(scene, placement)
     inner = None if correction is None else _inner(placement, correction)
-    sense = _sense(placement)
+    direction = sense(placement)
     errors: dict[int, list[float]] = {n: [] for n in wanted}
     statuses: dict[int, list[Status]] = {n: [] for n in wanted}
     claimed: dict[str, list[float]] = {name: [] for name in rivals}
@@ -126,11 +126,11 @@ def compare(
         if inner is None:
             start = slow_start = on_manifold(series, placement.start, epsilon)
             first = scene.span[0]
-            last = first + sense * (scene.span[1] - first)
+            last = first + direction * (scene.span[1] - first)
         else:
             start = placement.start
             slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
-            first = scene.span[0] + _layer_time(inner, scene, epsilon, max(wanted))
+            first = scene.span[0] + layer_time(inner, scene, epsilon, max(wanted))
             last = scene.span[1]
         grid = np.linspace(first, last, GRID_POINTS)
         reference = _run(placement.system, start, scene, epsilon, grid)
@@ -188,7 +188,7 @@ def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[fl
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _sense(placement: Placement) -> int:
+def sense(placement: Placement) -> int:
     """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
     x = np.array([[placement.start[s.name] for s in placement.system.x]])
     y = placement.branch.points(x)
@@ -210,7 +210,7 @@ def _inner(placement: Placement, correction: int) -> InnerExpansion:
     return inner
 
 
-def _layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
+def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
     """Slow time until the layer is out of the way of the errors measured."""
     power = min(highest, inner.order) + LAYER_MARGIN
     time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)

@@ -144,6 +144,15 @@ def test_methods_are_tabulated_with_their_orders() -> None:
     assert rows["solved"]["error at 0.1"] < 1e-10
 
 
+def test_a_chart_is_drawn_and_its_runs_are_written(tmp_path) -> None:
+    figure, table = tmp_path / "chart.png", tmp_path / "runs.csv"
+    result = run("chart", "michaelis_menten", "-o", str(figure), "--csv", str(table))
+    assert result.exit_code == 0
+    assert "reduced 4" in result.stdout
+    assert "SciPy LSODA" in table.read_text(encoding="utf-8")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
 def test_a_report_is_written_where_it_was_asked_for(tmp_path) -> None:
     result = run("report", "linear", "-o", str(tmp_path / "out"))
     assert result.exit_code == 0
