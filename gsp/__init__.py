@@ -19,6 +19,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories
     work_precision                error against seconds: every integrator, and reduced models of every order
+    failure_map                   where each method holds, measured
     analyse, write_report         all of it for one scene
 """
 
@@ -80,6 +81,8 @@ _HOME = {
     "Comparison": "comparison",
     "work_precision": "work_curves",
     "WorkPrecision": "work_curves",
+    "failure_map": "failures",
+    "FailureMap": "failures",
     "load": "readers",
     "analyse": "analysis",
     "Analysis": "analysis",
@@ -110,6 +113,8 @@ if TYPE_CHECKING:
     from gsp.critical import solve_critical as solve_critical
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
+    from gsp.failures import FailureMap as FailureMap
+    from gsp.failures import failure_map as failure_map
     from gsp.fibres import BasePoint as BasePoint
     from gsp.fibres import project as project
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity

@@ -231,40 +231,46 @@ def methods(model: str, as_json: bool) -> None:
 
 @cli.command()
 @click.argument("model")
+@click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="File for the figure [gsp-chart-NAME.png]."
 )
-@click.option("--epsilon", type=float, help="Small parameter [the scene's].")
-@click.option("--csv", "table", type=click.Path(path_type=Path), help="Write every run to this file too.")
+@click.option("--epsilon", type=float, help="Small parameter for speed against accuracy [the scene's].")
+@click.option("--csv", "table", type=click.Path(path_type=Path), help="Write the data to this file too.")
 @_json_option
-def chart(model: str, output: Path | None, epsilon: float | None, table: Path | None, as_json: bool) -> None:
-    """Chart speed against accuracy for MODEL: every integrator, those installed beside ours, and reduced models."""
-    scene = load_scene(model)
-    target = output or Path(f"gsp-chart-{scene.name or 'scene'}.png")
-    if not target.absolute().parent.is_dir():
-        raise GspError(f"there is no folder {target.absolute().parent}. Make it, or give another path with -o.")
-    with _progress("runs") as advance:
-        from gsp.work_curves import work_precision
+def chart(
+    model: str, failures: bool, output: Path | None, epsilon: float | None, table: Path | None, as_json: bool
+) -> None:
+    """Chart speed against accuracy for MODEL, or with --failures where each method holds.
 
-        found = work_precision(scene, epsilon=epsilon, progress=advance)
+    Speed against accuracy: every integrator, those installed beside ours, and reduced models of orders 0 to 4.
+    """
+    scene = load_scene(model)
+    target = output or Path(f"gsp-{'failures' if failures else 'chart'}-{scene.name or 'scene'}.png")
+    for path in filter(None, (target, table)):
+        if not path.absolute().parent.is_dir():
+            raise GspError(f"there is no folder {path.absolute().parent}. Make it, or give another path.")
+    if failures and epsilon is not None:
+        raise GspError("--epsilon belongs to speed against accuracy. Leave it out: --failures covers a range.")
+    found: Any
+    with _progress("runs") as advance:
+        if failures:
+            from gsp.failures import failure_map
+
+            found = failure_map(scene, progress=advance)
+        else:
+            from gsp.work_curves import work_precision
+
+            found = work_precision(scene, epsilon=epsilon, progress=advance)
     from gsp import charts
 
-    charts.save(charts.work_precision(found), target)
+    charts.save(charts.failure_map(found) if failures else charts.work_precision(found), target)
     if table is not None:
         found.write_csv(table)
     if as_json:
         from gsp.report import plain
 
-        _print_json(
-            plain(
-                {
-                    "name": scene.name,
-                    "epsilon": found.epsilon,
-                    "machine": dict(found.machine),
-                    "runs": found.as_rows(),
-                }
-            )
-        )
+        _print_json(plain({"name": scene.name, "rows": found.as_rows()}))
         return
     click.echo(str(found))
     click.echo(f"chart: {target}")

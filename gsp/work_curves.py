@@ -9,7 +9,6 @@ over: what is left is the model's own error, O(epsilon^(N+1)) at order N.
 
 from __future__ import annotations
 
-import csv
 import os
 import platform
 import time
@@ -21,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from gsp.comparison import layer_time, on_manifold, sense
-from gsp.errors import BranchError, DeclarationError, HyperbolicityError, OutputError, Status
+from gsp.errors import BranchError, DeclarationError, HyperbolicityError, Status
 from gsp.fibres import project
 from gsp.flow import Flow, check_epsilon
 from gsp.inner import expand_inner
@@ -32,6 +31,7 @@ from gsp.placement import Placement, place
 from gsp.reduced import restrict
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
+from gsp.tables import write_rows
 from gsp.trajectory import integrate
 
 # Times at which every run is compared, and asked for its values.
@@ -146,16 +146,7 @@ class WorkPrecision:
 
     def write_csv(self, path: str | Path) -> Path:
         """Write the rows to `path`; raises `OutputError` when that cannot be done."""
-        rows = self.as_rows()
-        target = Path(path)
-        try:
-            with target.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.DictWriter(file, list(rows[0]))
-                writer.writeheader()
-                writer.writerows(rows)
-        except OSError as error:
-            raise OutputError(f"{target} cannot be written: {error.strerror}. Give another path.") from None
-        return target
+        return write_rows(self.as_rows(), path)
 
     def __repr__(self) -> str:
         runs = sum(len(curve.points) for curve in self.curves)

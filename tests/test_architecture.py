@@ -15,6 +15,7 @@ ROOT = Path(gsp.__file__).parent
 # In this order; a module may import only from those above it.
 LAYERS = [
     "errors",
+    "tables",
     "flow",
     "region",
     "laurent",
@@ -69,6 +70,7 @@ LAYERS = [
     "methods",
     "peers",
     "work_curves",
+    "failures",
     "analysis",
     "charts",
     "report",

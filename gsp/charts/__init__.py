@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
+from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
@@ -32,6 +33,9 @@ __all__ = [
     "distance",
     "eigenvalues",
     "error_against_epsilon",
+    "failure_map",
+    "failures_along",
+    "failures_by_tolerance",
     "has_constant_eigenvalues",
     "heading_of",
     "manifold",

@@ -1,0 +1,126 @@
+"""The failure map: which reduced model is good enough where, and what fails beyond."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, chart, mathematics
+from gsp.failures import EXPLICIT, MANIFOLD, NEWTON, FailureMap
+
+# Light to dark as more orders are needed.
+ORDER_COLOURS = ("#FBE3C8", "#F2B27A", "#E07B39", "#B4501B", "#7A2E00", "#4A1C00")
+
+
+@chart(height=4.4)
+def failures_along(result: FailureMap, axes: Axes) -> None:
+    """Over (position, epsilon): the lowest order whose reduced flow meets the tolerance, what fails beyond it, and why.
+
+    Hatched: explicit steps are held back by stability. Dots: the series is past its optimal order. Crosses: Newton's
+    method from the scene's start does not reach this sheet.
+    """
+    cells = _cells(result.least_order, result.places[MANIFOLD].holds)
+    _colour(axes, result, result.positions, cells)
+    _hatch(axes, result, result.positions, ~result.places[EXPLICIT].holds & result.places[MANIFOLD].holds)
+    past = (result.best_order >= 0) & (result.best_order < max(result.orders))
+    _mark(axes, result, past, ".", 3.0)
+    measured = np.isfinite(result.places[MANIFOLD].measure)
+    _mark(axes, result, measured & ~result.places[NEWTON].holds, "x", 3.0)
+    axes.set_xlabel(mathematics(result.axis))
+    axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
+    axes.set_title(f"tolerance {result.tolerance:g}", fontsize=10, loc="right", color=INK)
+
+
+@chart(height=4.4)
+def failures_by_tolerance(result: FailureMap, axes: Axes) -> None:
+    """Over (tolerance, epsilon): the lowest order whose reduced flow meets the tolerance over the scene's span."""
+    cells = _cells(result.least_order_demanded, np.ones(result.least_order_demanded.shape, dtype=bool))
+    _colour(axes, result, result.tolerances, cells)
+    _hatch(axes, result, result.tolerances, ~result.demands[EXPLICIT].holds)
+    axes.set_xscale("log")
+    axes.invert_xaxis()
+    axes.set_xlabel("tolerance over the span")
+    axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
+
+
+def failure_map(result: FailureMap) -> Axes:
+    """Both maps side by side with one legend; the Axes of the left one."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, sharey=True)
+        failures_along(result, left)
+        failures_by_tolerance(result, right)
+        right.set_ylabel("")
+        figure.legend(handles=_key(result), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
+    return left
+
+
+def _cells(least: np.ndarray, manifold: np.ndarray) -> np.ndarray:
+    """0.. for orders; -1 for full only; -2 for no slow manifold."""
+    return np.where(least >= 0, least, np.where(manifold, -1, -2))
+
+
+def _edges(values: np.ndarray, logarithmic: bool) -> np.ndarray:
+    v = np.log(values) if logarithmic else values
+    inner = 0.5 * (v[1:] + v[:-1])
+    edges = np.concatenate([[2 * v[0] - inner[0]], inner, [2 * v[-1] - inner[-1]]])
+    return np.exp(edges) if logarithmic else edges
+
+
+def _grid(result: FailureMap, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return _edges(columns, columns is result.tolerances), _edges(result.epsilons, True)
+
+
+def _colour(axes: Axes, result: FailureMap, columns: np.ndarray, cells: np.ndarray) -> None:
+    colours = ListedColormap([PALE, SKY, *ORDER_COLOURS])
+    norm = BoundaryNorm(np.arange(-2.5, len(ORDER_COLOURS)), colours.N)
+    axes.pcolormesh(*_grid(result, columns), np.minimum(cells, len(ORDER_COLOURS) - 1), cmap=colours, norm=norm)
+    axes.set_yscale("log")
+
+
+def _hatch(axes: Axes, result: FailureMap, columns: np.ndarray, where: np.ndarray) -> None:
+    x, y = _grid(result, columns)
+    # Each cell as four points, so that the hatching ends where the cell does.
+    fine_x, fine_y = (np.repeat(edges, 2)[1:-1] for edges in (x, y))
+    fine = np.repeat(np.repeat(where, 2, axis=0), 2, axis=1).astype(float)
+    with matplotlib.rc_context({"hatch.linewidth": 0.6}):
+        drawn = axes.contourf(fine_x, fine_y, fine, levels=[0.5, 1.5], colors="none", hatches=["////"])
+        drawn.set_edgecolor(BLUE)
+        drawn.set_linewidth(0.0)
+
+
+def _mark(axes: Axes, result: FailureMap, where: np.ndarray, marker: str, size: float) -> None:
+    rows, columns = np.nonzero(where)
+    axes.plot(
+        result.positions[columns],
+        result.epsilons[rows],
+        ls="",
+        marker=marker,
+        ms=size,
+        mew=0.6,
+        color=INK,
+        zorder=3,
+    )
+
+
+def _key(result: FailureMap) -> list:
+    from matplotlib.lines import Line2D
+
+    patches = [
+        Patch(facecolor=ORDER_COLOURS[min(n, len(ORDER_COLOURS) - 1)], label=f"reduced flow of order {n}")
+        for n in result.orders
+    ]
+    return [
+        *patches,
+        Patch(facecolor=SKY, label="full system only"),
+        Patch(facecolor=PALE, label="no slow manifold here"),
+        Patch(facecolor="none", edgecolor=BLUE, hatch="////", label="stability holds explicit steps back"),
+        Line2D([], [], ls="", marker=".", color=INK, ms=4, label="series past its optimal order"),
+        Line2D([], [], ls="", marker="x", color=INK, ms=4, label="Newton's method goes astray"),
+    ]
