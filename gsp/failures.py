@@ -17,6 +17,7 @@ from gsp.comparison import compare, sense
 from gsp.errors import DeclarationError, GspError, nearest
 from gsp.flow import Flow, check_epsilon
 from gsp.integrators import Method
+from gsp.lowering import finite_rows
 from gsp.placement import Placement, place
 from gsp.reduced import restrict
 from gsp.sampling import Sampler
@@ -263,7 +264,7 @@ class _Survey:
         """Points of M0 on the scene's sheet over the positions, and where there are any."""
         if self.branch.is_explicit:
             y = self.branch.graph_values(self.x, allow_complex=True)
-            return y, np.isfinite(y).all(axis=1)
+            return y, finite_rows(y)
         return self.branch.follow(self.x)
 
     def _newton(self) -> np.ndarray:
@@ -287,7 +288,7 @@ class _Survey:
         y = np.full_like(self.y, np.nan)
         points = zero_derivative(self.branch, self.x[rows], epsilon=epsilon, tolerance=1e-13, near=self.y[rows])
         y[rows] = points.y
-        for j in rows:
+        for j in map(int, rows):
             if np.isfinite(y[j]).all():
                 self._series(i, j, y[j], epsilon)
                 self._runs(i, j, y[j], epsilon)
