@@ -72,13 +72,17 @@ class Member:
     @property
     def message(self) -> str:
         """One line: how it ended, where, and what to do about it."""
-        shown = [f"{name} = {value:.6g}" for name, value in self.last.items()]
-        where = ", ".join([f"t = {self.reached:.6g}", *shown[:_SHOWN_STATES]])
-        where += ", ..." if len(shown) > _SHOWN_STATES else ""
         if self.status.ok:
-            return f"member {self.index} reached the end: {where}"
+            return f"member {self.index} reached the end: {self.place}"
         remedy = remedy_of(self.status, self.stats)
-        return f"member {self.index} stopped: {self.status.name} at {where}; {remedy}"
+        return f"member {self.index} stopped: {self.status.name} at {self.place}; {remedy}"
+
+    @property
+    def place(self) -> str:
+        """Time and state at the end of the last step, in words."""
+        shown = [f"{name} = {value:.6g}" for name, value in self.last.items()]
+        more = ["..."] if len(shown) > _SHOWN_STATES else []
+        return ", ".join([f"t = {self.reached:.6g}", *shown[:_SHOWN_STATES], *more])
 
     def __repr__(self) -> str:
         return f"Member({self.index}, t={self.reached:.6g}, {self.status.name})"
@@ -205,7 +209,9 @@ class Ensemble:
             if status.ok:
                 lines.append(f"{share} reached the end")
             else:
-                lines.append(f"{share} {status.name}: {self.member(self.statuses.index(status)).message}")
+                first = self.member(self.statuses.index(status))
+                remedy = remedy_of(status, first.stats)
+                lines.append(f"{share} {status.name}, first member {first.index} at {first.place}; {remedy}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:

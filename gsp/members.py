@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,25 +39,28 @@ class Members:
 
 def members_of(flow: Flow, starts: Starts, *, epsilon: Column | None, parameters: Columns | None) -> Members:
     """The members that the arguments of `integrate_many` describe; raises `DeclarationError`, naming the member."""
-    columns: dict[str, np.ndarray] = {}
+    sources: dict[str, np.ndarray] = {}
     if isinstance(starts, Mapping):
         columns = _columns(starts, "starts")
-        rows = flow.initials(_broadcast(columns, _length(columns)))
+        sources |= {f"starts[{name!r}]": column for name, column in columns.items()}
+        m = _length(sources)
+        rows = flow.initials({name: np.broadcast_to(column, m) for name, column in columns.items()})
     elif isinstance(starts, Sequence) and any(isinstance(start, Mapping) for start in starts):
         rows = flow.initials(_gathered(starts))
-        columns["starts"] = rows[:, 0]
+        sources["starts"] = rows[:, 0]
     else:
         rows, _ = as_points(flow.states, starts, what="starts")
         for symbol, column in zip(flow.states, rows.T):
             _check_finite(column, f"starts[{symbol.name!r}]")
-        columns["starts"] = rows[:, 0]
+        sources["starts"] = rows[:, 0]
     given = _parameters(flow, parameters)
-    columns |= {f"parameters[{name!r}]": column for name, column in given.items()}
+    sources |= {f"parameters[{name!r}]": column for name, column in given.items()}
     values = None if epsilon is None else _column(epsilon, "epsilon")
+    constant = parameter_vector(flow, None if values is None else _checked(values))
     if values is not None:
-        columns["epsilon"] = values
-    m = _length(columns)
-    constants = np.tile(parameter_vector(flow, None if values is None else _checked(values)), (m, 1))
+        sources["epsilon"] = values
+    m = _length(sources)
+    constants = np.tile(constant, (m, 1))
     if values is not None:
         constants[:, 0] = values
     names = [symbol.name for symbol in flow.parameters]
@@ -120,28 +122,28 @@ def _check_finite(column: np.ndarray, what: str) -> None:
 
 def _checked(epsilons: np.ndarray) -> float:
     """The first value, once all are positive."""
+    if not epsilons.size:
+        raise DeclarationError("an ensemble has one member or more. Got no value in epsilon.")
     wrong = np.flatnonzero(~(epsilons > 0.0))
     i = int(wrong[0]) if wrong.size else 0
     return check_epsilon(float(epsilons[i]), what=f"epsilon of member {i}")
 
 
-def _length(columns: Mapping[str, np.ndarray]) -> int:
-    """How many members columns of one or m entries describe."""
-    lengths = {len(column): name for name, column in reversed(list(columns.items()))}
-    if 0 in lengths:
-        raise DeclarationError(f"an ensemble has one member or more. Got no value in {lengths[0]}.")
-    several = {length: name for length, name in lengths.items() if length > 1}
+def _length(sources: Mapping[str, np.ndarray]) -> int:
+    """How many members arrays of one or m entries describe; the keys name them in errors."""
+    first: dict[int, str] = {}
+    for name, values in sources.items():
+        first.setdefault(len(values), name)
+    if 0 in first:
+        raise DeclarationError(f"an ensemble has one member or more. Got no value in {first[0]}.")
+    several = {length: name for length, name in first.items() if length > 1}
     if len(several) > 1:
         shown = " and ".join(f"{length} in {name}" for length, name in several.items())
         raise DeclarationError(
             f"each argument gives one value for all members or one for each. Got {shown}. "
             "For all pairs use np.meshgrid and .ravel()."
         )
-    return max(lengths, default=1)
-
-
-def _broadcast(columns: Mapping[str, np.ndarray], m: int) -> Mapping[str, np.ndarray]:
-    return MappingProxyType({name: np.broadcast_to(column, m) for name, column in columns.items()})
+    return max(first, default=1)
 
 
 def _gathered(starts: Sequence[Any]) -> dict[str, np.ndarray]:

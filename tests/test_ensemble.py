@@ -162,11 +162,15 @@ def test_an_implicit_manifold_takes_its_starts_one_by_one():
     for i, value in enumerate((0.5, 1.0)):
         one = integrate(flow, start={"x": value}, span=(0, 1), epsilon=0.05)
         assert np.array_equal(many["y"][i, -1:], one["y"][-1:])
-    folded = SlowFastSystem(slow={x: -1}, fast={y: x - y**2}, epsilon=epsilon)
-    branch = next(b for b in solve_critical(folded).branches)
-    if not branch.is_explicit:
-        with pytest.raises(BranchError, match="member 1"):
-            integrate_many(restrict(expand(branch, order=1)), {"x": [1, -1], "y": 1}, span=(0, 1), epsilon=0.05)
+    folded = SlowFastSystem(slow={x: -x}, fast={y: x + y - y**5}, epsilon=epsilon)
+    with pytest.raises(BranchError, match="member 1: "):
+        # One sheet over x = 2, three over x = 0.
+        integrate_many(
+            restrict(expand(solve_critical(folded).branches[0], order=1)),
+            {"x": [2, 0]},
+            span=(0, 1),
+            epsilon=0.05,
+        )
 
 
 # What comes back
@@ -223,7 +227,8 @@ def test_a_member_that_fails_spoils_no_other(method):
         assert many.statuses[i] is one.status
         assert np.array_equal(many["x"][i, : one.t.size], one["x"])
         assert many.member(i).stats == one.stats
-    assert "1 at t = 0.5" in many.message
+    assert "first member 1 at t = 0.5, x = " in many.message
+    assert many.member(1).message.startswith(f"member 1 stopped: {many.statuses[1].name} at t = 0.5, x = ")
     assert many.message.endswith("3 of 5 reached the end")
     assert str(many).count("\n") > 3
 
@@ -243,8 +248,8 @@ def test_each_way_to_fail_has_its_line_the_worst_first():
     assert many.statuses[0] is Status.SUCCESS
     assert not many.statuses[3].ok
     lines = many.message.splitlines()
-    assert lines[0].startswith("1 of 4 NON_FINITE: member 2 stopped: NON_FINITE at t = 0, x = -1; ")
-    assert lines[1].startswith("1 of 4 SINGULAR_JACOBIAN: member 1 ")
+    assert lines[0].startswith("1 of 4 NON_FINITE, first member 2 at t = 0, x = -1; ")
+    assert lines[1].startswith("1 of 4 SINGULAR_JACOBIAN, first member 1 ")
     assert "Method.DOP853" in lines[1]
     assert lines[-1] == "1 of 4 reached the end"
 
