@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import parallel
+from gsp import charts, parallel
 from gsp.critical import solve_critical
 from gsp.ensemble import integrate_many
 from gsp.errors import BranchError, DeclarationError, GspError, Status
@@ -209,6 +209,16 @@ def test_how_it_shows():
     assert text.endswith("all 23 members reached the end")
     assert all(len(line) <= 120 for line in [*text.splitlines(), *str(many.member(0)).splitlines()])
     assert repr(many.member(2)) == "Member(2, t=1, SUCCESS)"
+
+
+def test_its_spread_is_drawn_over_the_members_that_are_left():
+    many = integrate_many(BLOW_UP, {"x": np.linspace(-1, 1.8, 40)}, span=(0, 1), at=np.linspace(0, 1, 21))
+    axes = charts.spread(many, name="x")
+    assert charts.png(axes).startswith(b"\x89PNG")
+    assert np.isfinite(axes.lines[-1].get_ydata()).all()
+    assert "24 of 40 members" in [text.get_text() for text in axes.get_legend().get_texts()]
+    with pytest.raises(DeclarationError, match=r"two times or more that a member reached\. Got 1"):
+        charts.spread(oscillate(), name="x")
 
 
 # Failures stay where they are

@@ -3,22 +3,40 @@
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 
 import gsp
 from gsp import charts
 from gsp.charts.style import STYLE
 
+FOLDER = Path(__file__).parent
 
-def main() -> None:
-    """Write sleigh.png beside this file."""
+
+def ensemble() -> None:
+    """The figure of docs/ensembles.md."""
+    field = gsp.models.load("chaplygin_sleigh").system
+    cloud = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
+    times = 0.05 * np.linspace(0, 1, 60) ** 2
+    landing = gsp.integrate_many(field, cloud, span=(0, 0.05), epsilon=0.01, at=times, rtol=1e-6)
+    charts.save(charts.spread(landing, name="w"), FOLDER / "ensemble.png")
+
+
+def sleigh() -> None:
+    """The figure of README.md."""
     analysis = gsp.analyse(gsp.models.load("chaplygin_sleigh"))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.5))
         charts.convergence(analysis, left)
         charts.error_against_epsilon(analysis.comparison, right)
-        figure.savefig(Path(__file__).parent / "sleigh.png", dpi=140)
+        figure.savefig(FOLDER / "sleigh.png", dpi=140)
+
+
+def main() -> None:
+    """Write the pictures beside this file."""
+    sleigh()
+    ensemble()
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
+from gsp.charts.ensembles import spread
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
@@ -40,6 +41,7 @@ __all__ = [
     "png",
     "save",
     "shape",
+    "spread",
     "surroundings",
     "time_series",
 ]
