@@ -14,6 +14,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
     integrate                     trajectories of any of these
+    integrate_many                thousands of them, over starts, epsilon and parameters, on all cores
     project                       where a start off the manifold lands: its fast fibre's base point
     composite                     the initial layer and the slow flow in one approximation
     method_table                  the classical methods side by side
@@ -69,6 +70,8 @@ _HOME = {
     "ReducedFlow": "reduced",
     "integrate": "trajectory",
     "Trajectory": "trajectory",
+    "integrate_many": "ensemble",
+    "Ensemble": "ensemble",
     "Method": "integrators",
     "project": "fibres",
     "BasePoint": "fibres",
@@ -111,6 +114,8 @@ if TYPE_CHECKING:
     from gsp.critical import Branch as Branch
     from gsp.critical import CriticalManifold as CriticalManifold
     from gsp.critical import solve_critical as solve_critical
+    from gsp.ensemble import Ensemble as Ensemble
+    from gsp.ensemble import integrate_many as integrate_many
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
     from gsp.failures import FailureMap as FailureMap

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import sympy as sp
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, GspError, nearest
 
 Values = Mapping[sp.Symbol, sp.Expr]
 Point = Mapping[str, float] | Mapping[sp.Symbol, float]
@@ -40,6 +40,19 @@ class Flow:
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
         return complete(start, self.states, what="start")
+
+    def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
+        """State array (m, n) from columns (m,) of finite numbers by name; row by row it is what `initial` gives."""
+        if type(self).initial is Flow.initial:
+            complete(dict.fromkeys(starts, 0.0), self.states, what="starts")
+            return np.stack([starts[state.name] for state in self.states], axis=1)
+        rows = []
+        for i, values in enumerate(zip(*starts.values())):
+            try:
+                rows.append(self.initial(dict(zip(starts, values))))
+            except GspError as error:
+                raise type(error)(f"member {i}: {error}") from None
+        return np.array(rows, dtype=float)
 
 
 def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:

@@ -46,14 +46,14 @@ class Method(Enum):
     DOP853 = "dop853"
 
 
-_KERNELS = {
+KERNELS = {
     Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS),
     Method.RADAU5: (radau, radau_tableau.STAGES[0]),
     Method.RADAU9: (radau, radau_tableau.STAGES[1]),
     Method.RADAU13: (radau, radau_tableau.STAGES[2]),
     Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS),
 }
-_STATUS = {
+STATUS = {
     ledger.FINISHED: Status.SUCCESS,
     ledger.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
     ledger.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
@@ -73,6 +73,15 @@ class Stats:
     jacobian_calls: int
     decompositions: int
     stiff: bool = False
+
+
+def remedy_of(status: Status, stats: Stats) -> str:
+    """What to do about a run that ended so; `status.remedy` where the counters add nothing to it."""
+    if status is Status.TOO_MANY_STEPS and stats.stiff:
+        return "the field is stiff here: use method=Method.RODAS5P"
+    if status is Status.SINGULAR_JACOBIAN:
+        return "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
+    return status.remedy
 
 
 @dataclass(frozen=True)
@@ -103,7 +112,7 @@ def advance(
 
     Ctrl-C ends it with the steps that were made.
     """
-    kernel, rows = _KERNELS[method]
+    kernel, rows = KERNELS[method]
     jacobian = 0 if method is Method.DOP853 else compiled.jacobian
     last = float(stops[-1])
     n = y.size
@@ -139,7 +148,7 @@ def advance(
     steps, rejected, field_calls, jacobian_calls, decompositions, stiff = map(int, counters[: ledger.STIFF + 1])
     return Record(
         *record,
-        status=status or _STATUS[code],
+        status=status or STATUS[code],
         stats=Stats(method, steps, rejected, field_calls, jacobian_calls, decompositions, bool(stiff)),
     )
 

@@ -63,6 +63,15 @@ class ReducedFlow(Flow):
         own = [float(z[system.states.index(s)]) for s in self.manifold.coordinates]
         return (*own, *(given.get(s.name, 0.0) for s in self.driven))
 
+    def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
+        """State array (m, n) of many starts; on an explicit branch no start costs more than its copy."""
+        if not self.manifold.branch.is_explicit:
+            return super().initials(starts)
+        # The names decide alike for all, so that one start checks them.
+        self.initial(dict.fromkeys(starts, 0.0))
+        zeros = np.zeros(len(next(iter(starts.values()))))
+        return np.stack([starts.get(state.name, zeros) for state in self.states], axis=1)
+
     def __repr__(self) -> str:
         return f"ReducedFlow({self.manifold.branch}, order={self.order})"
 

@@ -21,6 +21,7 @@ from gsp.integrators import (
     check_step_limit,
     check_tolerances,
     choose_method,
+    remedy_of,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
@@ -111,11 +112,7 @@ class Trajectory:
         where = f"t = {self._times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
             return f"reached the end after {steps}: {where}"
-        remedy = self.status.remedy
-        if self.status is Status.TOO_MANY_STEPS and self.stats.stiff:
-            remedy = "the field is stiff here: use method=Method.RODAS5P"
-        elif self.status is Status.SINGULAR_JACOBIAN:
-            remedy = "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
+        remedy = remedy_of(self.status, self.stats)
         return f"stopped after {steps}: {self.status.name} at {where}; {remedy}"
 
     def __repr__(self) -> str:

@@ -3,31 +3,52 @@
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 
 import gsp
 from gsp import charts
 from gsp.charts.style import STYLE
 
-
-def main() -> None:
-    """Write the pictures beside this file."""
-    folder = Path(__file__).parent
-    sleigh(folder)
-    charts.save(
-        charts.work_precision(gsp.work_precision(gsp.models.load("chaplygin_sleigh"))), folder / "work.png"
-    )
+FOLDER = Path(__file__).parent
 
 
-def sleigh(folder: Path) -> None:
-    """Paths of the sleigh, and the errors of its reduced flows."""
+def ensemble() -> None:
+    """The figure of docs/ensembles.md."""
+    field = gsp.models.load("chaplygin_sleigh").system
+    cloud = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
+    times = 0.05 * np.linspace(0, 1, 60) ** 2
+    landing = gsp.integrate_many(field, cloud, span=(0, 0.05), epsilon=0.01, at=times, rtol=1e-6)
+    charts.save(charts.spread(landing, name="w"), FOLDER / "ensemble.png")
+
+
+def sleigh() -> None:
+    """The figure of README.md."""
     analysis = gsp.analyse(gsp.models.load("chaplygin_sleigh"))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.5))
         charts.convergence(analysis, left)
         charts.error_against_epsilon(analysis.comparison, right)
-        figure.savefig(folder / "sleigh.png", dpi=140)
+        figure.savefig(FOLDER / "sleigh.png", dpi=140)
+
+
+def work_precision() -> None:
+    """The figure of docs/work-precision.md."""
+    found = gsp.work_precision(gsp.models.load("chaplygin_sleigh"))
+    charts.save(charts.work_precision(found), FOLDER / "work.png")
+
+
+def failure_map() -> None:
+    """The figure of docs/failure-map.md."""
+    found = gsp.failure_map(gsp.models.load("van_der_pol"))
+    charts.save(charts.failure_map(found), FOLDER / "failures.png")
+
+
+def main() -> None:
+    """Write the pictures beside this file."""
+    for draw in (sleigh, ensemble, work_precision, failure_map):
+        draw()
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
+from gsp.charts.ensembles import spread
 from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
@@ -45,6 +46,7 @@ __all__ = [
     "png",
     "save",
     "shape",
+    "spread",
     "surroundings",
     "time_series",
     "work_precision",
