@@ -67,6 +67,7 @@ _HOME = {
     "ReducedFlow": "reduced",
     "integrate": "trajectory",
     "Trajectory": "trajectory",
+    "Event": "events",
     "Method": "integrators",
     "project": "fibres",
     "BasePoint": "fibres",
@@ -107,6 +108,7 @@ if TYPE_CHECKING:
     from gsp.critical import solve_critical as solve_critical
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
+    from gsp.events import Event as Event
     from gsp.fibres import BasePoint as BasePoint
     from gsp.fibres import project as project
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity

@@ -98,10 +98,15 @@ def advance(
     atol: float,
     max_steps: int,
     progress: Callable[[float], object] | None = None,
+    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    rows_kept: int = _RECORD,
+    first_step: float = 0.0,
 ) -> Record:
     """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.
 
-    Ctrl-C ends it with the steps that were made.
+    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
+    by returning True. `first_step`, signed, is tried first in place of an estimate. Ctrl-C ends it with the steps
+    that were made.
     """
     kernel, rows = _KERNELS[method]
     jacobian = 0 if method is Method.DOP853 else compiled.jacobian
@@ -111,7 +116,10 @@ def advance(
     memory[ledger.TIME] = first
     counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
     rate = np.zeros(n)
-    times, states, dense = np.empty(_RECORD), np.empty((_RECORD, n)), np.empty((_RECORD, rows, n))
+    if first_step != 0.0:
+        memory[ledger.STEP] = first_step
+        rate[:] = compiled.rates(y, p)
+    times, states, dense = np.empty(rows_kept), np.empty((rows_kept, n)), np.empty((rows_kept, rows, n))
     pieces = [(np.array([first]), y[np.newaxis].copy(), dense[:0])]
     kept = 0
     code = ledger.RECORD_FULL
@@ -128,6 +136,9 @@ def advance(
             else:
                 pieces.append((times[:new], states[:new], dense[:new]))
             kept += new
+            if watch is not None and watch(*pieces[-1]):
+                status = Status.EVENT_REACHED
+                break
             if progress is not None:
                 progress((float(memory[ledger.TIME]) - first) / (last - first))
     except KeyboardInterrupt:

@@ -12,6 +12,7 @@ import sympy as sp
 from gsp.errors import DeclarationError
 from gsp.flow import Flow, Point, Values, named
 from gsp.series import SeriesManifold
+from gsp.system import SlowFastSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,6 +22,8 @@ class ReducedFlow(Flow):
     Its states are coordinates on the critical manifold: the slow variables, or on an implicit branch the chart's,
     where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
     variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
+    `base` is the point (x, y) of M0 over a state, `driven_rates` the rates of what is reconstructed in the system's own
+    variables. A run ends where normal hyperbolicity is lost, and at orders above 0 where the series ends before.
     """
 
     manifold: SeriesManifold
@@ -32,6 +35,13 @@ class ReducedFlow(Flow):
     parameters: Values = field(default_factory=dict)
     is_stiff: bool = False
     driven: tuple[sp.Symbol, ...] = ()
+    base: tuple[sp.Expr, ...] = ()
+    driven_rates: tuple[sp.Expr, ...] = ()
+
+    @property
+    def fixed(self) -> Values:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Values of the system's parameters, which the rates no longer contain."""
+        return self.manifold.branch.system.parameters
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State over the slow variables that `start` names.
@@ -141,7 +151,14 @@ def restrict(
         observables=MappingProxyType(observables),
         epsilon=epsilon,
         driven=driven,
+        base=tuple(total([cut.chart.elements[s]]) for s in system.states),
+        driven_rates=tuple(_own(rate, system) for rate in (reconstruction or {}).values()),
     )
+
+
+def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
+    """A reconstructed rate in slow and fast variables, with the parameters' values."""
+    return sp.sympify(rate, strict=True).xreplace(dict(system.observables)).xreplace(dict(system.parameters))
 
 
 def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.endings import Ending
 from gsp.errors import GspError, Status, nearest
+from gsp.events import LOOK, CompiledEvents, Crossings, Event, Search, Settled, Stepper, compile_events
+from gsp.failures import explain
 from gsp.flow import Flow, Point
 from gsp.integrators import (
     Method,
@@ -25,6 +29,7 @@ from gsp.integrators import (
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
+from gsp.reduced import ReducedFlow
 
 _SHOWN_STATES = 4
 
@@ -35,7 +40,7 @@ class Trajectory:
 
     `trajectory["name"]` is a state or an observable over `t`, `.at(t)` the state at any time covered,
     `.sample(t)` a trajectory on other times. `.status` says how it ended; when that is not SUCCESS, `t` and `y`
-    hold what was reached.
+    hold what was reached. `.events` maps the name of each event asked for to its `Crossings`, (times, states).
     """
 
     flow: Flow
@@ -44,6 +49,9 @@ class Trajectory:
     y: np.ndarray
     status: Status
     stats: Stats
+    events: Mapping[str, Crossings]
+    _note: str = field(repr=False)
+    _remedy: str = field(repr=False)
     _times: np.ndarray = field(repr=False)
     _states: np.ndarray = field(repr=False)
     _dense: np.ndarray = field(repr=False)
@@ -88,17 +96,7 @@ class Trajectory:
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.array(t, dtype=float, ndmin=1, order="C")
-        return Trajectory(
-            flow=self.flow,
-            epsilon=self.epsilon,
-            t=_frozen(times),
-            y=_frozen(self.at(times)),
-            status=self.status,
-            stats=self.stats,
-            _times=self._times,
-            _states=self._states,
-            _dense=self._dense,
-        )
+        return replace(self, t=_frozen(times), y=_frozen(self.at(times)))
 
     @property
     def message(self) -> str:
@@ -111,12 +109,8 @@ class Trajectory:
         where = f"t = {self._times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
             return f"reached the end after {steps}: {where}"
-        remedy = self.status.remedy
-        if self.status is Status.TOO_MANY_STEPS and self.stats.stiff:
-            remedy = "the field is stiff here: use method=Method.RODAS5P"
-        elif self.status is Status.SINGULAR_JACOBIAN:
-            remedy = "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
-        return f"stopped after {steps}: {self.status.name} at {where}; {remedy}"
+        parts = [f"stopped after {steps}: {self.status.name} at {where}", self._note, self._remedy]
+        return "; ".join(filter(None, parts))
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)
@@ -156,6 +150,7 @@ def integrate(
     at: ArrayLike | None = None,
     method: Method | str | None = None,
     max_steps: int = 1_000_000,
+    events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
 ) -> Trajectory:
     """Integrate z' = F(z, epsilon) from `start` over `span` = (t0, t1), forward or backward.
@@ -183,22 +178,92 @@ def integrate(
     grid = None if at is None else check_grid(at, first, last)
     chosen = choose_method(flow, method, rtol)
     limit = check_step_limit(max_steps)
-    record = advance(
-        compile_flow(flow),
-        parameter_vector(flow, epsilon),
-        y,
-        first,
-        stops_of(grid, first, last),
-        method=chosen,
-        rtol=rtol,
-        atol=atol,
-        max_steps=limit,
-        progress=progress,
+    compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
+    asked = compile_events(flow, events, p) if events != () else None
+    stepper = Stepper(compiled, p, chosen, rtol, atol)
+    ending = Ending(flow, stepper, (first, last), y) if isinstance(flow, ReducedFlow) else None
+    begun = None if ending is None else ending.at_start(first, y)
+    search = _search(asked, ending, stepper, (first, last), y)
+    if begun is not None:
+        record = _standing(first, y, begun, chosen)
+    else:
+        options = {} if search is None else {"watch": search}
+        if search is not None and search.can_end:
+            options["rows_kept"] = LOOK
+        record = advance(
+            compiled,
+            p,
+            y,
+            first,
+            stops_of(grid, first, last),
+            method=chosen,
+            rtol=rtol,
+            atol=atol,
+            max_steps=limit,
+            progress=progress,
+            **options,
+        )
+    note = remedy = ""
+    crossings: dict[str, Crossings] = {}
+    if search is not None:
+        record = search.cut(record)
+        note = search.end.note if search.end is not None else ""
+        if ending is not None and search.end is None:
+            record, note = ending.after_failure(record)
+        crossings = _crossings(asked, search, len(flow.states))
+    if begun is not None:
+        note = begun.note
+    if not record.status.ok:
+        known, remedy = explain(flow, p, record, last)
+        note = note or known
+    return _trajectory(flow, epsilon, grid, record, crossings, note, remedy)
+
+
+def _search(
+    asked: CompiledEvents | None,
+    ending: Ending | None,
+    stepper: Stepper,
+    span: tuple[float, float],
+    y: np.ndarray,
+) -> Search | None:
+    """What watches the run: the events asked for, then the reduced flow's own tests."""
+    first, last = span
+    if asked is None and ending is None:
+        return None
+    watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
+    signs = [asked.signs(first, y, last > first)] if asked else []
+    parts = [part.values for part in (asked, ending) if part is not None]
+
+    def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
+
+    return Search(values, watched, np.concatenate([*signs, *([ending.signs] if ending else [])]), stepper, first, y)
+
+
+def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record:
+    """The record of a run that cannot begin."""
+    return Record(
+        np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), begun.status, Stats(method, 0, 0, 0, 0, 0)
     )
-    return _trajectory(flow, epsilon, grid, record)
 
 
-def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, record: Record) -> Trajectory:
+def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> dict[str, Crossings]:
+    result = {}
+    for event, found in zip(asked.events if asked else (), search.found):
+        states = np.array([one.y for one in found]).reshape(-1, n).T
+        result[event.name] = Crossings(_frozen(np.array([one.t for one in found])), _frozen(states))
+    return result
+
+
+def _trajectory(
+    flow: Flow,
+    epsilon: float | None,
+    grid: np.ndarray | None,
+    record: Record,
+    crossings: Mapping[str, Crossings],
+    note: str,
+    remedy: str,
+) -> Trajectory:
     times, states, dense = map(_frozen, (record.times, record.states, record.dense))
     if grid is None:
         t, y = times, states.T
@@ -214,6 +279,9 @@ def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, reco
         y=y,
         status=record.status,
         stats=record.stats,
+        events=MappingProxyType(dict(crossings)),
+        _note=note,
+        _remedy=remedy,
         _times=times,
         _states=states,
         _dense=dense,

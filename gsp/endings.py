@@ -1,0 +1,272 @@
+"""How a run on a reduced flow ends where the reduction does: at a fold, at another loss of normal hyperbolicity, or,
+above order 0, where the series in epsilon stops being asymptotic on the way there.
+
+The test functions of `validity` are watched at every step. Where the eigenvalue passes through zero at order 0 the run
+goes on in the desingularised flow: when that crosses the zero it is a fold, in general a singularity of the reduced
+field, and its time and place are those of the desingularised run; otherwise the reduced field is regular there and the
+crossing is located on the run itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.errors import HyperbolicityError, Status
+from gsp.events import LOOK, Piece, Search, Settled, Stepper, Watched, settle_event
+from gsp.integrators import Method, Record, Stats, advance
+from gsp.lowering import compile_flow
+from gsp.reduced import ReducedFlow
+from gsp.validity import eigenvalues, validity_of
+
+# A start is on a loss when its least eigenvalue is below this share of what a relative change of the point makes:
+# points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
+ON_LOSS = 1e-7
+# A pair with a real part below this share of its modulus is imaginary.
+IMAGINARY = 1e-6
+# How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
+HORIZON = 20.0
+# det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero, its
+# slope does too, and a sign change would be an error of integration.
+TRANSVERSAL = 1e-3
+MAX_STEPS = 20_000
+# The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
+JOINED = 100.0
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A fold that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y)."""
+
+    t: float
+    state: np.ndarray
+    point: np.ndarray
+
+
+class Ending:
+    """Watches one run of a reduced flow.
+
+    Raises `HyperbolicityError` when the start lies on a loss of normal hyperbolicity.
+    """
+
+    def __init__(self, flow: ReducedFlow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> None:
+        self.flow = flow
+        self.stepper = stepper
+        self.span = span
+        self.validity = validity_of(flow)
+        self._refuse_loss(y)
+        signs = np.sign(self.validity.tests(y, stepper.p))
+        self._orientation = np.where(signs == 0.0, 1.0, np.nan_to_num(signs, nan=1.0))
+        # Q is positive where the series holds.
+        self._orientation[2] = 1.0
+        self._columns = [0, *([1] if self.validity.watches_pairs else []), *([2] if flow.order else [])]
+        settles = (self._zero, self._pair, self._series)
+        names = ("det g_y", "pair", "series")
+        self.watched = [Watched(names[i], -1, 1, settles[i]) for i in self._columns]
+        self.signs = np.ones(len(self._columns))
+
+    def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """The test functions (m, w), positive where the reduction holds; -inf where M0 has no point."""
+        tests = (self.validity.tests(states, self.stepper.p) * self._orientation)[:, self._columns]
+        return np.where(np.isnan(tests), -np.inf, tests)
+
+    def at_start(self, t: float, y: np.ndarray) -> Settled | None:
+        """The ending of a run that cannot begin: the series is none at the start."""
+        if not self.flow.order or self.values(np.array([t]), y[np.newaxis])[0, -1] > 0.0:
+            return None
+        return self._without_series(Settled(t, y, None))
+
+    def after_failure(self, record: Record) -> tuple[Record, str]:
+        """`record`, if it stopped early continued into the fold that stopped it, and a note about that."""
+        if self.flow.order or record.status not in (Status.STEP_TOO_SMALL, Status.NON_FINITE):
+            return record, ""
+        t, y = float(record.times[-1]), record.states[-1]
+        fold = self.fold_ahead(t, y)
+        if fold is None or self._beyond(fold.t):
+            return record, ""
+        tail = self._into(fold, t, y)
+        joined = Record(
+            np.concatenate([record.times, tail.times[1:]]),
+            np.concatenate([record.states, tail.states[1:]]),
+            np.concatenate([record.dense, tail.dense]),
+            Status.FOLD_REACHED,
+            replace(record.stats, steps=record.stats.steps + len(tail.times) - 1),
+        )
+        return joined, self._fold_note(fold)
+
+    def fold_ahead(self, t: float, y: np.ndarray) -> Fold | None:
+        """The fold that the reduced flow of order 0 reaches from the state `y` at `t`, if it is near; else None."""
+        validity, stepper = self.validity, self.stepper
+        flow = validity.desingularised
+        z = validity.lift(y, stepper.p)
+        driven = y[len(y) - len(self.flow.driven) :] if self.flow.driven else []
+        begun = np.concatenate([z, driven, [t]])
+        value, slope = validity.crossing(begun, stepper.p)
+        # dt = Delta ds: this is the way in which t runs on.
+        sense = np.sign(value) * np.sign(self.span[1] - self.span[0])
+        if not (np.isfinite(slope) and slope * sense * np.sign(value) < 0.0):
+            return None
+        length = HORIZON * abs(value / slope) * sense
+        inner = replace(stepper, compiled=compile_flow(flow), method=Method.DOP853)
+        search = Search(
+            lambda s, states: validity.crossing(states, stepper.p)[:, :1],
+            [Watched("det g_y", 0, 1, settle_event)],
+            np.array([np.sign(value)]),
+            inner,
+            0.0,
+            begun,
+        )
+        advance(
+            inner.compiled, stepper.p, begun.copy(), 0.0, np.array([length]),
+            method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
+            watch=search, rows_kept=LOOK,
+        )  # fmt: skip
+        if search.end is None:
+            return None
+        end = search.end.y
+        if not abs(validity.crossing(end, stepper.p)[1]) > TRANSVERSAL * abs(slope):
+            return None
+        point = end[: len(z)]
+        places = [validity.states.index(s) for s in self.flow.manifold.coordinates]
+        return Fold(float(end[-1]), np.concatenate([point[places], end[len(z) : -1]]), point)
+
+    # -- what a crossing means ---------------------------------------------------------------------
+
+    def _zero(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        k = piece.step(t)
+        start, y = float(piece.times[k]), piece.states[k]
+        if not self.flow.order:
+            fold = self.fold_ahead(start, y)
+            if fold is not None and self._beyond(fold.t):
+                tail = search.run(start, y, self.span[1])
+                return Settled(float(tail.times[-1]), tail.states[-1], tail, tail.status)
+            if fold is not None:
+                tail = self._into(fold, start, y)
+                return Settled(fold.t, fold.state, tail, Status.FOLD_REACHED, self._fold_note(fold))
+        settled = search.refined(column, t, piece)
+        before = abs(self.values(piece.times[k : k + 1], piece.states[k : k + 1])[0, column])
+        if abs(self.values(np.array([settled.t]), settled.y[np.newaxis])[0, column]) > 10.0 * before:
+            note = f"the fast Jacobian goes to infinity at {self._shown(settled.y)}"
+            return replace(settled, status=Status.NON_FINITE, note=note)
+        note = f"an eigenvalue of the fast Jacobian passes through zero at {self._shown(settled.y)}"
+        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note)
+
+    def _pair(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        settled = search.refined(column, t, piece)
+        values = self._eigenvalues(settled.y)
+        n = len(values)
+        i, _ = min(
+            ((i, j) for i in range(n) for j in range(i)), key=lambda ij: abs(values[ij[0]] + values[ij[1]])
+        )
+        if not abs(values[i].imag) > IMAGINARY * abs(values[i]):
+            # l and -l, real: a neutral saddle, where nothing is lost.
+            return None
+        note = (
+            f"the eigenvalues {abs(values[i].imag):.6g} i and its conjugate are imaginary at {self._shown(settled.y)}, a "
+            "Hopf point of the layer problem; the full system leaves the manifold some time after"
+        )
+        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note)
+
+    def _series(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        return self._without_series(search.refined(column, t, piece))
+
+    def _without_series(self, settled: Settled) -> Settled:
+        values = self._eigenvalues(settled.y)
+        least = values[np.argmin(np.abs(values))]
+        shown = f"{least.real:.3g}" if abs(least.imag) <= IMAGINARY * abs(least) else f"{least:.3g}"
+        epsilon = self.flow.epsilon.name
+        fact = (
+            f"the series in {epsilon} is asymptotic no further, {epsilon} |l'| = l^2 for the fast eigenvalue l = {shown}"
+        )
+        fold = self.fold_ahead(settled.t, settled.y)
+        if fold is None:
+            return replace(
+                settled, status=Status.HYPERBOLICITY_LOST, note=f"{fact} at {self._shown(settled.y)}"
+            )
+        ahead = f"the flow of order 0 reaches it at t = {fold.t:.6g}"
+        return replace(
+            settled, status=Status.FOLD_REACHED, note=f"{fact}; {self._fold_note(fold)} is near, {ahead}"
+        )
+
+    # -- parts -------------------------------------------------------------------------------------
+
+    def _into(self, fold: Fold, t: float, y: np.ndarray) -> Record:
+        """The run from `y` at `t` to the fold: what the method makes of it, and a last step that ends there."""
+        stepper = self.stepper
+        record = None
+        if t != fold.t:
+            record = advance(
+                stepper.compiled, stepper.p, y.copy(), t, np.array([fold.t]),
+                method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
+                watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
+                first_step=fold.t - t,
+            )  # fmt: skip
+        if record is None:
+            return Record(np.array([t]), y[np.newaxis], np.empty((0, 1, y.size)), Status.FOLD_REACHED, _NOTHING)
+        times, states, dense = record.times, record.states, record.dense
+        keep = len(times)
+        if times[-1] == fold.t:
+            scale = stepper.atol + stepper.rtol * np.abs(fold.state)
+            if not (np.abs(states[-1] - fold.state) <= JOINED * scale).all():
+                keep -= 1
+            inside = keep - 1 if keep == len(times) else keep
+        else:
+            inside = keep
+        bad = np.flatnonzero(~self._holds(states[:inside]))
+        bad = bad[bad > 0]
+        if bad.size:
+            keep = int(bad[0])
+        times, states, dense = times[:keep].copy(), states[:keep].copy(), dense[: keep - 1]
+        if times[-1] == fold.t:
+            states[-1] = fold.state
+        else:
+            times = np.append(times, fold.t)
+            states = np.vstack([states, fold.state])
+            dense = np.concatenate([dense, np.zeros((1, *record.dense.shape[1:]))])
+        return Record(times, states, dense, Status.FOLD_REACHED, record.stats)
+
+    def _holds(self, states: np.ndarray) -> np.ndarray:
+        return self.values(np.zeros(len(states)), states)[:, 0] > 0.0
+
+    def _beyond(self, t: float) -> bool:
+        first, last = self.span
+        return (t - last) * (last - first) > 0.0
+
+    def _eigenvalues(self, y: np.ndarray) -> np.ndarray:
+        return eigenvalues(self.validity, self.validity.lift(y, self.stepper.p))
+
+    def _refuse_loss(self, y: np.ndarray) -> None:
+        z = self.validity.lift(y, self.stepper.p)
+        n = len(self.validity.fast)
+        found = self.validity.fast_jacobian(z, np.array([np.nan])).reshape(2, n, n)
+        if not np.isfinite(found).all():
+            return
+        values = np.linalg.eigvals(found[0])
+        rounding = ON_LOSS * np.abs(found[1]).sum(axis=1).max()
+        zero = np.abs(values).min() <= rounding
+        pair = (np.abs(values.real) <= ON_LOSS * np.abs(values)).any() and not zero
+        if zero or pair:
+            what = "a zero eigenvalue" if zero else "an imaginary pair of eigenvalues"
+            place = self._point(z)
+            raise HyperbolicityError(
+                f"the start lies where normal hyperbolicity is lost. Got {place}, with {what} of the fast Jacobian "
+                f"({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full system."
+            )
+
+    def _shown(self, y: np.ndarray) -> str:
+        z = self.validity.lift(y, self.stepper.p)
+        if np.isfinite(z).all():
+            return self._point(z)
+        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
+
+    def _point(self, z: np.ndarray) -> str:
+        # What the tolerance cannot tell from 0 is 0.
+        rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
+        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
+
+    def _fold_note(self, fold: Fold) -> str:
+        return f"the fold of the critical manifold at {self._point(fold.point)}"
+
+
+_NOTHING = Stats(Method.DOP853, 0, 0, 0, 0, 0)
