@@ -30,18 +30,38 @@ HORIZON = 20.0
 # det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero, its
 # slope does too, and a sign change would be an error of integration.
 TRANSVERSAL = 1e-3
+# The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
+INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
+# A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
+# that is left, det g_y falls no lower than the root of rounding.
+VANISHED = 1e-6
+# An equilibrium of the desingularised flow is located by following it so much further, from where |det g_y| was last
+# this share of its largest value, until det g_y has fallen to this share.
+LONG_HORIZON = 400.0
+BACK = 1e-2
+TENDED = 1e-7
+# At a branch point of M0 the slow variables do not move what has the eigenvalue 0, A g_x = 0; at a folded
+# singularity A g_x f = 0 alone. |A g_x| is 0 below this share of its size on the way.
+BRANCH_POINT = 1e-3
 MAX_STEPS = 20_000
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
+ACROSS = "the reduction ends here; integrate the full system across"
+FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
 
 
 @dataclass(frozen=True)
-class Fold:
-    """A fold that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y)."""
+class Loss:
+    """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y).
+
+    `is_fold` where the desingularised flow crosses it; otherwise that flow has an equilibrium there.
+    """
 
     t: float
     state: np.ndarray
     point: np.ndarray
+    is_fold: bool
+    is_branch_point: bool
 
 
 class Ending:
@@ -77,26 +97,37 @@ class Ending:
             return None
         return self._without_series(Settled(t, y, None))
 
-    def after_failure(self, record: Record) -> tuple[Record, str]:
-        """`record`, if it stopped early continued into the fold that stopped it, and a note about that."""
+    def after_failure(self, record: Record) -> tuple[Record, str, str]:
+        """`record`, if it stopped early continued into the loss that stopped it; a note and a remedy then."""
         if self.flow.order or record.status not in (Status.STEP_TOO_SMALL, Status.NON_FINITE):
-            return record, ""
-        t, y = float(record.times[-1]), record.states[-1]
-        fold = self.fold_ahead(t, y)
-        if fold is None or self._beyond(fold.t):
-            return record, ""
-        tail = self._into(fold, t, y)
+            return record, "", ""
+        loss, j = self._loss(record.times, record.states)
+        if loss is None or self._beyond(loss.t):
+            sizes = np.abs(self.values(record.times, record.states)[:, 0])
+            if not sizes[-1] <= VANISHED * sizes.max():
+                return record, "", ""
+            return (
+                replace(record, status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
+            )  # fmt: skip
+        tail = self._into(loss, float(record.times[j]), record.states[j])
+        status, note, remedy = self._named(loss)
+        times, dense = np.concatenate([record.times[: j + 1], tail.times[1:]]), record.dense[:j]
         joined = Record(
-            np.concatenate([record.times, tail.times[1:]]),
-            np.concatenate([record.states, tail.states[1:]]),
-            np.concatenate([record.dense, tail.dense]),
-            Status.FOLD_REACHED,
-            replace(record.stats, steps=record.stats.steps + len(tail.times) - 1),
+            times,
+            np.concatenate([record.states[: j + 1], tail.states[1:]]),
+            np.concatenate([dense, tail.dense]) if len(tail.dense) else dense,
+            status,
+            replace(record.stats, steps=len(times) - 1),
         )
-        return joined, self._fold_note(fold)
+        return joined, note, remedy
 
-    def fold_ahead(self, t: float, y: np.ndarray) -> Fold | None:
+    def fold_ahead(self, t: float, y: np.ndarray) -> Loss | None:
         """The fold that the reduced flow of order 0 reaches from the state `y` at `t`, if it is near; else None."""
+        loss = self._ahead(t, y)
+        return loss if loss is not None and loss.is_fold else None
+
+    def _ahead(self, t: float, y: np.ndarray, *, horizon: float = HORIZON) -> Loss | None:
+        """Where the desingularised flow crosses det g_y = 0, or, at an equilibrium there, what it tends to."""
         validity, stepper = self.validity, self.stepper
         flow = validity.desingularised
         z = validity.lift(y, stepper.p)
@@ -107,8 +138,14 @@ class Ending:
         sense = np.sign(value) * np.sign(self.span[1] - self.span[0])
         if not (np.isfinite(slope) and slope * sense * np.sign(value) < 0.0):
             return None
-        length = HORIZON * abs(value / slope) * sense
-        inner = replace(stepper, compiled=compile_flow(flow), method=Method.DOP853)
+        length = horizon * abs(value / slope) * sense
+        inner = Stepper(
+            compile_flow(flow),
+            stepper.p,
+            Method.DOP853,
+            min(stepper.rtol, INNER_RTOL),
+            min(stepper.atol, INNER_ATOL),
+        )
         search = Search(
             lambda s, states: validity.crossing(states, stepper.p)[:, :1],
             [Watched("det g_y", 0, 1, settle_event)],
@@ -117,40 +154,69 @@ class Ending:
             0.0,
             begun,
         )
-        advance(
+        record = advance(
             inner.compiled, stepper.p, begun.copy(), 0.0, np.array([length]),
             method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
             watch=search, rows_kept=LOOK,
         )  # fmt: skip
-        if search.end is None:
-            return None
-        end = search.end.y
-        if not abs(validity.crossing(end, stepper.p)[1]) > TRANSVERSAL * abs(slope):
+        end = record.states[-1] if search.end is None else search.end.y
+        reached = validity.crossing(end, stepper.p)
+        is_fold = search.end is not None and bool(abs(reached[1]) > TRANSVERSAL * abs(slope))
+        if not is_fold and not abs(reached[0]) <= TENDED * abs(value):
             return None
         point = end[: len(z)]
         places = [validity.states.index(s) for s in self.flow.manifold.coordinates]
-        return Fold(float(end[-1]), np.concatenate([point[places], end[len(z) : -1]]), point)
+        state = np.concatenate([point[places], end[len(z) : -1]])
+        pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
+        return Loss(float(end[-1]), state, point, is_fold, bool(pulled[1] <= BRANCH_POINT * pulled[0]))
 
     # -- what a crossing means ---------------------------------------------------------------------
 
     def _zero(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
         k = piece.step(t)
         start, y = float(piece.times[k]), piece.states[k]
-        if not self.flow.order:
-            fold = self.fold_ahead(start, y)
-            if fold is not None and self._beyond(fold.t):
-                tail = search.run(start, y, self.span[1])
-                return Settled(float(tail.times[-1]), tail.states[-1], tail, tail.status)
-            if fold is not None:
-                tail = self._into(fold, start, y)
-                return Settled(fold.t, fold.state, tail, Status.FOLD_REACHED, self._fold_note(fold))
+        loss, j = (None, k) if self.flow.order else self._loss(*search.history(k, piece))
+        if loss is not None and self._beyond(loss.t):
+            tail = search.run(start, y, self.span[1])
+            return Settled(float(tail.times[-1]), tail.states[-1], tail, tail.status)
+        if loss is not None:
+            times, states = search.history(k, piece)
+            tail = self._into(loss, float(times[j]), states[j])
+            return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
         settled = search.refined(column, t, piece)
         before = abs(self.values(piece.times[k : k + 1], piece.states[k : k + 1])[0, column])
         if abs(self.values(np.array([settled.t]), settled.y[np.newaxis])[0, column]) > 10.0 * before:
             note = f"the fast Jacobian goes to infinity at {self._shown(settled.y)}"
             return replace(settled, status=Status.NON_FINITE, note=note)
-        note = f"an eigenvalue of the fast Jacobian passes through zero at {self._shown(settled.y)}"
-        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note)
+        return replace(
+            settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
+        )
+
+    def _loss(self, times: np.ndarray, states: np.ndarray) -> tuple[Loss | None, int]:
+        """The zero of det g_y that the order-0 run with these steps runs into, and the step from which it is joined.
+
+        What it is, is told from a step that is not yet lost in the errors beside it. A fold is located from the last
+        step: there the run is the most sensitive, and its own end is where its last step leads.
+        """
+        sizes = np.abs(self.values(times, states)[:, 0])
+        j = int(np.flatnonzero(sizes >= BACK * sizes.max())[-1])
+        last = len(times) - 1
+        loss = self._ahead(float(times[j]), states[j], horizon=LONG_HORIZON)
+        if loss is not None and loss.is_fold:
+            nearer = self._ahead(float(times[last]), states[last])
+            if nearer is not None and nearer.is_fold:
+                return nearer, last
+        return loss, j
+
+    def _named(self, loss: Loss) -> tuple[Status, str, str]:
+        """Status, note and remedy of a zero eigenvalue that the desingularised flow has found."""
+        if loss.is_fold:
+            return Status.FOLD_REACHED, self._fold_note(loss), ""
+        if loss.is_branch_point:
+            note = f"an eigenvalue of the fast Jacobian reaches zero at a branch point, {self._point(loss.point)}"
+            return Status.HYPERBOLICITY_LOST, note, ACROSS
+        note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
+        return Status.FOLD_REACHED, note, FOLDED
 
     def _pair(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
         settled = search.refined(column, t, piece)
@@ -166,7 +232,7 @@ class Ending:
             f"the eigenvalues {abs(values[i].imag):.6g} i and its conjugate are imaginary at {self._shown(settled.y)}, a "
             "Hopf point of the layer problem; the full system leaves the manifold some time after"
         )
-        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note)
+        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
 
     def _series(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
         return self._without_series(search.refined(column, t, piece))
@@ -182,7 +248,10 @@ class Ending:
         fold = self.fold_ahead(settled.t, settled.y)
         if fold is None:
             return replace(
-                settled, status=Status.HYPERBOLICITY_LOST, note=f"{fact} at {self._shown(settled.y)}"
+                settled,
+                status=Status.HYPERBOLICITY_LOST,
+                note=f"{fact} at {self._shown(settled.y)}",
+                remedy=f"lower {epsilon}, or take the reduced flow of order 0, which holds up to the loss itself",
             )
         ahead = f"the flow of order 0 reaches it at t = {fold.t:.6g}"
         return replace(
@@ -191,7 +260,7 @@ class Ending:
 
     # -- parts -------------------------------------------------------------------------------------
 
-    def _into(self, fold: Fold, t: float, y: np.ndarray) -> Record:
+    def _into(self, fold: Loss, t: float, y: np.ndarray) -> Record:
         """The run from `y` at `t` to the fold: what the method makes of it, and a last step that ends there."""
         stepper = self.stepper
         record = None
@@ -265,7 +334,10 @@ class Ending:
         rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
         return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
 
-    def _fold_note(self, fold: Fold) -> str:
+    def _zero_note(self, y: np.ndarray) -> str:
+        return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"
+
+    def _fold_note(self, fold: Loss) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"
 
 

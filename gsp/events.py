@@ -140,13 +140,15 @@ class Piece:
 
 @dataclass(frozen=True)
 class Settled:
-    """A crossing as it is reported; `tail` is what replaces the run from the start of the crossed step on."""
+    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step."""
 
     t: float
     y: np.ndarray
     tail: Record | None
     status: Status = Status.EVENT_REACHED
     note: str = ""
+    remedy: str = ""
+    row: int | None = None
 
 
 Settle = Callable[["Search", int, float, Piece], Settled | None]
@@ -191,6 +193,7 @@ class Search:
         self.spent: list[Stats] = []
         self._signs = signs.copy()
         self._time, self._state = np.array([first]), y[np.newaxis].copy()
+        self._pieces = [(self._time, self._state)]
 
     @property
     def can_end(self) -> bool:
@@ -223,11 +226,21 @@ class Search:
             self.found[column].append(settled)
             if one.limit and len(self.found[column]) >= one.limit:
                 self.end = settled
-                self.rows += piece.step(root)
+                self.rows = self.rows + piece.step(root) if settled.row is None else settled.row
                 return True
         self.rows += len(times)
+        if self.can_end:
+            self._pieces.append((times, states))
         self._time, self._state = piece.times[-1:].copy(), piece.states[-1:].copy()
         return False
+
+    def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+        """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""
+        times, states = zip(*self._pieces)
+        return (
+            np.concatenate([*times, piece.times[1 : k + 1]]),
+            np.concatenate([*states, piece.states[1 : k + 1]]),
+        )
 
     def cut(self, record: Record) -> Record:
         """`record` up to the end that was found, with the cost of locating everything added."""
@@ -236,7 +249,7 @@ class Search:
         if end is not None:
             rows = self.rows
             times, states, dense, status = times[: rows + 1], states[: rows + 1], dense[:rows], end.status
-            if end.tail is not None:
+            if end.tail is not None and len(end.tail.dense):
                 times = np.concatenate([times, end.tail.times[1:]])
                 states = np.concatenate([states, end.tail.states[1:]])
                 dense = np.concatenate([dense, end.tail.dense])

@@ -203,20 +203,19 @@ def integrate(
             progress=progress,
             **options,
         )
-    note = remedy = ""
+    note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: dict[str, Crossings] = {}
     if search is not None:
         record = search.cut(record)
-        note = search.end.note if search.end is not None else ""
-        if ending is not None and search.end is None:
-            record, note = ending.after_failure(record)
+        if search.end is not None:
+            note, override = search.end.note, search.end.remedy
+        if begun is None and ending is not None and search.end is None:
+            record, note, override = ending.after_failure(record)
         crossings = _crossings(asked, search, len(flow.states))
-    if begun is not None:
-        note = begun.note
     if not record.status.ok:
         known, remedy = explain(flow, p, record, last)
-        note = note or known
-    return _trajectory(flow, epsilon, grid, record, crossings, note, remedy)
+        note, override = note or known, override or remedy
+    return _trajectory(flow, epsilon, grid, record, crossings, note, override)
 
 
 def _search(

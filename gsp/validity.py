@@ -118,6 +118,16 @@ class Validity:
         )
 
     @cached_property
+    def pulled(self) -> CompiledFunction:
+        """adj(g_y) g_x at (x, y)."""
+        entries = [
+            sp.Add(*[a * self.g_x[k][j] for k, a in enumerate(row)])
+            for row in self._raw.adjugate
+            for j in range(len(self.slow))
+        ]
+        return self._over(self.states, entries)
+
+    @cached_property
     def _raw(self) -> _Parts:
         return _Parts(self, {})
 
