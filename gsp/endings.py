@@ -14,14 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.errors import HyperbolicityError, Status
-from gsp.events import LOOK, Piece, Search, Settled, Stepper, Watched, settle_event
+from gsp.events import DIP, LOOK, SUBDIVISIONS, Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.integrators import Method, Record, Stats, advance
+from gsp.kernels.scan import clear_of_zero
 from gsp.lowering import compile_flow
 from gsp.reduced import ReducedFlow
 from gsp.validity import eigenvalues, validity_of
 
-# A start is on a loss when its least eigenvalue is below this share of what a relative change of the point makes:
-# points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
+# A start is on a loss when det g_y is below this share of what a relative change of the point makes, or H of its
+# size: points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
 ON_LOSS = 1e-7
 # A pair with a real part below this share of its modulus is imaginary.
 IMAGINARY = 1e-6
@@ -47,6 +48,7 @@ MAX_STEPS = 20_000
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
 ACROSS = "the reduction ends here; integrate the full system across"
+NAMES = ("det g_y", "pair", "series")
 FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
 
 
@@ -75,25 +77,37 @@ class Ending:
         self.stepper = stepper
         self.span = span
         self.validity = validity_of(flow)
-        self._refuse_loss(y)
-        signs = np.sign(self.validity.tests(y, stepper.p))
-        self._orientation = np.where(signs == 0.0, 1.0, np.nan_to_num(signs, nan=1.0))
-        # Q is positive where the series holds.
-        self._orientation[2] = 1.0
-        self._columns = [0, *([1] if self.validity.watches_pairs else []), *([2] if flow.order else [])]
+        row = self.validity.tests(y, stepper.p)
+        self._refuse_loss(y, row)
+        zero, pair, series, *_ = row.tolist()
+        self._begins = not flow.order or series > 0.0
+        # Positive where the reduction holds; Q is made so.
+        orientation = (-1.0 if zero < 0.0 else 1.0, -1.0 if pair < 0.0 else 1.0, 1.0)
+        watched = (0, 1, 2) if self.validity.watches_pairs else (0, 2)
+        self._columns = np.array(watched if flow.order else watched[:-1])
+        self._orientation = np.array([orientation[i] for i in self._columns])
         settles = (self._zero, self._pair, self._series)
-        names = ("det g_y", "pair", "series")
-        self.watched = [Watched(names[i], -1, 1, settles[i]) for i in self._columns]
+        self.watched = [Watched(NAMES[i], -1, 1, settles[i]) for i in self._columns]
         self.signs = np.ones(len(self._columns))
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         """The test functions (m, w), positive where the reduction holds; -inf where M0 has no point."""
-        tests = (self.validity.tests(states, self.stepper.p) * self._orientation)[:, self._columns]
+        tests = self.validity.tests(states, self.stepper.p)[:, self._columns] * self._orientation
         return np.where(np.isnan(tests), -np.inf, tests)
+
+    def quiet(
+        self, time: float, state: np.ndarray, times: np.ndarray, states: np.ndarray, dense: np.ndarray
+    ) -> bool:
+        """Whether all test functions surely stay positive over these steps."""
+        tests = self.validity.tests
+        return clear_of_zero(
+            tests.address, self.stepper.p, tests.outputs, self._columns, self._orientation, DIP, SUBDIVISIONS,
+            time, state, times, states, dense,
+        )  # fmt: skip
 
     def at_start(self, t: float, y: np.ndarray) -> Settled | None:
         """The ending of a run that cannot begin: the series is none at the start."""
-        if not self.flow.order or self.values(np.array([t]), y[np.newaxis])[0, -1] > 0.0:
+        if self._begins:
             return None
         return self._without_series(Settled(t, y, None))
 
@@ -305,23 +319,21 @@ class Ending:
     def _eigenvalues(self, y: np.ndarray) -> np.ndarray:
         return eigenvalues(self.validity, self.validity.lift(y, self.stepper.p))
 
-    def _refuse_loss(self, y: np.ndarray) -> None:
-        z = self.validity.lift(y, self.stepper.p)
-        n = len(self.validity.fast)
-        found = self.validity.fast_jacobian(z, np.array([np.nan])).reshape(2, n, n)
-        if not np.isfinite(found).all():
+    def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
+        zero, pair, _, rounding, size = np.abs(row).tolist()
+        on_zero = zero <= ON_LOSS * rounding
+        if not (on_zero or (self.validity.watches_pairs and pair <= ON_LOSS * size)):
             return
-        values = np.linalg.eigvals(found[0])
-        rounding = ON_LOSS * np.abs(found[1]).sum(axis=1).max()
-        zero = np.abs(values).min() <= rounding
-        pair = (np.abs(values.real) <= ON_LOSS * np.abs(values)).any() and not zero
-        if zero or pair:
-            what = "a zero eigenvalue" if zero else "an imaginary pair of eigenvalues"
-            place = self._point(z)
-            raise HyperbolicityError(
-                f"the start lies where normal hyperbolicity is lost. Got {place}, with {what} of the fast Jacobian "
-                f"({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full system."
-            )
+        z = self.validity.lift(y, self.stepper.p)
+        values = eigenvalues(self.validity, z)
+        if not on_zero and not (np.abs(values.real) <= IMAGINARY * np.abs(values)).any():
+            # A neutral saddle.
+            return
+        what = "a zero eigenvalue" if on_zero else "an imaginary pair of eigenvalues"
+        raise HyperbolicityError(
+            f"the start lies where normal hyperbolicity is lost. Got {self._point(z)}, with {what} of the fast Jacobian "
+            f"({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full system."
+        )
 
     def _shown(self, y: np.ndarray) -> str:
         z = self.validity.lift(y, self.stepper.p)

@@ -173,6 +173,7 @@ class Search:
 
     `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
     the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
+    `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them.
     """
 
     def __init__(
@@ -183,8 +184,10 @@ class Search:
         stepper: Stepper,
         first: float,
         y: np.ndarray,
+        quiet: Callable[..., bool] | None = None,
     ) -> None:
         self.values = values
+        self.quiet = quiet
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
@@ -192,17 +195,16 @@ class Search:
         self.rows = 0
         self.spent: list[Stats] = []
         self._signs = signs.copy()
+        self.can_end = any(one.limit for one in self.watched)
         self._time, self._state = np.array([first]), y[np.newaxis].copy()
         self._pieces = [(self._time, self._state)]
-
-    @property
-    def can_end(self) -> bool:
-        """Whether a crossing may end the run."""
-        return any(one.limit for one in self.watched)
 
     def __call__(self, times: np.ndarray, states: np.ndarray, dense: np.ndarray) -> bool:
         if self.end is not None or len(times) == 0:
             return self.end is not None
+        if self.quiet is not None and self.quiet(self._time[0], self._state[0], times, states, dense):
+            self._pass(times, states)
+            return False
         piece = Piece(
             np.concatenate([self._time, times]), np.concatenate([self._state, states]), dense[: len(times)]
         )
@@ -228,11 +230,14 @@ class Search:
                 self.end = settled
                 self.rows = self.rows + piece.step(root) if settled.row is None else settled.row
                 return True
+        self._pass(times, states)
+        return False
+
+    def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
         self.rows += len(times)
+        self._time, self._state = times[-1:], states[-1:]
         if self.can_end:
             self._pieces.append((times, states))
-        self._time, self._state = piece.times[-1:].copy(), piece.states[-1:].copy()
-        return False
 
     def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
         """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""
@@ -245,6 +250,8 @@ class Search:
     def cut(self, record: Record) -> Record:
         """`record` up to the end that was found, with the cost of locating everything added."""
         end = self.end
+        if end is None and not self.spent:
+            return record
         times, states, dense, status = record.times, record.states, record.dense, record.status
         if end is not None:
             rows = self.rows

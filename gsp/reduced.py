@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -82,13 +83,18 @@ class ReducedFlow(Flow):
         return "\n".join(lines)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ReducedFlow) and self._key() == other._key()
+        return isinstance(other, ReducedFlow) and (self is other or self._key == other._key)
 
     def __hash__(self) -> int:
-        return hash(self._key())
+        return self._hash
 
+    @cached_property
     def _key(self) -> tuple:
-        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon)
+        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon, self.base, self.order)
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key)
 
 
 def restrict(

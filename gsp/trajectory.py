@@ -230,13 +230,16 @@ def _search(
     if asked is None and ending is None:
         return None
     watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
-    signs = [asked.signs(first, y, last > first)] if asked else []
+    signs = [] if asked is None else [asked.signs(first, y, last > first)]
     parts = [part.values for part in (asked, ending) if part is not None]
+    # Events are looked for step by step; the tests of a reduced flow alone are passed over quickly.
+    quiet = ending.quiet if ending is not None and asked is None else None
 
     def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
         return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
 
-    return Search(values, watched, np.concatenate([*signs, *([ending.signs] if ending else [])]), stepper, first, y)
+    signs += [ending.signs] if ending else []
+    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
 
 
 def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record:

@@ -76,11 +76,23 @@ class Validity:
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q over the states of the reduced flow."""
+        """Delta, H, Q over the states of the reduced flow; what relative changes of (x, y) make of Delta; H's size."""
         put = dict(zip(self.states, self.flow.base))
         parts = _Parts(self, put)
+        n = len(self.fast)
         q = _size(parts.determinant) ** 3 - self.flow.epsilon * _size(_trace_of_product(parts.A2, parts.G))
-        return self._over(self.flow.states, [parts.determinant, parts.hurwitz, q])
+        moved = [
+            _size(parts.adjugate[j][i] * slope.xreplace(put) * z)
+            for i in range(n)
+            for j in range(n)
+            for slope, z in zip(self.second[i][j], self.flow.base)
+            if slope != 0
+        ]
+        norm = sp.Add(*[e.xreplace(put) ** 2 for row in self.g_y for e in row])
+        size = norm ** sp.Rational(n * (n - 1), 4)
+        return self._over(
+            self.flow.states, [parts.determinant, parts.hurwitz, q, sp.Add(*moved, evaluate=False), size]
+        )
 
     @cached_property
     def lift(self) -> CompiledFunction:
@@ -89,13 +101,8 @@ class Validity:
 
     @cached_property
     def fast_jacobian(self) -> CompiledFunction:
-        """g_y at (x, y), row by row, and then how much a relative change of the point changes it: two n_y^2 outputs."""
-        sizes = [
-            sp.Add(*[_size(s * z) for s, z in zip(slopes, self.states)])
-            for row in self.second
-            for slopes in row
-        ]
-        return self._over(self.states, [*(e for row in self.g_y for e in row), *sizes])
+        """g_y at (x, y), row by row."""
+        return self._over(self.states, [e for row in self.g_y for e in row])
 
     @cached_property
     def desingularised(self) -> DesingularisedFlow:
@@ -207,7 +214,7 @@ def _trace_of_product(a: Matrix, b: Matrix) -> sp.Expr:
 def eigenvalues(validity: Validity, z: np.ndarray) -> np.ndarray:
     """Eigenvalues of g_y at z = (x, y)."""
     n = len(validity.fast)
-    matrix = validity.fast_jacobian(z, _NO_CONSTANTS)[: n * n].reshape(n, n)
+    matrix = validity.fast_jacobian(z, _NO_CONSTANTS).reshape(n, n)
     return np.linalg.eigvals(matrix) if np.isfinite(matrix).all() else np.full(n, np.nan)
 
 
