@@ -77,7 +77,7 @@ class Ending:
         self.stepper = stepper
         self.span = span
         self.validity = validity_of(flow)
-        row = self.validity.tests(y, stepper.p)
+        row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
         self._refuse_loss(y, row)
         zero, pair, series, *_ = row.tolist()
         self._begins = not flow.order or series > 0.0
@@ -92,16 +92,17 @@ class Ending:
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         """The test functions (m, w), positive where the reduction holds; -inf where M0 has no point."""
-        tests = self.validity.tests(states, self.stepper.p)[:, self._columns] * self._orientation
+        points = self.validity.lift(states, self.stepper.p)
+        tests = self.validity.tests(points, self.stepper.p)[:, self._columns] * self._orientation
         return np.where(np.isnan(tests), -np.inf, tests)
 
     def quiet(
         self, time: float, state: np.ndarray, times: np.ndarray, states: np.ndarray, dense: np.ndarray
     ) -> bool:
         """Whether all test functions surely stay positive over these steps."""
-        tests = self.validity.tests
+        lift, tests = self.validity.lift, self.validity.tests
         return clear_of_zero(
-            tests.address, self.stepper.p, tests.outputs, self._columns, self._orientation, DIP, SUBDIVISIONS,
+            lift.address, lift.outputs, tests.address, tests.outputs, self.stepper.p, self._columns, self._orientation, DIP, SUBDIVISIONS,
             time, state, times, states, dense,
         )  # fmt: skip
 
@@ -144,7 +145,7 @@ class Ending:
         """Where the desingularised flow crosses det g_y = 0, or, at an equilibrium there, what it tends to."""
         validity, stepper = self.validity, self.stepper
         flow = validity.desingularised
-        z = validity.lift(y, stepper.p)
+        z = validity.point(y, stepper.p)
         driven = y[len(y) - len(self.flow.driven) :] if self.flow.driven else []
         begun = np.concatenate([z, driven, [t]])
         value, slope = validity.crossing(begun, stepper.p)
@@ -198,8 +199,9 @@ class Ending:
             tail = self._into(loss, float(times[j]), states[j])
             return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
         settled = search.refined(column, t, piece)
-        before = abs(self.values(piece.times[k : k + 1], piece.states[k : k + 1])[0, column])
-        if abs(self.values(np.array([settled.t]), settled.y[np.newaxis])[0, column]) > 10.0 * before:
+        before = abs(self.values(piece.times[k : k + 1], piece.states[k : k + 1])[0, 0])
+        after = abs(self.values(np.array([settled.t]), settled.y[np.newaxis])[0, 0])
+        if np.isfinite(after) and after > 10.0 * before:
             note = f"the fast Jacobian goes to infinity at {self._shown(settled.y)}"
             return replace(settled, status=Status.NON_FINITE, note=note)
         return replace(
@@ -256,9 +258,7 @@ class Ending:
         least = values[np.argmin(np.abs(values))]
         shown = f"{least.real:.3g}" if abs(least.imag) <= IMAGINARY * abs(least) else f"{least:.3g}"
         epsilon = self.flow.epsilon.name
-        fact = (
-            f"the series in {epsilon} is asymptotic no further, {epsilon} |l'| = l^2 for the fast eigenvalue l = {shown}"
-        )
+        fact = f"the terms of the series in {epsilon} fall no further, fast eigenvalue {shown}"
         fold = self.fold_ahead(settled.t, settled.y)
         if fold is None:
             return replace(
@@ -317,14 +317,14 @@ class Ending:
         return (t - last) * (last - first) > 0.0
 
     def _eigenvalues(self, y: np.ndarray) -> np.ndarray:
-        return eigenvalues(self.validity, self.validity.lift(y, self.stepper.p))
+        return eigenvalues(self.validity, self.validity.point(y, self.stepper.p))
 
     def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
         zero, pair, _, rounding, size = np.abs(row).tolist()
         on_zero = zero <= ON_LOSS * rounding
         if not (on_zero or (self.validity.watches_pairs and pair <= ON_LOSS * size)):
             return
-        z = self.validity.lift(y, self.stepper.p)
+        z = self.validity.point(y, self.stepper.p)
         values = eigenvalues(self.validity, z)
         if not on_zero and not (np.abs(values.real) <= IMAGINARY * np.abs(values)).any():
             # A neutral saddle.
@@ -336,7 +336,7 @@ class Ending:
         )
 
     def _shown(self, y: np.ndarray) -> str:
-        z = self.validity.lift(y, self.stepper.p)
+        z = self.validity.point(y, self.stepper.p)
         if np.isfinite(z).all():
             return self._point(z)
         return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))

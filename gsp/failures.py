@@ -18,6 +18,7 @@ GROWN = 1e3
 AGREEMENT = 0.02
 # The points are taken where the distance from the pole stands clear of the rounding of t.
 CLEAR = 1e-9
+_FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
 
 
 class Explanation(NamedTuple):
@@ -30,13 +31,7 @@ class Explanation(NamedTuple):
 def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation:
     """What the record of a run towards `last` tells about its ending."""
     status, stats = record.status, record.stats
-    if status is Status.TOO_MANY_STEPS and stats.stiff:
-        return Explanation("", "the field is stiff here: use method=Method.RODAS5P")
-    if status is Status.SINGULAR_JACOBIAN:
-        return Explanation(
-            "", "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
-        )
-    if status not in (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS):
+    if status not in _FAILED:
         return Explanation("", status.remedy)
     if len(record.times) == 1 and status is Status.NON_FINITE:
         if not np.isfinite(compile_flow(flow).rates(record.states[0], p)).all():
@@ -47,8 +42,13 @@ def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanati
     backward = _backward(flow, p, record, last)
     if backward is not None:
         return backward
-    pole = None if status is Status.TOO_MANY_STEPS else _pole(flow, p, record)
-    return Explanation(pole or "", status.remedy)
+    if status is Status.TOO_MANY_STEPS:
+        return Explanation("", "the field is stiff here: use method=Method.RODAS5P" if stats.stiff else status.remedy)
+    if status is Status.SINGULAR_JACOBIAN:
+        return Explanation(
+            "", "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
+        )
+    return Explanation(_pole(flow, p, record), status.remedy)
 
 
 def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation | None:
@@ -71,24 +71,24 @@ def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explana
     )
 
 
-def _pole(flow: Flow, p: np.ndarray, record: Record) -> str | None:
-    """For y ~ C (T - t)^(-k): y/y' = (T - t)/k falls linearly in t, which gives k and T."""
+def _pole(flow: Flow, p: np.ndarray, record: Record) -> str:
+    """How the largest state blows up, if it does; for y ~ C (T - t)^(-k): y/y' = (T - t)/k falls linearly in t, which gives k and T."""
     t, y = record.times, record.states
     i = int(np.argmax(np.abs(y[-1])))
     size = np.abs(y[:, i])
     if not size[-1] > GROWN * (1.0 + size[0]):
-        return None
+        return ""
     with np.errstate(all="ignore"):
         ratio = y[:, i] / compile_flow(flow).rates(y, p)[:, i]
         clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > CLEAR * np.abs(t)))[-3:]
         if clear.size < 3:
-            return None
+            return ""
         a, b, c = clear
         slopes = [(ratio[j] - ratio[i_]) / (t[j] - t[i_]) for i_, j in ((a, b), (b, c))]
         power = -1.0 / slopes[1]
         agree = abs(slopes[0] - slopes[1]) <= AGREEMENT * abs(slopes[1])
     if not (agree and np.isfinite(power) and power > 0.0):
-        return None
+        return ""
     pole = t[c] + power * ratio[c]
     name = flow.states[i].name
     return f"{name} grows without bound, like (T - t)^-{power:.3g} with T = {pole:.8g}"

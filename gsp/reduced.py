@@ -24,7 +24,7 @@ class ReducedFlow(Flow):
     where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
     variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
     `base` is the point (x, y) of M0 over a state, `driven_rates` the rates of what is reconstructed in the system's own
-    variables. A run ends where normal hyperbolicity is lost, and at orders above 0 where the series ends before.
+    variables, `last_terms` the last two terms of the series of y after h_0. A run ends where normal hyperbolicity is lost, and at orders above 0 where the series ends before.
     """
 
     manifold: SeriesManifold
@@ -38,6 +38,7 @@ class ReducedFlow(Flow):
     driven: tuple[sp.Symbol, ...] = ()
     base: tuple[sp.Expr, ...] = ()
     driven_rates: tuple[sp.Expr, ...] = ()
+    last_terms: tuple[tuple[sp.Expr, ...], ...] = ()
 
     @property
     def fixed(self) -> Values:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -158,6 +159,11 @@ def restrict(
         epsilon=epsilon,
         driven=driven,
         base=tuple(total([cut.chart.elements[s]]) for s in system.states),
+        last_terms=tuple(
+            tuple((ring.horner(h[k]) * epsilon**k).xreplace(renamed) for h in cut._h)
+            for k in (cut.order - 1, cut.order)
+            if cut.order > 1
+        ),
         driven_rates=tuple(_own(rate, system) for rate in (reconstruction or {}).values()),
     )
 

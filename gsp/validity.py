@@ -5,11 +5,14 @@ for z = (x, y), and J' = G/Delta with G = sum_i (dJ/dz_i) (Delta z_i'), which is
 
     Delta                               is 0 where an eigenvalue passes through zero,
     H = prod_(i<j) (-l_i - l_j)         where two eigenvalues l have the sum 0: an imaginary pair, or a neutral saddle,
-    Q = |Delta|^3 - epsilon |tr(A^2 G)| where epsilon |d/dt tr J^-1| = 1.
+    Q = |Delta|^3 - c epsilon |tr(A^2 G)| where c epsilon |d/dt tr J^-1| = 1.
 
-For one fast variable with eigenvalue l the last is epsilon |l'| = l^2: at distance epsilon^(1/3) of a simple fold in y
-(Krupa, Szmolyan 2001), epsilon^(1/2) of a transcritical point, the parameter of the series in epsilon has grown to 1.
-H is the last but one Hurwitz determinant (Orlando's formula).
+For one fast variable with eigenvalue l the last is c epsilon |l'| = l^2, c = max(1, 3 (N - 1)) at order N. It is where
+the terms of order N and N - 1 in Riccati's equation epsilon x' = x^2 + t, the inner problem of a fold (Krupa, Szmolyan
+2001), are equally large: exact for N = 1 and within 20 % to order 5 and beyond, as the series is that of Airy functions
+with the exponent (4/3) (-t)^(3/2)/epsilon. The distance is of order epsilon^(1/3) in y at a fold, epsilon^(1/2) at a
+transcritical point. From N = 2 on the terms themselves must have stopped falling too: the criterion counts the time
+scale only, and a term may vanish by chance. H is the last but one Hurwitz determinant (Orlando's formula).
 
 In the time s with dt = Delta ds the flow of order 0 is (x, y)_s = (Delta f, -A g_x f), regular on the whole of
 M0; it crosses a fold in finite time, and tends to a transcritical point in infinite time.
@@ -67,6 +70,7 @@ class Validity:
         g = [leading(e) for e in system.g]
         self.g_y = [[derivative(e, y) for y in self.fast] for e in g]
         self.g_x = [[derivative(e, x) for x in self.slow] for e in g]
+        self._fall = sp.Dummy("fall")
         self.second = [[[derivative(e, z) for z in self.states] for e in row] for row in self.g_y]
 
     @property
@@ -74,30 +78,45 @@ class Validity:
         """Whether there are eigenvalues enough for a pair."""
         return len(self.fast) > 1
 
+    @property
+    def watches_terms(self) -> bool:
+        """Whether the series has two terms to compare."""
+        return self.flow.order > 1
+
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H, Q over the states of the reduced flow; what relative changes of (x, y) make of Delta; H's size."""
-        put = dict(zip(self.states, self.flow.base))
-        parts = _Parts(self, put)
-        n = len(self.fast)
-        q = _size(parts.determinant) ** 3 - self.flow.epsilon * _size(_trace_of_product(parts.A2, parts.G))
+        """Delta, H and Q at (x, y) and the fall of the terms; what relative changes of (x, y) make of Delta; H's size."""
+        parts, n = self._parts, len(self.fast)
+        growth = sp.Integer(max(1, 3 * (self.flow.order - 1)))
+        delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
+        q = _plus([_times(delta, delta, delta), _times(self.flow.epsilon, drift, -growth)])
+        if self.watches_terms:
+            q = sp.Max(q, self._fall, evaluate=False)
         moved = [
-            _size(parts.adjugate[j][i] * slope.xreplace(put) * z)
+            _size(_times(parts.adjugate[j][i], slope, z))
             for i in range(n)
             for j in range(n)
-            for slope, z in zip(self.second[i][j], self.flow.base)
-            if slope != 0
+            for slope, z in zip(self.second[i][j], self.states)
+            if slope is not sp.S.Zero
         ]
-        norm = sp.Add(*[e.xreplace(put) ** 2 for row in self.g_y for e in row])
+        norm = sp.Add(*[e**2 for row in self.g_y for e in row])
         size = norm ** sp.Rational(n * (n - 1), 4)
         return self._over(
-            self.flow.states, [parts.determinant, parts.hurwitz, q, sp.Add(*moved, evaluate=False), size]
+            (*self.states, self._fall), [parts.determinant, parts.hurwitz, q, _plus(moved), size]
         )
 
     @cached_property
     def lift(self) -> CompiledFunction:
-        """(x, y) on M0 over the states of the reduced flow."""
-        return self._over(self.flow.states, self.flow.base)
+        """(x, y) on M0 over the states of the reduced flow, and by how much the squares of the last two terms fall."""
+        fall: sp.Expr = sp.S.Zero
+        if self.watches_terms:
+            before, last = (sp.Add(*[term**2 for term in terms]) for terms in self.flow.last_terms)
+            fall = _plus([before, _times(last, sp.S.NegativeOne)])
+        return self._over(self.flow.states, [*self.flow.base, fall])
+
+    def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """(x, y) on M0 over one state of the reduced flow."""
+        return self.lift(y, p)[:-1]
 
     @cached_property
     def fast_jacobian(self) -> CompiledFunction:
@@ -107,11 +126,11 @@ class Validity:
     @cached_property
     def desingularised(self) -> DesingularisedFlow:
         """The flow in the time s."""
-        parts = self._raw
+        parts = self._parts
         clock = sp.Dummy("t")
         rates = [
             *parts.scaled,
-            *(parts.determinant * rate for rate in self.flow.driven_rates),
+            *(_times(parts.determinant, rate) for rate in self.flow.driven_rates),
             parts.determinant,
         ]
         return DesingularisedFlow((*self.states, *self.flow.driven, clock), rates, self.flow.epsilon)
@@ -119,7 +138,7 @@ class Validity:
     @cached_property
     def crossing(self) -> CompiledFunction:
         """Delta and its rate in the time s, tr(A G), over the states of the desingularised flow."""
-        parts = self._raw
+        parts = self._parts
         return self._over(
             self.desingularised.states, [parts.determinant, _trace_of_product(parts.adjugate, parts.G)]
         )
@@ -127,16 +146,12 @@ class Validity:
     @cached_property
     def pulled(self) -> CompiledFunction:
         """adj(g_y) g_x at (x, y)."""
-        entries = [
-            sp.Add(*[a * self.g_x[k][j] for k, a in enumerate(row)])
-            for row in self._raw.adjugate
-            for j in range(len(self.slow))
-        ]
-        return self._over(self.states, entries)
+        product = _product(self._parts.adjugate, self.g_x)
+        return self._over(self.states, [entry for row in product for entry in row])
 
     @cached_property
-    def _raw(self) -> _Parts:
-        return _Parts(self, {})
+    def _parts(self) -> _Parts:
+        return _Parts(self)
 
     def _over(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(outputs, arguments=arguments, epsilon=self.flow.epsilon, parameters=())
@@ -149,27 +164,22 @@ def validity_of(flow: ReducedFlow) -> Validity:
 
 
 class _Parts:
-    """Determinant, adjugate and what else is made of g_y at points given by `put`.
+    """Determinant, adjugate and what else is made of g_y.
 
     The expressions share their parts and are never expanded or searched: code is written once for each part.
     """
 
-    def __init__(self, of: Validity, put: Values) -> None:
-        J: Matrix = [[e.xreplace(put) for e in row] for row in of.g_y]
-        self.adjugate, coefficients = faddeev_leverrier(J)
-        n = len(J)
-        self.determinant = coefficients[n] * (-1) ** n
+    def __init__(self, of: Validity) -> None:
+        n = len(of.fast)
+        self.adjugate, coefficients = faddeev_leverrier(of.g_y)
+        self.determinant = _times(coefficients[n], sp.Integer((-1) ** n))
         self.hurwitz = _hurwitz(coefficients)
         self.A2 = _product(self.adjugate, self.adjugate)
-        f = [e.xreplace(put) for e in of.f]
-        forced = [sp.Add(*[e.xreplace(put) * r for e, r in zip(row, f)]) for row in of.g_x]
-        pulled = [-sp.Add(*[a * b for a, b in zip(row, forced)]) for row in self.adjugate]
+        forced = [_dot(row, of.f) for row in of.g_x]
+        pulled = [_times(_dot(row, forced), sp.S.NegativeOne) for row in self.adjugate]
         # Delta z': the slow rates times Delta, and -A g_x f.
-        self.scaled = [*(self.determinant * rate for rate in f), *pulled]
-        self.G: Matrix = [
-            [sp.Add(*[s.xreplace(put) * r for s, r in zip(slopes, self.scaled) if s != 0]) for slopes in row]
-            for row in of.second
-        ]
+        self.scaled = [*(_times(self.determinant, rate) for rate in of.f), *pulled]
+        self.G: Matrix = [[_dot(slopes, self.scaled) for slopes in row] for row in of.second]
 
 
 def faddeev_leverrier(J: Matrix) -> tuple[Matrix, list[sp.Expr]]:
@@ -179,12 +189,11 @@ def faddeev_leverrier(J: Matrix) -> tuple[Matrix, list[sp.Expr]]:
     coefficients: list[sp.Expr] = [sp.S.One]
     product = J
     for k in range(1, n + 1):
-        coefficients.append(sp.Add(*[product[i][i] for i in range(n)]) * sp.Rational(-1, k))
+        coefficients.append(_times(_plus([product[i][i] for i in range(n)]), sp.Rational(-1, k)))
         if k < n:
-            M = [[product[i][j] + (coefficients[k] if i == j else 0) for j in range(n)] for i in range(n)]
+            M = [[_plus([product[i][j], *[coefficients[k]] * (i == j)]) for j in range(n)] for i in range(n)]
             product = _product(J, M)
-    sign = (-1) ** (n - 1)
-    return [[sign * e for e in row] for row in M], coefficients
+    return [[_times(e, sp.Integer((-1) ** (n - 1))) for e in row] for row in M], coefficients
 
 
 def _hurwitz(coefficients: list[sp.Expr]) -> sp.Expr:
@@ -198,17 +207,46 @@ def _hurwitz(coefficients: list[sp.Expr]) -> sp.Expr:
         return coefficients[k] if 0 <= k <= n else sp.S.Zero
 
     matrix = [[entry(i, j) for j in range(n - 1)] for i in range(n - 1)]
-    return faddeev_leverrier(matrix)[1][n - 1] * (-1) ** (n - 1)
+    return _times(faddeev_leverrier(matrix)[1][n - 1], sp.Integer((-1) ** (n - 1)))
 
 
 def _product(a: Matrix, b: Matrix) -> Matrix:
-    n = len(a)
-    return [[sp.Add(*[a[i][k] * b[k][j] for k in range(n)]) for j in range(n)] for i in range(n)]
+    columns = list(zip(*b))
+    return [[_dot(row, column) for column in columns] for row in a]
 
 
 def _trace_of_product(a: Matrix, b: Matrix) -> sp.Expr:
-    n = len(a)
-    return sp.Add(*[a[i][k] * b[k][i] for i in range(n) for k in range(n)])
+    return _plus([_dot(row, column) for row, column in zip(a, zip(*b))])
+
+
+def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
+    return _plus([_times(x, y) for x, y in zip(a, b)])
+
+
+# SymPy would distribute and reorder these sums and products, and ask for the assumptions of each.
+
+
+def _plus(terms: Sequence[sp.Expr]) -> sp.Expr:
+    left = [term for term in terms if term is not sp.S.Zero]
+    if all(term.is_Number for term in left):
+        return sp.Add(*left)
+    return left[0] if len(left) == 1 else sp.Add(*left, evaluate=False)
+
+
+def _times(*factors: sp.Expr) -> sp.Expr:
+    if sp.S.Zero in factors:
+        return sp.S.Zero
+    left = [factor for factor in factors if factor is not sp.S.One]
+    if all(factor.is_Number for factor in left):
+        return sp.Mul(*left)
+    # A sign in front would be taken out again when code is written.
+    left.sort(key=lambda factor: bool(factor.is_Number))
+    return left[0] if len(left) == 1 else sp.Mul(*left, evaluate=False)
+
+
+def _size(expression: sp.Expr) -> sp.Expr:
+    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
+    return sp.Abs(expression, evaluate=False)
 
 
 def eigenvalues(validity: Validity, z: np.ndarray) -> np.ndarray:
@@ -219,8 +257,3 @@ def eigenvalues(validity: Validity, z: np.ndarray) -> np.ndarray:
 
 
 _NO_CONSTANTS = np.array([float("nan")])
-
-
-def _size(expression: sp.Expr) -> sp.Expr:
-    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
-    return sp.Abs(expression, evaluate=False)

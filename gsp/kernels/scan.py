@@ -11,10 +11,13 @@ from gsp.kernels.call import call
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def clear_of_zero(address, p, outputs, columns, signs, margin, pieces, time, state, times, states, dense):
+def clear_of_zero(
+    lift, size, address, outputs, p, columns, signs, margin, pieces, time, state, times, states, dense
+):
     """True when every watched function surely keeps its sign over the steps.
 
-    The compiled function at `address` has `outputs` values, of which `columns` (w,) are watched; each must have its
+    The compiled function at `lift` turns a state into a point of `size` coordinates, the one at `address` that into
+    `outputs` values, of which `columns` (w,) are watched; each must have its
     sign of `signs` (w,) at `pieces` points of every step, and be further from zero than `margin` times the largest
     second difference of its values. The steps start at `time` with `state` (n,); `times` (k,), `states` (k, n) and
     `dense` (k, rows, n) as in `ledger`.
@@ -22,7 +25,8 @@ def clear_of_zero(address, p, outputs, columns, signs, margin, pieces, time, sta
     n = state.shape[0]
     rows = dense.shape[1]
     watched = columns.shape[0]
-    point = np.empty(n)
+    z = np.empty(n)
+    point = np.empty(size)
     out = np.empty(outputs)
     one = np.empty(watched)
     two = np.empty(watched)
@@ -41,8 +45,10 @@ def clear_of_zero(address, p, outputs, columns, signs, margin, pieces, time, sta
                 for q in range(rows - 1, -1, -1):
                     total = dense[k, q, i] + (s if q % 2 == 0 else r) * total
                 start = state[i] if k == 0 else states[k - 1, i]
-                point[i] = r * start + s * states[k, i] + s * r * total
-            call(address, t0 + s * (times[k] - t0), point, p, out)
+                z[i] = r * start + s * states[k, i] + s * r * total
+            t = t0 + s * (times[k] - t0)
+            call(lift, t, z, p, point)
+            call(address, t, point, p, out)
             for c in range(watched):
                 value = out[columns[c]] * signs[c]
                 # Written so that what is not a number is not clear.
