@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.crossings import DIP, LOOK, SUBDIVISIONS, Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.errors import HyperbolicityError, Status
-from gsp.events import DIP, LOOK, SUBDIVISIONS, Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.integrators import Method, Record, Stats, advance
 from gsp.kernels.scan import clear_of_zero
 from gsp.lowering import compile_flow
@@ -28,14 +28,16 @@ ON_LOSS = 1e-7
 IMAGINARY = 1e-6
 # How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
 HORIZON = 20.0
-# det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero, its
-# slope does too, and a sign change would be an error of integration.
+# det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero,
+# its slope does too, and a sign change would be an error of integration.
 TRANSVERSAL = 1e-3
 # The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
 INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
 # A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
 # that is left, det g_y falls no lower than the root of rounding.
 VANISHED = 1e-6
+# A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
+BESIDE, SMALL = 1e-9, 1e-3
 # An equilibrium of the desingularised flow is located by following it so much further, from where |det g_y| was last
 # this share of its largest value, until det g_y has fallen to this share.
 LONG_HORIZON = 400.0
@@ -102,8 +104,8 @@ class Ending:
         """Whether all test functions surely stay positive over these steps."""
         lift, tests = self.validity.lift, self.validity.tests
         return clear_of_zero(
-            lift.address, lift.outputs, tests.address, tests.outputs, self.stepper.p, self._columns, self._orientation, DIP, SUBDIVISIONS,
-            time, state, times, states, dense,
+            lift.address, lift.outputs, tests.address, tests.outputs, self.stepper.p, self._columns,
+            self._orientation, DIP, SUBDIVISIONS, time, state, times, states, dense,
         )  # fmt: skip
 
     def at_start(self, t: float, y: np.ndarray) -> Settled | None:
@@ -199,10 +201,11 @@ class Ending:
             tail = self._into(loss, float(times[j]), states[j])
             return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
         settled = search.refined(column, t, piece)
-        before = abs(self.values(piece.times[k : k + 1], piece.states[k : k + 1])[0, 0])
-        after = abs(self.values(np.array([settled.t]), settled.y[np.newaxis])[0, 0])
-        if np.isfinite(after) and after > 10.0 * before:
-            note = f"the fast Jacobian goes to infinity at {self._shown(settled.y)}"
+        just_before = np.array([settled.t - BESIDE * (piece.times[k + 1] - start)])
+        beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
+        if not beside <= SMALL * np.abs(self.values(*search.history(k, piece))[:, 0]).max():
+            # A pole of the eigenvalue, or the border of the functions that M0 is made of.
+            note = f"the critical manifold, or the fast Jacobian on it, ends at {self._shown(settled.y)}"
             return replace(settled, status=Status.NON_FINITE, note=note)
         return replace(
             settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
@@ -229,7 +232,9 @@ class Ending:
         if loss.is_fold:
             return Status.FOLD_REACHED, self._fold_note(loss), ""
         if loss.is_branch_point:
-            note = f"an eigenvalue of the fast Jacobian reaches zero at a branch point, {self._point(loss.point)}"
+            note = (
+                f"an eigenvalue of the fast Jacobian reaches zero at a branch point, {self._point(loss.point)}"
+            )
             return Status.HYPERBOLICITY_LOST, note, ACROSS
         note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
         return Status.FOLD_REACHED, note, FOLDED
@@ -245,8 +250,8 @@ class Ending:
             # l and -l, real: a neutral saddle, where nothing is lost.
             return None
         note = (
-            f"the eigenvalues {abs(values[i].imag):.6g} i and its conjugate are imaginary at {self._shown(settled.y)}, a "
-            "Hopf point of the layer problem; the full system leaves the manifold some time after"
+            f"the eigenvalues {abs(values[i].imag):.6g} i and its conjugate are imaginary at {self._shown(settled.y)}, "
+            "a Hopf point of the layer problem; the full system leaves the manifold some time after"
         )
         return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
 
@@ -326,13 +331,14 @@ class Ending:
             return
         z = self.validity.point(y, self.stepper.p)
         values = eigenvalues(self.validity, z)
-        if not on_zero and not (np.abs(values.real) <= IMAGINARY * np.abs(values)).any():
+        if not on_zero and not (np.abs(np.real(values)) <= IMAGINARY * np.abs(values)).any():
             # A neutral saddle.
             return
         what = "a zero eigenvalue" if on_zero else "an imaginary pair of eigenvalues"
         raise HyperbolicityError(
-            f"the start lies where normal hyperbolicity is lost. Got {self._point(z)}, with {what} of the fast Jacobian "
-            f"({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full system."
+            f"the start lies where normal hyperbolicity is lost. Got {self._point(z)}, with {what} of the fast "
+            f"Jacobian ({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full "
+            "system."
         )
 
     def _shown(self, y: np.ndarray) -> str:

@@ -43,7 +43,9 @@ def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanati
     if backward is not None:
         return backward
     if status is Status.TOO_MANY_STEPS:
-        return Explanation("", "the field is stiff here: use method=Method.RODAS5P" if stats.stiff else status.remedy)
+        return Explanation(
+            "", "the field is stiff here: use method=Method.RODAS5P" if stats.stiff else status.remedy
+        )
     if status is Status.SINGULAR_JACOBIAN:
         return Explanation(
             "", "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
@@ -72,7 +74,10 @@ def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explana
 
 
 def _pole(flow: Flow, p: np.ndarray, record: Record) -> str:
-    """How the largest state blows up, if it does; for y ~ C (T - t)^(-k): y/y' = (T - t)/k falls linearly in t, which gives k and T."""
+    """How the largest state blows up, if it does.
+
+    For y ~ C (T - t)^(-k) the quotient y/y' = (T - t)/k falls linearly in t, which gives k and T.
+    """
     t, y = record.times, record.states
     i = int(np.argmax(np.abs(y[-1])))
     size = np.abs(y[:, i])

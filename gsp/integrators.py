@@ -22,7 +22,7 @@ from gsp.lowering import CompiledFlow
 # Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
 _SMALLEST_RTOL = 1e-14
 # Steps between two returns to Python, where Ctrl-C and progress are seen: milliseconds.
-_RECORD = 1024
+RECORD = 1024
 # Which method meets a tolerance in the least time, measured on van der Pol's oscillator (mu = 1e3), Robertson's
 # and the HIRES problem, the Oregonator and the sleigh (epsilon = 1e-3), interleaved in one run, geometric means. At
 # equal error at the end Rodas5P and Radau of order 9 cross at an error of 1e-7, orders 9 and 13 at 3e-10; at equal
@@ -99,7 +99,7 @@ def advance(
     max_steps: int,
     progress: Callable[[float], object] | None = None,
     watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
-    rows_kept: int = _RECORD,
+    rows_kept: int = RECORD,
     first_step: float = 0.0,
 ) -> Record:
     """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.

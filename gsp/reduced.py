@@ -24,7 +24,8 @@ class ReducedFlow(Flow):
     where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
     variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
     `base` is the point (x, y) of M0 over a state, `driven_rates` the rates of what is reconstructed in the system's own
-    variables, `last_terms` the last two terms of the series of y after h_0. A run ends where normal hyperbolicity is lost, and at orders above 0 where the series ends before.
+    variables, `last_terms` the last two terms of the series of y after h_0. A run ends where normal hyperbolicity is
+    lost, and at orders above 0 where the series ends before.
     """
 
     manifold: SeriesManifold

@@ -10,12 +10,14 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.crossings import LOOK, Search, Settled, Stepper
 from gsp.endings import Ending
 from gsp.errors import GspError, Status, nearest
-from gsp.events import LOOK, CompiledEvents, Crossings, Event, Search, Settled, Stepper, compile_events
+from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.failures import explain
 from gsp.flow import Flow, Point
 from gsp.integrators import (
+    RECORD,
     Method,
     Record,
     Stats,
@@ -160,11 +162,13 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-7,
-    RADAU9 down to 5e-9, RADAU13 below. `max_steps` bounds the attempted steps. `progress` is called now and then
-    with the fraction done.
+    RADAU9 down to 5e-9, RADAU13 below. `max_steps` bounds the attempted steps. `events` are zeros to be found along
+    the run, which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
 
-    A computation that stops early, also by Ctrl-C, returns what it reached, with a `status`. Raises
-    `DeclarationError` for arguments that are not well formed.
+    A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
+    series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `HyperbolicityError` for a
+    reduced flow started on a loss.
 
     >>> from gsp import VectorField
     >>> x = sp.Symbol("x")
@@ -179,7 +183,7 @@ def integrate(
     chosen = choose_method(flow, method, rtol)
     limit = check_step_limit(max_steps)
     compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
-    asked = compile_events(flow, events, p) if events != () else None
+    asked = compile_events(flow, events, p)
     stepper = Stepper(compiled, p, chosen, rtol, atol)
     ending = Ending(flow, stepper, (first, last), y) if isinstance(flow, ReducedFlow) else None
     begun = None if ending is None else ending.at_start(first, y)
@@ -187,9 +191,6 @@ def integrate(
     if begun is not None:
         record = _standing(first, y, begun, chosen)
     else:
-        options = {} if search is None else {"watch": search}
-        if search is not None and search.can_end:
-            options["rows_kept"] = LOOK
         record = advance(
             compiled,
             p,
@@ -201,11 +202,15 @@ def integrate(
             atol=atol,
             max_steps=limit,
             progress=progress,
-            **options,
+            watch=search,
+            rows_kept=LOOK if search is not None and search.can_end else RECORD,
         )
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: dict[str, Crossings] = {}
     if search is not None:
+        # Ctrl-C may have come between the last steps and the look at them.
+        unseen = slice(search.rows + 1, None)
+        search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
         record = search.cut(record)
         if search.end is not None:
             note, override = search.end.note, search.end.remedy
@@ -245,7 +250,11 @@ def _search(
 def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record:
     """The record of a run that cannot begin."""
     return Record(
-        np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), begun.status, Stats(method, 0, 0, 0, 0, 0)
+        np.array([t]),
+        y[np.newaxis].copy(),
+        np.empty((0, 1, y.size)),
+        begun.status,
+        Stats(method, 0, 0, 0, 0, 0),
     )
 
 

@@ -85,7 +85,7 @@ class Validity:
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q at (x, y) and the fall of the terms; what relative changes of (x, y) make of Delta; H's size."""
+        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size. At (x, y) and the terms' fall."""
         parts, n = self._parts, len(self.fast)
         growth = sp.Integer(max(1, 3 * (self.flow.order - 1)))
         delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
@@ -101,9 +101,7 @@ class Validity:
         ]
         norm = sp.Add(*[e**2 for row in self.g_y for e in row])
         size = norm ** sp.Rational(n * (n - 1), 4)
-        return self._over(
-            (*self.states, self._fall), [parts.determinant, parts.hurwitz, q, _plus(moved), size]
-        )
+        return self._over((*self.states, self._fall), [parts.determinant, parts.hurwitz, q, _plus(moved), size])
 
     @cached_property
     def lift(self) -> CompiledFunction:

@@ -51,6 +51,7 @@ LAYERS = [
     "reduced",
     "validity",
     "integrators",
+    "crossings",
     "events",
     "endings",
     "failures",

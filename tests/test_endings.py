@@ -8,9 +8,9 @@ import sympy as sp
 
 import gsp
 import tests.systems as systems
+from gsp.crossings import Stepper
 from gsp.endings import Ending
 from gsp.errors import BranchError, HyperbolicityError, Status
-from gsp.events import Stepper
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.system import SlowFastSystem, VectorField
 from gsp.trajectory import Method, Trajectory, integrate
@@ -155,9 +155,7 @@ def test_a_folded_node_is_named_and_located():
     assert "a folded singularity of the critical manifold at y = 0.9, z = 0.8, x = 1" in trajectory.message
     assert [trajectory[name][-1] for name in "yzx"] == pytest.approx([0.9, 0.8, 1.0], abs=1e-8)
     # At a tenth of the tolerance it is there at the same time.
-    again = run(
-        systems.koper(), {"x": 2.4, "y": (-(2.4**3) + 7.2 + 7) / 10, "z": 0.5}, rtol=1e-10, atol=1e-12
-    )
+    again = run(systems.koper(), {"x": 2.4, "y": (-(2.4**3) + 7.2 + 7) / 10, "z": 0.5}, rtol=1e-10, atol=1e-12)
     assert again.t[-1] == pytest.approx(trajectory.t[-1], abs=2e-9)
 
 
@@ -197,6 +195,19 @@ def test_a_pitchforks_outer_branch_ends_at_it(drift):
     exact = 1.0 if drift == -ONE else 2 - 2 * np.log(2)
     assert trajectory.t[-1] == pytest.approx(exact, abs=2e-8)
     assert np.isfinite(trajectory["x"][:-1]).all()
+
+
+def test_the_border_of_the_manifolds_domain_is_no_loss_of_hyperbolicity():
+    # The eigenvalue -sqrt(y) - 1 on x = 0 does not vanish at y = 0, where it ends.
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: -(1 + sp.sqrt(y)) * x}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": 1}, span=(0, 3))
+    assert trajectory.status is Status.NON_FINITE
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
+    # And -1/y has a pole there.
+    pole = SlowFastSystem(slow={y: -ONE}, fast={x: -x / y}, epsilon=eps)
+    trajectory = run(pole, {"x": 0, "y": 1}, span=(0, 3))
+    assert trajectory.status is Status.NON_FINITE
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
 
 
 # Pairs
@@ -280,7 +291,9 @@ def test_near_a_transcritical_point_the_distance_is_the_root_of_epsilon():
 
 
 def test_a_start_where_the_series_is_none_is_returned_as_it_is():
-    trajectory = run(VAN_DER_POL, {"x": 1.05, "y": 1.05**3 / 3 - 1.05}, order=2, epsilon=0.01, near=ON_VAN_DER_POL)
+    trajectory = run(
+        VAN_DER_POL, {"x": 1.05, "y": 1.05**3 / 3 - 1.05}, order=2, epsilon=0.01, near=ON_VAN_DER_POL
+    )
     assert trajectory.status is Status.FOLD_REACHED
     assert np.array_equal(trajectory.t, [0.0])
     assert "fall no further" in trajectory.message
@@ -316,7 +329,7 @@ def test_a_start_on_a_loss_is_refused(place):
 
 
 def test_a_start_on_an_implicit_fold_is_refused():
-    with pytest.raises((BranchError, HyperbolicityError), match="fold|normal hyperbolicity"):
+    with pytest.raises((BranchError, HyperbolicityError), match=r"fold|normal hyperbolicity"):
         run(VAN_DER_POL, {"x": 1, "y": -2 / 3}, near=ON_VAN_DER_POL)
 
 

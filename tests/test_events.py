@@ -65,14 +65,20 @@ def test_direction_is_counted_along_the_run():
     # Backward in time x falls where it rose.
     back = oscillate([rising, falling], span=(0, -10))
     assert back.events["falling"].times == pytest.approx(np.array([-PHASE, -PHASE - 2 * np.pi]), abs=1e-7)
-    assert back.events["rising"].times == pytest.approx(np.array([-PHASE - np.pi, -PHASE - 3 * np.pi]), abs=1e-7)
+    assert back.events["rising"].times == pytest.approx(
+        np.array([-PHASE - np.pi, -PHASE - 3 * np.pi]), abs=1e-7
+    )
 
 
 def test_states_observables_parameters_epsilon_and_time_may_be_watched():
     system = SlowFastSystem(
         slow={x: -x}, fast={y: x - y}, epsilon=epsilon, parameters={k: "0.5"}, observables={energy: x + y}
     )
-    events = [Event(x - k, name="half"), Event(energy - epsilon, name="sum"), Event(t - sp.Rational(1, 3), name="clock")]
+    events = [
+        Event(x - k, name="half"),
+        Event(energy - epsilon, name="sum"),
+        Event(t - sp.Rational(1, 3), name="clock"),
+    ]
     trajectory = integrate(
         system, start={"x": 1, "y": 1}, span=(0, 20), epsilon=0.01, rtol=1e-10, atol=1e-13, events=events
     )
@@ -103,7 +109,12 @@ def test_two_crossings_within_a_fraction_of_a_step_are_found(method, depth):
     # x = sin t is above 1 - depth for a time of 2 sqrt(2 depth) only.
     level = 1 - sp.Rational(depth)
     trajectory = oscillate(
-        Event(x - level, name="top"), method=method, start={"x": 0, "y": 1}, span=(0, 20), rtol=1e-11, atol=1e-12
+        Event(x - level, name="top"),
+        method=method,
+        start={"x": 0, "y": 1},
+        span=(0, 20),
+        rtol=1e-11,
+        atol=1e-12,
     )
     first = np.arccos(float(level))
     expected = np.array([np.pi / 2 + 2 * np.pi * n + s * first for n in range(3) for s in (-1, 1)])
@@ -116,7 +127,9 @@ def test_two_crossings_within_a_fraction_of_a_step_are_found(method, depth):
 
 def test_a_function_that_only_comes_near_is_no_crossing():
     assert oscillate(Event(x - 2, name="far")).events["far"].times.size == 0
-    above = oscillate(Event(x - sp.Rational("1.0000001"), name="e"), start={"x": 0, "y": 1}, rtol=1e-11, atol=1e-12)
+    above = oscillate(
+        Event(x - sp.Rational("1.0000001"), name="e"), start={"x": 0, "y": 1}, rtol=1e-11, atol=1e-12
+    )
     assert above.events["e"].times.size == 0
     assert above.events["e"].states.shape == (2, 0)
 
@@ -191,7 +204,9 @@ def test_a_grid_is_cut_at_the_event():
 
 def test_an_event_before_a_failure_is_found_first():
     field = VectorField({x: x**2}, epsilon=None)
-    trajectory = integrate(field, start={"x": 1}, span=(0, 2), events=Event(x - 1000, name="big", terminal=True))
+    trajectory = integrate(
+        field, start={"x": 1}, span=(0, 2), events=Event(x - 1000, name="big", terminal=True)
+    )
     assert trajectory.status is Status.EVENT_REACHED
     assert trajectory.t[-1] == pytest.approx(0.999, rel=1e-8)
     going_on = integrate(field, start={"x": 1}, span=(0, 2), events=Event(x - 1000, name="big"))
@@ -215,7 +230,11 @@ def test_events_on_a_reduced_flow_know_the_parameters_and_the_slow_variables():
     branch = gsp.solve_critical(system).nearest({"x": 2, "y": 2 / 3})
     flow = gsp.restrict(gsp.expand(branch, order=0))
     trajectory = integrate(
-        flow, start={"x": 2, "y": 2 / 3}, span=(0, 5), epsilon=0.01, events=Event(x - a - 1, name="e", terminal=True)
+        flow,
+        start={"x": 2, "y": 2 / 3},
+        span=(0, 5),
+        epsilon=0.01,
+        events=Event(x - a - 1, name="e", terminal=True),
     )
     assert trajectory.status is Status.EVENT_REACHED
     assert trajectory["x"][-1] == pytest.approx(1.5, rel=1e-13)
