@@ -34,6 +34,7 @@ from gsp.lowering import compile_flow, parameter_vector
 from gsp.reduced import ReducedFlow
 
 _SHOWN_STATES = 4
+_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,11 +184,14 @@ def integrate(
     chosen = choose_method(flow, method, rtol)
     limit = check_step_limit(max_steps)
     compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
-    asked = compile_events(flow, events, p)
-    stepper = Stepper(compiled, p, chosen, rtol, atol)
-    ending = Ending(flow, stepper, (first, last), y) if isinstance(flow, ReducedFlow) else None
-    begun = None if ending is None else ending.at_start(first, y)
-    search = _search(asked, ending, stepper, (first, last), y)
+    asked = None if events == () else compile_events(flow, events, p)
+    search = ending = begun = None
+    if asked is not None or isinstance(flow, ReducedFlow):
+        stepper = Stepper(compiled, p, chosen, rtol, atol)
+        if isinstance(flow, ReducedFlow):
+            ending = Ending(flow, stepper, (first, last), y)
+            begun = ending.at_start(first, y)
+        search = _search(asked, ending, stepper, (first, last), y)
     if begun is not None:
         record = _standing(first, y, begun, chosen)
     else:
@@ -206,11 +210,12 @@ def integrate(
             rows_kept=LOOK if search is not None and search.can_end else RECORD,
         )
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
-    crossings: dict[str, Crossings] = {}
+    crossings: Mapping[str, Crossings] = _NO_EVENTS
     if search is not None:
-        # Ctrl-C may have come between the last steps and the look at them.
-        unseen = slice(search.rows + 1, None)
-        search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
+        if record.status is Status.INTERRUPTED:
+            # Ctrl-C may have come between the last steps and the look at them.
+            unseen = slice(search.rows + 1, None)
+            search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
         record = search.cut(record)
         if search.end is not None:
             note, override = search.end.note, search.end.remedy
@@ -229,11 +234,9 @@ def _search(
     stepper: Stepper,
     span: tuple[float, float],
     y: np.ndarray,
-) -> Search | None:
+) -> Search:
     """What watches the run: the events asked for, then the reduced flow's own tests."""
     first, last = span
-    if asked is None and ending is None:
-        return None
     watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
     signs = [] if asked is None else [asked.signs(first, y, last > first)]
     parts = [part.values for part in (asked, ending) if part is not None]
@@ -258,12 +261,14 @@ def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record
     )
 
 
-def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> dict[str, Crossings]:
+def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
+    if asked is None:
+        return _NO_EVENTS
     result = {}
-    for event, found in zip(asked.events if asked else (), search.found):
+    for event, found in zip(asked.events, search.found):
         states = np.array([one.y for one in found]).reshape(-1, n).T
         result[event.name] = Crossings(_frozen(np.array([one.t for one in found])), _frozen(states))
-    return result
+    return MappingProxyType(result)
 
 
 def _trajectory(
@@ -290,7 +295,7 @@ def _trajectory(
         y=y,
         status=record.status,
         stats=record.stats,
-        events=MappingProxyType(dict(crossings)),
+        events=crossings,
         _note=note,
         _remedy=remedy,
         _times=times,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -269,3 +271,15 @@ def test_how_they_show():
         "Event(x - 1, direction=-1, terminal=2, name='one')"
     )
     assert repr(Event("x")) == "Event(x)"
+
+
+def test_an_interrupt_keeps_the_crossings_found():
+    def interrupt(fraction):
+        if fraction > 0.1:
+            signal.raise_signal(signal.SIGINT)
+
+    trajectory = oscillate(Event("x"), span=(0, 20000), rtol=1e-6, atol=1e-6, progress=interrupt)
+    assert trajectory.status is Status.INTERRUPTED
+    times = trajectory.events["x"].times
+    assert times[-1] <= trajectory.t[-1] < times[-1] + np.pi + 0.1
+    assert np.diff(times) == pytest.approx(np.full(times.size - 1, np.pi), abs=1e-3)
