@@ -14,7 +14,7 @@ from gsp.crossings import LOOK, Search, Settled, Stepper
 from gsp.endings import Ending
 from gsp.errors import GspError, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
-from gsp.failures import explain
+from gsp.explanations import explain
 from gsp.flow import Flow, Point
 from gsp.integrators import (
     RECORD,

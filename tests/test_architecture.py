@@ -54,7 +54,7 @@ LAYERS = [
     "crossings",
     "events",
     "endings",
-    "failures",
+    "explanations",
     "trajectory",
     "exponentials",
     "decaying",
