@@ -72,6 +72,7 @@ _HOME = {
     "Trajectory": "trajectory",
     "integrate_many": "ensemble",
     "Ensemble": "ensemble",
+    "Event": "events",
     "Method": "integrators",
     "project": "fibres",
     "BasePoint": "fibres",
@@ -118,6 +119,7 @@ if TYPE_CHECKING:
     from gsp.ensemble import integrate_many as integrate_many
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
+    from gsp.events import Event as Event
     from gsp.failures import FailureMap as FailureMap
     from gsp.failures import failure_map as failure_map
     from gsp.fibres import BasePoint as BasePoint

@@ -80,6 +80,10 @@ class Status(Enum):
         "the orbits that fix the slow manifold begin too near to where it ends",
         "move the region downstream, or lower epsilon; the error estimate counts what is missing",
     )
+    EVENT_REACHED = (
+        "a terminal event was reached",
+        "the run was asked to end there; start again from its end to go on",
+    )
     REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
     INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")
 

@@ -34,6 +34,8 @@ class Flow:
     """Values of the parameters, exact."""
     observables: Values
     """Further quantities by symbol, each an expression in the states, the parameters and epsilon."""
+    fixed: Values = {}  # noqa: RUF012 - never written to
+    """Values of parameters that were put into the rates already, exact."""
     is_stiff: bool = True
     """Whether the field still contains the fast time scale (decides the integrator)."""
 

@@ -22,7 +22,7 @@ from gsp.lowering import CompiledFlow
 # Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
 _SMALLEST_RTOL = 1e-14
 # Steps between two returns to Python, where Ctrl-C and progress are seen: milliseconds.
-_RECORD = 1024
+RECORD = 1024
 # Which method meets a tolerance in the least time, measured on van der Pol's oscillator (mu = 1e3), Robertson's
 # and the HIRES problem, the Oregonator and the sleigh (epsilon = 1e-3), interleaved in one run, geometric means. At
 # equal error at the end Rodas5P and Radau of order 9 cross at an error of 1e-7, orders 9 and 13 at 3e-10; at equal
@@ -107,10 +107,15 @@ def advance(
     atol: float,
     max_steps: int,
     progress: Callable[[float], object] | None = None,
+    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    rows_kept: int = RECORD,
+    first_step: float = 0.0,
 ) -> Record:
     """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.
 
-    Ctrl-C ends it with the steps that were made.
+    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
+    by returning True. `first_step`, signed, is tried first in place of an estimate. Ctrl-C ends it with the steps
+    that were made.
     """
     kernel, rows = KERNELS[method]
     jacobian = 0 if method is Method.DOP853 else compiled.jacobian
@@ -120,7 +125,10 @@ def advance(
     memory[ledger.TIME] = first
     counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
     rate = np.zeros(n)
-    times, states, dense = np.empty(_RECORD), np.empty((_RECORD, n)), np.empty((_RECORD, rows, n))
+    if first_step != 0.0:
+        memory[ledger.STEP] = first_step
+        rate[:] = compiled.rates(y, p)
+    times, states, dense = np.empty(rows_kept), np.empty((rows_kept, n)), np.empty((rows_kept, rows, n))
     pieces = [(np.array([first]), y[np.newaxis].copy(), dense[:0])]
     kept = 0
     code = ledger.RECORD_FULL
@@ -137,6 +145,9 @@ def advance(
             else:
                 pieces.append((times[:new], states[:new], dense[:new]))
             kept += new
+            if watch is not None and watch(*pieces[-1]):
+                status = Status.EVENT_REACHED
+                break
             if progress is not None:
                 progress((float(memory[ledger.TIME]) - first) / (last - first))
     except KeyboardInterrupt:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -12,6 +13,7 @@ import sympy as sp
 from gsp.errors import DeclarationError
 from gsp.flow import Flow, Point, Values, named
 from gsp.series import SeriesManifold
+from gsp.system import SlowFastSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,6 +23,9 @@ class ReducedFlow(Flow):
     Its states are coordinates on the critical manifold: the slow variables, or on an implicit branch the chart's,
     where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
     variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
+    `base` is the point (x, y) of M0 over a state, `driven_rates` the rates of what is reconstructed in the system's own
+    variables, `last_terms` the last two terms of the series of y after h_0. A run ends where normal hyperbolicity is
+    lost, and at orders above 0 where the series ends before.
     """
 
     manifold: SeriesManifold
@@ -32,6 +37,14 @@ class ReducedFlow(Flow):
     parameters: Values = field(default_factory=dict)
     is_stiff: bool = False
     driven: tuple[sp.Symbol, ...] = ()
+    base: tuple[sp.Expr, ...] = ()
+    driven_rates: tuple[sp.Expr, ...] = ()
+    last_terms: tuple[tuple[sp.Expr, ...], ...] = ()
+
+    @property
+    def fixed(self) -> Values:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Values of the system's parameters, which the rates no longer contain."""
+        return self.manifold.branch.system.parameters
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State over the slow variables that `start` names.
@@ -81,13 +94,18 @@ class ReducedFlow(Flow):
         return "\n".join(lines)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ReducedFlow) and self._key() == other._key()
+        return isinstance(other, ReducedFlow) and (self is other or self._key == other._key)
 
     def __hash__(self) -> int:
-        return hash(self._key())
+        return self._hash
 
+    @cached_property
     def _key(self) -> tuple:
-        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon)
+        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon, self.base, self.order)
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key)
 
 
 def restrict(
@@ -150,7 +168,19 @@ def restrict(
         observables=MappingProxyType(observables),
         epsilon=epsilon,
         driven=driven,
+        base=tuple(total([cut.chart.elements[s]]) for s in system.states),
+        last_terms=tuple(
+            tuple((ring.horner(h[k]) * epsilon**k).xreplace(renamed) for h in cut._h)
+            for k in (cut.order - 1, cut.order)
+            if cut.order > 1
+        ),
+        driven_rates=tuple(_own(rate, system) for rate in (reconstruction or {}).values()),
     )
+
+
+def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
+    """A reconstructed rate in slow and fast variables, with the parameters' values."""
+    return sp.sympify(rate, strict=True).xreplace(dict(system.observables)).xreplace(dict(system.parameters))
 
 
 def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.crossings import LOOK, Search, Settled, Stepper
+from gsp.endings import Ending
 from gsp.errors import GspError, Status, nearest
+from gsp.events import CompiledEvents, Crossings, Event, compile_events
+from gsp.explanations import explain
 from gsp.flow import Flow, Point
 from gsp.integrators import (
+    RECORD,
     Method,
     Record,
     Stats,
@@ -21,13 +27,14 @@ from gsp.integrators import (
     check_step_limit,
     check_tolerances,
     choose_method,
-    remedy_of,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
+from gsp.reduced import ReducedFlow
 
 _SHOWN_STATES = 4
+_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,7 +43,7 @@ class Trajectory:
 
     `trajectory["name"]` is a state or an observable over `t`, `.at(t)` the state at any time covered,
     `.sample(t)` a trajectory on other times. `.status` says how it ended; when that is not SUCCESS, `t` and `y`
-    hold what was reached.
+    hold what was reached. `.events` maps the name of each event asked for to its `Crossings`, (times, states).
     """
 
     flow: Flow
@@ -45,6 +52,9 @@ class Trajectory:
     y: np.ndarray
     status: Status
     stats: Stats
+    events: Mapping[str, Crossings]
+    _note: str = field(repr=False)
+    _remedy: str = field(repr=False)
     _times: np.ndarray = field(repr=False)
     _states: np.ndarray = field(repr=False)
     _dense: np.ndarray = field(repr=False)
@@ -89,17 +99,7 @@ class Trajectory:
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.array(t, dtype=float, ndmin=1, order="C")
-        return Trajectory(
-            flow=self.flow,
-            epsilon=self.epsilon,
-            t=_frozen(times),
-            y=_frozen(self.at(times)),
-            status=self.status,
-            stats=self.stats,
-            _times=self._times,
-            _states=self._states,
-            _dense=self._dense,
-        )
+        return replace(self, t=_frozen(times), y=_frozen(self.at(times)))
 
     @property
     def message(self) -> str:
@@ -112,8 +112,8 @@ class Trajectory:
         where = f"t = {self._times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
             return f"reached the end after {steps}: {where}"
-        remedy = remedy_of(self.status, self.stats)
-        return f"stopped after {steps}: {self.status.name} at {where}; {remedy}"
+        parts = [f"stopped after {steps}: {self.status.name} at {where}", self._note, self._remedy]
+        return "; ".join(filter(None, parts))
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)
@@ -153,6 +153,7 @@ def integrate(
     at: ArrayLike | None = None,
     method: Method | str | None = None,
     max_steps: int = 1_000_000,
+    events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
 ) -> Trajectory:
     """Integrate z' = F(z, epsilon) from `start` over `span` = (t0, t1), forward or backward.
@@ -162,11 +163,13 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-7,
-    RADAU9 down to 5e-9, RADAU13 below. `max_steps` bounds the attempted steps. `progress` is called now and then
-    with the fraction done.
+    RADAU9 down to 5e-9, RADAU13 below. `max_steps` bounds the attempted steps. `events` are zeros to be found along
+    the run, which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
 
-    A computation that stops early, also by Ctrl-C, returns what it reached, with a `status`. Raises
-    `DeclarationError` for arguments that are not well formed.
+    A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
+    series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `HyperbolicityError` for a
+    reduced flow started on a loss.
 
     >>> from gsp import VectorField
     >>> x = sp.Symbol("x")
@@ -180,22 +183,103 @@ def integrate(
     grid = None if at is None else check_grid(at, first, last)
     chosen = choose_method(flow, method, rtol)
     limit = check_step_limit(max_steps)
-    record = advance(
-        compile_flow(flow),
-        parameter_vector(flow, epsilon),
-        y,
-        first,
-        stops_of(grid, first, last),
-        method=chosen,
-        rtol=rtol,
-        atol=atol,
-        max_steps=limit,
-        progress=progress,
+    compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
+    asked = None if events == () else compile_events(flow, events, p)
+    search = ending = begun = None
+    if asked is not None or isinstance(flow, ReducedFlow):
+        stepper = Stepper(compiled, p, chosen, rtol, atol)
+        if isinstance(flow, ReducedFlow):
+            ending = Ending(flow, stepper, (first, last), y)
+            begun = ending.at_start(first, y)
+        search = _search(asked, ending, stepper, (first, last), y)
+    if begun is not None:
+        record = _standing(first, y, begun, chosen)
+    else:
+        record = advance(
+            compiled,
+            p,
+            y,
+            first,
+            stops_of(grid, first, last),
+            method=chosen,
+            rtol=rtol,
+            atol=atol,
+            max_steps=limit,
+            progress=progress,
+            watch=search,
+            rows_kept=LOOK if search is not None and search.can_end else RECORD,
+        )
+    note, override = ("", "") if begun is None else (begun.note, begun.remedy)
+    crossings: Mapping[str, Crossings] = _NO_EVENTS
+    if search is not None:
+        if record.status is Status.INTERRUPTED:
+            # Ctrl-C may have come between the last steps and the look at them.
+            unseen = slice(search.rows + 1, None)
+            search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
+        record = search.cut(record)
+        if search.end is not None:
+            note, override = search.end.note, search.end.remedy
+        if begun is None and ending is not None and search.end is None:
+            record, note, override = ending.after_failure(record)
+        crossings = _crossings(asked, search, len(flow.states))
+    if not record.status.ok:
+        known, remedy = explain(flow, p, record, last)
+        note, override = note or known, override or remedy
+    return _trajectory(flow, epsilon, grid, record, crossings, note, override)
+
+
+def _search(
+    asked: CompiledEvents | None,
+    ending: Ending | None,
+    stepper: Stepper,
+    span: tuple[float, float],
+    y: np.ndarray,
+) -> Search:
+    """What watches the run: the events asked for, then the reduced flow's own tests."""
+    first, last = span
+    watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
+    signs = [] if asked is None else [asked.signs(first, y, last > first)]
+    parts = [part.values for part in (asked, ending) if part is not None]
+    # Events are looked for step by step; the tests of a reduced flow alone are passed over quickly.
+    quiet = ending.quiet if ending is not None and asked is None else None
+
+    def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
+
+    signs += [ending.signs] if ending else []
+    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
+
+
+def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record:
+    """The record of a run that cannot begin."""
+    return Record(
+        np.array([t]),
+        y[np.newaxis].copy(),
+        np.empty((0, 1, y.size)),
+        begun.status,
+        Stats(method, 0, 0, 0, 0, 0),
     )
-    return _trajectory(flow, epsilon, grid, record)
 
 
-def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, record: Record) -> Trajectory:
+def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
+    if asked is None:
+        return _NO_EVENTS
+    result = {}
+    for event, found in zip(asked.events, search.found):
+        states = np.array([one.y for one in found]).reshape(-1, n).T
+        result[event.name] = Crossings(_frozen(np.array([one.t for one in found])), _frozen(states))
+    return MappingProxyType(result)
+
+
+def _trajectory(
+    flow: Flow,
+    epsilon: float | None,
+    grid: np.ndarray | None,
+    record: Record,
+    crossings: Mapping[str, Crossings],
+    note: str,
+    remedy: str,
+) -> Trajectory:
     times, states, dense = map(_frozen, (record.times, record.states, record.dense))
     if grid is None:
         t, y = times, states.T
@@ -211,6 +295,9 @@ def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, reco
         y=y,
         status=record.status,
         stats=record.stats,
+        events=crossings,
+        _note=note,
+        _remedy=remedy,
         _times=times,
         _states=states,
         _dense=dense,

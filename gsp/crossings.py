@@ -1,0 +1,363 @@
+"""Crossings: where along the steps of a run watched functions pass through zero.
+
+Every step is looked at in `SUBDIVISIONS` pieces of its dense output. A change of sign between neighbouring points
+is a crossing, and so are the two of a dip: where |g| has a minimum among the points, it is searched for a point of
+the other sign in between. The crossing is located on the dense output to rounding, and then by running the method
+again from the step's start to the crossing, so that time and state are as good as the steps are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.errors import Status
+from gsp.integrators import Method, Record, Stats, advance
+from gsp.kernels.dense_output import interpolate_many
+from gsp.lowering import CompiledFlow
+
+# Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
+# dip between two points shows at the points beside it.
+SUBDIVISIONS = 8
+# A dip below the neighbouring points is about an eighth of their second difference; a factor of 8 for safety.
+DIP = 1.0
+GOLDEN = 0.3819660112501051
+DIP_ROUNDS = 40
+ROOT_ROUNDS = 200
+# Secant steps with the method's own result: two or three are taken.
+REFINEMENTS = 8
+# Width of the difference quotient on the dense output that starts them, as a share of the step.
+SLOPE_WIDTH = 1e-3
+# Steps between two looks when a run may end: what lies beyond its end is wasted.
+LOOK = 64
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """The method of a run, to go again over a part of a step."""
+
+    compiled: CompiledFlow
+    p: np.ndarray
+    method: Method
+    rtol: float
+    atol: float
+
+    def between(self, first: float, y: np.ndarray, last: float) -> Record:
+        """The run from `y` at `first` to `last`, in one step when its error allows."""
+        return advance(
+            self.compiled, self.p, y.copy(), first, np.array([last]),
+            method=self.method, rtol=self.rtol, atol=self.atol, max_steps=1000,
+            rows_kept=LOOK, first_step=last - first,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive steps of a run: `times` (k + 1,), `states` (k + 1, n), `dense` (k, rows, n)."""
+
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """States (m, n) at times (m,) inside."""
+        out = np.empty((self.states.shape[1], len(t)))
+        interpolate_many(self.times, self.states, self.dense, t, out)
+        return out.T
+
+    def step(self, t: float) -> int:
+        """The step that `t` lies in."""
+        sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
+        found = int(np.searchsorted(sign * self.times, sign * t, side="right")) - 1
+        return min(max(found, 0), len(self.times) - 2)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step."""
+
+    t: float
+    y: np.ndarray
+    tail: Record | None
+    status: Status = Status.EVENT_REACHED
+    note: str = ""
+    remedy: str = ""
+    row: int | None = None
+
+
+Settle = Callable[["Search", int, float, Piece], Settled | None]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """One watched function: which sign changes count, and the crossing of which number ends the run (0: none).
+
+    `settle` makes a crossing of the dense output, given as the search, the column, its time and its piece, into
+    what is reported; None says that it was none.
+    """
+
+    name: str
+    direction: int
+    limit: int
+    settle: Settle
+
+
+class Search:
+    """Looks for crossings in the steps of a run as they are made: the `watch` of `advance`.
+
+    `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
+    the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
+    `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them.
+    """
+
+    def __init__(
+        self,
+        values: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        watched: Sequence[Watched],
+        signs: np.ndarray,
+        stepper: Stepper,
+        first: float,
+        y: np.ndarray,
+        quiet: Callable[..., bool] | None = None,
+    ) -> None:
+        self.values = values
+        self.quiet = quiet
+        self.watched = tuple(watched)
+        self.stepper = stepper
+        self.found: list[list[Settled]] = [[] for _ in watched]
+        self.end: Settled | None = None
+        self.rows = 0
+        self.spent: list[Stats] = []
+        self._signs = signs.copy()
+        self.can_end = any(one.limit for one in self.watched)
+        self._time, self._state = np.array([first]), y[np.newaxis].copy()
+        self._pieces = [(self._time, self._state)]
+
+    def __call__(self, times: np.ndarray, states: np.ndarray, dense: np.ndarray) -> bool:
+        if self.end is not None or len(times) == 0:
+            return self.end is not None
+        if self.quiet is not None and self.quiet(self._time[0], self._state[0], times, states, dense):
+            self._pass(times, states)
+            return False
+        piece = Piece(
+            np.concatenate([self._time, times]), np.concatenate([self._state, states]), dense[: len(times)]
+        )
+        shares = np.arange(SUBDIVISIONS) / SUBDIVISIONS
+        t = piece.times[:-1, None] + shares * np.diff(piece.times)[:, None]
+        t = np.append(t.ravel(), piece.times[-1])
+        g = self.values(t, piece.at(t))
+        crossings = []
+        for column in range(len(self.watched)):
+            for a, b, sense in self._brackets(column, t, g[:, column], piece):
+                root = _root(lambda s, column=column: self._value(column, s, piece), a, b, sense)
+                crossings.append((root, sense, column))
+        backward = bool(piece.times[-1] < piece.times[0])
+        for root, sense, column in sorted(crossings, reverse=backward):
+            one = self.watched[column]
+            if one.direction not in (0, sense):
+                continue
+            settled = one.settle(self, column, root, piece)
+            if settled is None:
+                continue
+            self.found[column].append(settled)
+            if one.limit and len(self.found[column]) >= one.limit:
+                self.end = settled
+                self.rows = self.rows + piece.step(root) if settled.row is None else settled.row
+                return True
+        self._pass(times, states)
+        return False
+
+    def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
+        self.rows += len(times)
+        self._time, self._state = times[-1:], states[-1:]
+        if self.can_end:
+            self._pieces.append((times, states))
+
+    def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+        """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""
+        times, states = zip(*self._pieces)
+        return (
+            np.concatenate([*times, piece.times[1 : k + 1]]),
+            np.concatenate([*states, piece.states[1 : k + 1]]),
+        )
+
+    def cut(self, record: Record) -> Record:
+        """`record` up to the end that was found, with the cost of locating everything added."""
+        end = self.end
+        if end is None and not self.spent:
+            return record
+        times, states, dense, status = record.times, record.states, record.dense, record.status
+        if end is not None:
+            rows = self.rows
+            times, states, dense, status = times[: rows + 1], states[: rows + 1], dense[:rows], end.status
+            if end.tail is not None and len(end.tail.dense):
+                times = np.concatenate([times, end.tail.times[1:]])
+                states = np.concatenate([states, end.tail.states[1:]])
+                dense = np.concatenate([dense, end.tail.dense])
+        old = record.stats
+        spent = replace(
+            old,
+            steps=len(times) - 1,
+            rejected=old.rejected + sum(s.rejected for s in self.spent),
+            field_calls=old.field_calls + sum(s.field_calls for s in self.spent),
+            jacobian_calls=old.jacobian_calls + sum(s.jacobian_calls for s in self.spent),
+            decompositions=old.decompositions + sum(s.decompositions for s in self.spent),
+        )
+        return Record(times, states, dense, status, spent)
+
+    def run(self, first: float, y: np.ndarray, last: float) -> Record:
+        """`Stepper.between`, counted."""
+        record = self.stepper.between(first, y, last)
+        self.spent.append(record.stats)
+        return record
+
+    def refined(self, column: int, t: float, piece: Piece) -> Settled:
+        """The crossing near `t` by secant steps, each with the method's own run from the start of the step.
+
+        Near a tangency, where they do not converge, the best of them stands.
+        """
+        k = piece.step(t)
+        start, y, end = float(piece.times[k]), piece.states[k], float(piece.times[k + 1])
+        low, high = min(start, end), max(start, end)
+        width = SLOPE_WIDTH * (high - low)
+        a, b = max(low, t - width), min(high, t + width)
+        slope = (self._value(column, b, piece) - self._value(column, a, piece)) / (b - a) if b > a else 0.0
+        best: tuple[float, Settled] | None = None
+        last = (0.0, 0.0)
+        for _ in range(REFINEMENTS):
+            settled = Settled(start, y, None)
+            if t != start:
+                record = self.run(start, y, t)
+                settled = Settled(float(record.times[-1]), record.states[-1], record)
+                if not record.status.ok:
+                    # The border of the field's domain, or a step too short to be divided: as far as it gets.
+                    return settled if best is None else best[1]
+            value = self._evaluate(column, settled.t, settled.y)
+            if best is not None:
+                if not abs(value) < best[0]:
+                    break
+                slope = (value - last[1]) / (t - last[0])
+            best = (abs(value), settled)
+            last = (t, value)
+            moved = t - value / slope if slope != 0.0 else t
+            t = min(max(moved, low), high)
+            if value == 0.0 or not np.isfinite(slope) or t == last[0]:
+                break
+        assert best is not None
+        return best[1]
+
+    def _evaluate(self, column: int, t: float, y: np.ndarray) -> float:
+        return float(self.values(np.array([t]), y[np.newaxis])[0, column])
+
+    def _value(self, column: int, t: float, piece: Piece) -> float:
+        return self._evaluate(column, t, piece.at(np.array([t]))[0])
+
+    def _brackets(self, column: int, t: np.ndarray, g: np.ndarray, piece: Piece):
+        """Intervals (a, b, sense) over which `g` changes its sign; keeps the sign it ends with."""
+        before = self._signs[column]
+        with np.errstate(invalid="ignore"):
+            bend = np.abs(g[2:] - 2.0 * g[1:-1] + g[:-2])
+        if np.isfinite(g).all():
+            low, high = g.min(), g.max()
+            # Far from zero on one side, as most functions are most of the time.
+            if min(abs(low), abs(high)) > DIP * bend.max() and (
+                (low > 0.0 and before >= 0.0) or (high < 0.0 and before <= 0.0)
+            ):
+                self._signs[column] = 1.0 if low > 0.0 else -1.0
+                return []
+        sign = np.where(np.isnan(g), np.nan, np.sign(g))
+        if before != 0.0:
+            sign[0] = before
+        else:
+            sign[0] = 0.0 if not np.isnan(sign[0]) else np.nan
+        result = []
+        known = np.flatnonzero(sign != 0.0)
+        for i, j in itertools.pairwise(known):
+            if sign[i] * sign[j] < 0.0:
+                result.append((float(t[i]), float(t[j]), int(sign[j])))
+            elif sign[i] == sign[j]:
+                result += self._dip(column, int(i), int(j), sign[i], t, g, bend, piece)
+        self._signs[column] = 0.0 if len(known) == 0 or np.isnan(sign[known[-1]]) else sign[known[-1]]
+        return result
+
+    def _dip(self, column, i, j, sign, t, g, bend, piece):
+        """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
+        near = min(abs(g[i]), abs(g[j]))
+        bound = DIP * bend[max(i - 2, 0) : j + 1].max(initial=0.0)
+        if j == i + 1 and near > bound:
+            return []
+        # A minimum between i and j shows as a descent before and an ascent after, or at the ends of what is known.
+        falls = i == 0 or not abs(g[i]) > abs(g[i - 1])
+        rises = j == len(g) - 1 or not abs(g[j]) > abs(g[j + 1])
+        if j == i + 1 and not (falls and rises):
+            return []
+        a, b = float(t[i]), float(t[j])
+        lowest = _lowest(lambda s: sign * self._value(column, s, piece), a, b)
+        if lowest is None:
+            return []
+        return [(a, lowest, -int(sign)), (lowest, b, int(sign))]
+
+
+def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled:
+    """A user's event: the refined crossing."""
+    settled = search.refined(column, t, piece)
+    return replace(settled, note=f"event {search.watched[column].name}")
+
+
+def _root(g: Callable[[float], float], a: float, b: float, sense: int) -> float:
+    """The sign change of `g` between `a`, where the sign is -sense, and `b`, to rounding.
+
+    Secant steps with the Illinois weight, and a bisection whenever three of them have not halved the interval.
+    """
+    low, high = -1.0, 1.0
+    value = g(a) * sense
+    low = value if value < 0.0 else -1e-300
+    value = g(b) * sense
+    high = value if value > 0.0 else 1e-300
+    side, width, patience = 0, abs(b - a), 0
+    for _ in range(ROOT_ROUNDS):
+        middle = 0.5 * (a + b)
+        if middle in (a, b):
+            break
+        t = a - low * (b - a) / (high - low) if np.isfinite(high - low) else middle
+        if patience >= 3 or not min(a, b) < t < max(a, b):
+            t = middle
+        value = g(t) * sense
+        if value == 0.0:
+            return t
+        if value < 0.0:
+            a, low = t, value
+            high *= 0.5 if side < 0 else 1.0
+            side = -1
+        else:
+            # What is not a number lies beyond the crossing.
+            b, high = t, value if value > 0.0 else np.inf
+            low *= 0.5 if side > 0 else 1.0
+            side = 1
+        patience += 1
+        if abs(b - a) <= 0.5 * width:
+            width, patience = abs(b - a), 0
+    return a if abs(low) < abs(high) else b
+
+
+def _lowest(g: Callable[[float], float], a: float, b: float) -> float | None:
+    """A point between `a` and `b` where `g` is negative, by golden section; None when its minimum is not."""
+    left, right = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
+    at_left, at_right = g(left), g(right)
+    for _ in range(DIP_ROUNDS):
+        if at_left < 0.0:
+            return left
+        if at_right < 0.0:
+            return right
+        if at_left <= at_right:
+            b, right, at_right = right, left, at_left
+            left = a + GOLDEN * (b - a)
+            at_left = g(left)
+        else:
+            a, left, at_left = left, right, at_right
+            right = b - GOLDEN * (b - a)
+            at_right = g(right)
+    return None
