@@ -16,6 +16,7 @@ from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
+from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
@@ -28,9 +29,11 @@ __all__ = [
     "convergence",
     "critical_curve",
     "critical_sheet",
+    "delayed_exit",
     "distance",
     "eigenvalues",
     "error_against_epsilon",
+    "fold_passage",
     "has_constant_eigenvalues",
     "heading_of",
     "manifold",

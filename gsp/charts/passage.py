@@ -64,13 +64,24 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
             passage.drop.point[across], passage.drop.point[up], "s", color=INK, mfc="white", ms=5.5, zorder=6,
             label="landing point",
         )  # fmt: skip
-    axes.axhline(value, color=PALE, lw=1.0, zorder=0, label="section")
+    axes.axhline(value, color=PALE, lw=1.0, zorder=0)
+    axes.text(
+        0.995,
+        value,
+        "section",
+        transform=axes.get_yaxis_transform(),
+        color=GREY,
+        fontsize=8,
+        ha="right",
+        va="bottom",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+    )
     axes.set_xlim(low_x, high_x)
     axes.set_ylim(low_y, high_y)
     name_axes(axes, across, up)
     legend(axes, columns=4)
     if len(ladder) > 2:
-        _scaling(passage, axes, ladder, across, value)
+        _scaling(passage, axes, ladder, across)
 
 
 def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, float, float, float]:
@@ -86,7 +97,7 @@ def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, f
     return ends[0], ends[1], min(back, beyond), max(back, beyond)
 
 
-def _critical_lines(passage: FoldPassage, axes: Axes, xs, ys) -> None:
+def _critical_lines(passage: FoldPassage, axes: Axes, xs: tuple[float, float], ys: tuple[float, float]) -> None:
     """g(x, y, 0) = 0 in the frame, solid where it attracts."""
     system = passage.system
     g = laurent(system.g[0], system.epsilon, order=0)[0]
@@ -97,7 +108,7 @@ def _critical_lines(passage: FoldPassage, axes: Axes, xs, ys) -> None:
         parameters=tuple(system.parameters),
     )
     p = compile_flow(system).constants
-    u, v = np.meshgrid(np.linspace(*xs, LINE), np.linspace(*ys, LINE))
+    u, v = np.meshgrid(np.linspace(xs[0], xs[1], LINE), np.linspace(ys[0], ys[1], LINE))
     values = function(np.column_stack([u.ravel(), v.ravel()]), p)[:, 0].reshape(LINE, LINE)
     contours = axes.contour(u, v, values, levels=[0.0])
     lines = contours.allsegs[0]
@@ -113,12 +124,10 @@ def _critical_lines(passage: FoldPassage, axes: Axes, xs, ys) -> None:
                 labelled.add(stable)
 
 
-def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], across: str, value: float) -> None:
+def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], across: str) -> None:
     """The distance of the exits from the fold against epsilon, and its leading term, in the emptiest corner."""
-    x0, up = passage.point[across], ladder[0].section[0]
-    # Orbits come along the attracting sheet and leave beyond the fold: the corner that they do not visit.
-    from_left, upwards = passage.slow_rate[0] > 0.0, value > passage.point[up]
-    corner = (0.14 if from_left else 0.6, 0.56 if upwards else 0.17, 0.36, 0.34)
+    x0 = passage.point[across]
+    corner = _emptiest(axes)
     inset = axes.inset_axes(corner)
     epsilons = np.array([found.epsilon for found in ladder])
     delays = np.array([abs(found.point[across] - x0) for found in ladder])
@@ -138,6 +147,34 @@ def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], acros
     inset.patch.set_alpha(0.9)
 
 
+def _emptiest(axes: Axes) -> tuple[float, float, float, float]:
+    """Where an inset covers least of what is drawn, corners first, in units of the axes."""
+    width, height = 0.33, 0.32
+    corners = [(x, y) for y in (0.6, 0.12, 0.36) for x in (0.1, 0.65, 0.38)]
+    counts = []
+    for x, y in corners:
+        count = 0
+        for line in axes.lines:
+            points = axes.transAxes.inverted().transform(
+                line.get_transform().transform(
+                    np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
+                )
+            )
+            points = points[np.isfinite(points).all(axis=1)]
+            if len(points) > 1:
+                # Evenly along the line, so that steps of an integrator do not weigh more where they are small.
+                length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+                even = np.linspace(0.0, length[-1], 400)
+                points = np.column_stack([np.interp(even, length, points[:, i]) for i in (0, 1)])
+            inside = (np.abs(points[:, 0] - x - width / 2) < width / 2 + 0.09) & (
+                np.abs(points[:, 1] - y - height / 2) < height / 2 + 0.09
+            )
+            count += int(inside.sum())
+        counts.append(count)
+    x, y = corners[int(np.argmin(counts))]
+    return x, y, width, height
+
+
 @chart(height=4.0)
 def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     """The distance from the branch along slow time, in extended and in double precision, with what was expected.
@@ -148,15 +185,13 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     delayed, epsilon = measured.delayed, measured.epsilon
     loss = delayed.loss
     t, distance = measured.extended_distance
-    low = max(NOTHING, 0.1 * float(np.min(distance[distance > NOTHING], initial=measured.radius)))
-    bottom = min(low, 1e-6 * measured.radius)
+    settled = distance[(distance > NOTHING) & (t > 0.1 * loss.t)]
+    bottom = min(0.02 * float(np.min(settled, initial=measured.radius)), 1e-4 * measured.radius)
     top = 30.0 * max(measured.radius, float(distance[0]))
     axes.semilogy(
         *_clipped(*measured.double_distance, top), color=VERMILION, lw=1.5, label="double precision", zorder=3
     )
-    axes.semilogy(
-        *_clipped(t, distance, top), color=BLUE, lw=2.0, label=f"{measured.digits} digits", zorder=4
-    )
+    axes.semilogy(*_clipped(t, distance, top), color=BLUE, lw=2.0, label=f"{measured.digits} digits", zorder=4)
     phi_loss = float(np.interp(loss.t, delayed.times, delayed.phi))
     after = delayed.times >= loss.t
     phi_exit = float(np.interp(delayed.t, delayed.times, delayed.phi))
@@ -164,10 +199,26 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
         grown = measured.radius * np.exp(np.clip((delayed.phi - phi_exit) / epsilon, -600.0, 600.0))
         noisy = np.exp(np.clip((delayed.phi - phi_loss) / epsilon - delayed.rounding, -600.0, 600.0))
     keep = after & (grown < top) & (grown > bottom)
-    axes.semilogy(delayed.times[keep], grown[keep], color=BLUE, lw=0.9, ls=(0, (4, 2)), zorder=2)
+    axes.semilogy(
+        delayed.times[keep],
+        grown[keep],
+        color=BLUE,
+        lw=0.9,
+        ls=(0, (4, 2)),
+        zorder=2,
+        label=r"$\exp(\Phi/\epsilon)$",
+    )
     if measured.expected_double is not None:
         keep = after & (noisy < top) & (noisy > bottom)
-        axes.semilogy(delayed.times[keep], noisy[keep], color=VERMILION, lw=0.9, ls=(0, (1, 2)), zorder=2)
+        axes.semilogy(
+            delayed.times[keep],
+            noisy[keep],
+            color=VERMILION,
+            lw=0.9,
+            ls=(0, (1, 2)),
+            zorder=2,
+            label="from rounding",
+        )
     axes.axhline(measured.radius, color=PALE, lw=1.0, zorder=0)
     marks = [(loss.t, str(loss.kind), GREY), (delayed.t, str(delayed.kind), GREEN)]
     if delayed.buffer is not None and abs(delayed.buffer - delayed.t) > 1e-6:
@@ -180,7 +231,8 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     decades = int(np.ceil(np.log10(top / bottom)))
     powers = np.arange(np.ceil(np.log10(bottom)), np.log10(top), max(1, decades // 7))
     axes.yaxis.set_major_locator(FixedLocator([float(10.0**p) for p in powers]))
-    axes.yaxis.set_minor_locator(LogLocator(subs=()))
+    axes.yaxis.set_minor_locator(FixedLocator([]))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(r"slow time after the entry")
     axes.set_ylabel("distance from $M_0$")
     axes.text(0.015, 0.03, rf"$\epsilon = {epsilon:g}$", transform=axes.transAxes, color=INK, fontsize=10)

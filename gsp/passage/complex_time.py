@@ -2,7 +2,7 @@
 
 Along the reduced orbit x(t), continued to complex t, the formal slow manifold is singular where an eigenvalue lambda of
 g_y vanishes. Near a loss at t_L by a pair +-i omega the slow solution leaves its continuation from the attracting side
-by about exp(Re int lambda/epsilon) taken from the turning point t*, so that no orbit stays longer than to the time t_b with
+by about exp(Re int lambda/epsilon) from the turning point t*, so that no orbit stays longer than to the time t_b with
 
     Re int_(t*)^(t_b) lambda dt = 0,     that is    int_(t_L)^(t_b) Re lambda dt = Re int_(t_L)^(t*) lambda dt,      (1)
 
@@ -12,6 +12,7 @@ Erneux and Rinzel, SIAM J. Appl. Math. 49 (1989) 55-71). The field must be analy
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -103,9 +104,7 @@ class ComplexOrbit:
         system, equations = orbit.branch.system, orbit.equations
         self.m, self.n = len(system.x), len(system.y)
         values = dict(system.parameters)
-        self._field = ComplexFunction(
-            [*equations.f, *equations.E_x, *equations.E_y], system.states, values
-        )
+        self._field = ComplexFunction([*equations.f, *equations.E_x, *equations.E_y], system.states, values)
         self._g_y = ComplexFunction(equations.g_y, system.states, values)
 
     def rate(self, z: np.ndarray) -> np.ndarray:
@@ -165,7 +164,7 @@ class ComplexOrbit:
         step = (end - self.origin) / PANELS
         for _ in range(PANELS):
             values = [tracked]
-            for a, b in zip(nodes[:-1], nodes[1:]):
+            for a, b in itertools.pairwise(nodes):
                 z = self.carry(z, 0.5 * step * (b - a))
                 spectrum = np.linalg.eigvals(self.jacobian(z))
                 tracked = complex(spectrum[np.argmin(np.abs(spectrum - tracked))])

@@ -47,7 +47,7 @@ class ExitKind(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DelayedExit:
-    """How long an orbit stays near `branch` from `start` on: `kind`, the slow time `t` of the exit, its `point` by name.
+    """How long an orbit stays near `branch` from `start` on: `kind`, slow time `t` of the exit, its `point` by name.
 
     `losses` are those met on the way, the first one without stability first; `invariant` whether the branch is
     invariant for epsilon > 0. `depth` = max(-Phi) is what the deviation shrinks by, times epsilon, and `limit` the
@@ -88,7 +88,7 @@ class DelayedExit:
         return None
 
     def time_of_rise(self, amount: float) -> float | None:
-        """The slow time after the loss when Phi has risen by `amount` from there; None when it was not computed so far."""
+        """The slow time when Phi has risen by `amount` since the loss; None when it was not computed so far."""
         loss = self.loss
         level = self._phi_at(loss.t) + amount
         return self._first_time(level, loss.t)
@@ -121,8 +121,8 @@ class DelayedExit:
             return ""
         rise = (self._phi_at(self.t) - self._phi_at(self.loss.t)) / epsilon
         return (
-            f"double precision leaves early at epsilon = {epsilon:g}, near t = {early:.6g} instead of {self.t:.6g}: the "
-            f"deviation falls to exp(-{rise:.1f}), rounding holds exp(-{self.rounding:.1f}). "
+            f"double precision leaves early at epsilon = {epsilon:g}, near t = {early:.6g} instead of {self.t:.6g}: "
+            f"the deviation falls to exp(-{rise:.1f}), rounding holds exp(-{self.rounding:.1f}). "
             f"Use follow(..., digits={int(rise / np.log(10.0)) + 16})."
         )
 
@@ -142,7 +142,7 @@ class DelayedExit:
         }[self.kind]
         extra = ""
         if any(loss.outcome is Outcome.UNDECIDED for loss in self.losses):
-            extra = "; the branch is not invariant, but rho = 0 at the loss: higher orders decide, this is the latest exit"
+            extra = "; the branch is not invariant, but rho = 0 at the loss: higher orders decide, this is the latest"
         elif self.kind is ExitKind.ENTRY_EXIT and not self.invariant:
             missing = [loss for loss in self.losses if loss.eigenvalue.imag and not loss.turning_points]
             extra = "; no turning point was found, so there may be a buffer point before" if missing else ""
@@ -168,7 +168,10 @@ class DelayedExit:
         return f"DelayedExit({self.message})"
 
     def __str__(self) -> str:
-        lines = [f"passage along {self.branch}", "  from " + ", ".join(f"{k} = {v:.8g}" for k, v in self.start.items())]
+        lines = [
+            f"passage along {self.branch}",
+            "  from " + ", ".join(f"{k} = {v:.8g}" for k, v in self.start.items()),
+        ]
         lines += [f"  {loss}" for loss in self.losses]
         lines += [f"  another eigenvalue takes over at t = {t:.8g}" for t in self.takeovers]
         if self.buffer is not None:
@@ -188,7 +191,8 @@ def entry_exit(
     """Where an orbit that comes to `branch` over the slow variables `start` leaves it after a loss of stability.
 
     The reduced orbit is followed through the losses for at most `longest` in slow time, and while it stays in `region`
-    (states by name). An implicit branch needs its sheet fixed. Any number of slow and of fast variables.
+    (states by name). An implicit branch needs its sheet fixed. Any number of slow and of fast variables; several
+    fast modes are taken to be coupled, as they are by eigenvectors that turn, so that the rightmost eigenvalue counts.
 
     Raises `PassageError` where the branch does not attract at the start, and where it ends (a fold);
     `UnsupportedFunctionError` when a pair is lost and the field is not analytic; `DeclarationError` for arguments that
@@ -305,7 +309,7 @@ class _Passage:
         if self.pieces:
             values = np.concatenate([self.pieces[-1].eigenvalue[-1:], values])
         scale = 1e-9 * (1.0 + np.abs(values).max())
-        kinds = np.abs(values.imag) > scale
+        kinds = np.abs(np.imag(values)) > scale
         times = piece.t if len(values) == len(piece.t) else np.concatenate([piece.t[:1], piece.t])
         for i in np.flatnonzero(kinds[1:] != kinds[:-1]):
             self._note(float(times[i + 1]))
@@ -338,7 +342,9 @@ class _Passage:
             start=MappingProxyType(dict(zip(names, map(float, self.start)))),
             kind=kind,
             t=t,
-            point=MappingProxyType(dict(zip(names, (0.0 if abs(v) < small else float(v) for v in orbit.at(t))))),
+            point=MappingProxyType(
+                dict(zip(names, (0.0 if abs(v) < small else float(v) for v in orbit.at(t))))
+            ),
             losses=tuple(self.losses),
             invariant=self.invariant,
             depth=self.depth,

@@ -1,4 +1,4 @@
-"""A delayed exit, measured: the full system in double precision and, to as many digits as it takes, in extended precision."""
+"""A delayed exit, measured: the full system in double precision, and to as many digits as the passage takes."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def measure_delay(
 ) -> MeasuredDelay:
     """Both runs from `delayed.start`, or from `start` (every state), to the first distance `radius` after the loss.
 
-    Without `start` the fast variables begin on the branch, or, where it is invariant, at distance `radius` from it along
-    the first of them. `digits` are chosen from the depth of the passage unless given. The branch must be explicit.
+    Without `start` the fast variables begin on the branch, or, where it is invariant, at distance `radius` from it
+    along the first of them. `digits` are chosen from the passage's depth unless given. The branch must be explicit.
     Raises `PassageError` for a passage without an exit and for an implicit branch.
     """
     small = check_epsilon(epsilon)

@@ -1,4 +1,4 @@
-"""Where an orbit drops to from a fold: the layer flow y' = g(x_0, y, 0) along the unstable side of the centre direction."""
+"""Where an orbit drops to from a fold: the layer flow y' = g(x_0, y, 0), out along the centre direction."""
 
 from __future__ import annotations
 
@@ -74,9 +74,7 @@ def drop_from(
     """The drop over `x` from the fold `y` along `direction`, on y + direction v + bending v^2, v' = `rate` v^2."""
     rates = [laurent(g, system.epsilon, order=0).get(0, sp.Integer(0)) for g in system.g]
     fixed = {s: exact(float(value)) for s, value in zip(system.x, x)}
-    layer = VectorField(
-        dict(zip(system.y, rates)), epsilon=None, parameters={**system.parameters, **fixed}
-    )
+    layer = VectorField(dict(zip(system.y, rates)), epsilon=None, parameters={**system.parameters, **fixed})
     names = [s.name for s in system.y]
     n, scale = len(y), 1.0 + float(np.linalg.norm(y))
     v = BEGINNING * scale

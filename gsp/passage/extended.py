@@ -1,7 +1,7 @@
 """Orbits in extended precision, by Taylor series: for passages that double precision cannot hold.
 
-A delayed exit depends on deviations of size exp(-c/epsilon). Each step sums the Taylor series of the orbit, of an order in
-proportion to the digits, computed coefficient by coefficient in ball arithmetic whose radii are dropped after the step
+A delayed exit depends on deviations of size exp(-c/epsilon). Each step sums the Taylor series of the orbit, of an order
+in proportion to the digits, coefficient by coefficient in ball arithmetic whose radii are dropped after the step
 (Jorba and Zou, Experimental Mathematics 14 (2005) 99-117, for the choice of order and step).
 """
 
@@ -29,13 +29,15 @@ from gsp.system import SlowFastSystem
 STEP_LIMIT = 20000
 # Places in a step where the sign of `until` is looked at.
 LOOKS = 8
+# Points recorded in a step.
+SAMPLES = 4
 # An orbit farther from 0 than this has escaped.
 FAR = 1e30
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExtendedOrbit:
-    """An orbit of `system` computed to `digits` digits: `t` (k,) and `y` (n, k), rounded to doubles at the steps' ends.
+    """An orbit of `system` to `digits` digits: `t` (k,) and `y` (n, k), rounded to doubles, four points a step.
 
     `time` and `end` (by name) are the last time and state to all digits, `watched` (k,) by name what was asked to be
     watched, computed in extended precision before it is rounded.
@@ -59,7 +61,9 @@ class ExtendedOrbit:
             return self.watched[name]
         names = [s.name for s in self.system.states]
         if name not in names:
-            raise DeclarationError(f'"{name}" is no state and was not watched. Those are {[*names, *self.watched]}.')
+            raise DeclarationError(
+                f'"{name}" is no state and was not watched. Those are {[*names, *self.watched]}.'
+            )
         return self.y[names.index(name)]
 
     @property
@@ -86,8 +90,9 @@ def follow(
 ) -> ExtendedOrbit:
     """The orbit from `start` over `span` in extended precision, up to where `until` changes its sign.
 
-    `start` gives numbers, or their digits as text; a float counts as the decimal that prints it. `until` counts
-    only from the time `after` on, if that is given; it and the values of `watch` are expressions in the states. Raises `DeclarationError` for arguments that are not well formed.
+    `start` gives numbers, or their digits as text; a float counts as the decimal that prints it. `until` counts only
+    from the time `after` on, if that is given; it and the values of `watch` are expressions in the states. Raises
+    `DeclarationError` for arguments that are not well formed.
 
     >>> from gsp import SlowFastSystem
     >>> x, y, eps = sp.symbols("x y epsilon")
@@ -104,9 +109,15 @@ def follow(
     complete({name: float(value) for name, value in given.items()}, system.states, what="start")
     small = exact(epsilon)
     for what, e in {"until": until, **{f"watch[{name!r}]": e for name, e in (watch or {}).items()}}.items():
-        unknown = set() if e is None else sp.sympify(e, strict=True).free_symbols - {*system.states, *system.parameters}
+        unknown = (
+            set()
+            if e is None
+            else sp.sympify(e, strict=True).free_symbols - {*system.states, *system.parameters}
+        )
         if unknown:
-            raise DeclarationError(f"{what} contains {', '.join(map(str, unknown))}, which is no state. Got {e}.")
+            raise DeclarationError(
+                f"{what} contains {', '.join(map(str, unknown))}, which is no state. Got {e}."
+            )
     with precision(int(digits * 3.33) + 40):
         taylor = _Taylor(system, small, digits, until, dict(watch or {}))
         return taylor.run(given, exact(first), exact(last), exact(first if after is None else float(after)))
@@ -142,12 +153,13 @@ class _Taylor:
         direction = 1 if last > first else -1
         stops = [armed, end] if direction * (after - first) > 0 and direction * (last - after) > 0 else [end]
         times, rows = [float(t.mid())], [[_double(v) for v in state]]
-        watched: dict[str, list[float]] = {name: [] for name in self.watch}
-        status, met, steps = Status.TOO_MANY_STEPS, False, 0
+        self._series(state, order=0)
+        watched = {name: [_double(self._coefficients(node)[0])] for name, node in self.watch.items()}
+        status, met, steps, ahead = Status.TOO_MANY_STEPS, False, 0, state
         exponent = -self.digits - 5
-        for steps in range(1, STEP_LIMIT + 1):
+        while steps < STEP_LIMIT:
+            steps += 1
             series = self._series(state)
-            self._note(watched, self.watch)
             h = direction * self._step(series, state, exponent)
             remaining = (stops[0] - t).mid()
             arrived = bool(abs(h) >= abs(remaining))
@@ -158,19 +170,20 @@ class _Taylor:
                 arrived = False
             if event is not None:
                 h, met = event, True
-            ahead = [_horner(row, h) for row in series]
-            t = (t + h).mid()
-            state = ahead
-            times.append(float(t))
-            rows.append([_double(v) for v in state])
+            for part in range(1, SAMPLES + 1):
+                within = (h * part / SAMPLES).mid()
+                ahead = [_horner(row, within) for row in series]
+                times.append(float((t + within).mid()))
+                rows.append([_double(v) for v in ahead])
+                for name, node in self.watch.items():
+                    watched[name].append(_double(_horner(self._coefficients(node), within)))
+            t, state = (t + h).mid(), ahead
             if met or arrived:
                 status = Status.SUCCESS
                 break
             if not all(v.is_finite() and abs(v) < FAR for v in state):
                 status = Status.NON_FINITE
                 break
-        self._series(state, order=0)
-        self._note(watched, self.watch)
         return ExtendedOrbit(
             self.system,
             self.epsilon,
@@ -215,7 +228,7 @@ class _Taylor:
         """The first time within the step where `until` changes its sign, by its own Taylor series."""
         if self.until is None:
             return None
-        coefficients = [node[0].mid() for node in self.until.coefficients[: self.order + 1]]  # pyright: ignore
+        coefficients = self._coefficients(self.until)
         before = coefficients[0]
         for look in range(1, LOOKS + 1):
             ahead = _horner(coefficients, h * look / LOOKS)
@@ -236,9 +249,8 @@ class _Taylor:
             before = ahead
         return None
 
-    def _note(self, watched: dict[str, list[float]], nodes: Mapping[str, Any]) -> None:
-        for name, node in nodes.items():
-            watched[name].append(_double(node.coefficients[0][0]))
+    def _coefficients(self, node: Any) -> list[Any]:
+        return [c[0].mid() for c in node.coefficients[: self.order + 1]]
 
     def _float(self, value: Any) -> sp.Float:
         return sp.Float(value.mid().str(self.digits + 5, radius=False), self.digits)

@@ -6,22 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy as sp
 
+from gsp.continuation.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Point, check_epsilon, complete, named
 from gsp.integrators import Method
-from gsp.lowering import compile_flow, parameter_vector
+from gsp.laurent import laurent
+from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.passage.failure import PassageError
 from gsp.passage.folds import FoldPassage, omega0
-from gsp.continuation.layer_problem import LayerProblem
-from gsp.laurent import laurent
-from gsp.lowering import compile_function
 from gsp.trajectory import Trajectory, integrate
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).
 FORGOTTEN = 60.0
-# Steps along the reduced orbit upstream of the fold, as a share of where the start is expected, and their number at most.
+# Steps along the reduced orbit upstream, as a share of the distance expected (fourth order: 1e-10), and their number.
 STEP, STEPS = 0.01, 10000
 # How often the span is lengthened until the section is met.
 LENGTHENINGS = 6
@@ -121,7 +119,13 @@ def fold_exit(
     run, crossing = None, None
     for _ in range(LENGTHENINGS):
         run = integrate(
-            system, start=named_start, span=(0.0, span), epsilon=small, rtol=rtol, atol=atol, method=Method.RADAU13
+            system,
+            start=named_start,
+            span=(0.0, span),
+            epsilon=small,
+            rtol=rtol,
+            atol=atol,
+            method=Method.RADAU13,
         )
         crossing = _crossing(passage, run, column, value)
         if crossing is not None or not run.status.ok:
@@ -284,8 +288,8 @@ def _section(passage: FoldPassage, section: Mapping[str, float] | None) -> tuple
     i = names.index(name)
     if (value - passage.y0[i]) * passage.right[i] * np.sign(passage.a) <= 0.0:
         raise DeclarationError(
-            f"the section {name} = {value:g} is not beyond the fold, {name} = {passage.y0[i]:.6g}. Orbits leave towards "
-            f"{'larger' if passage.right[i] * passage.a > 0 else 'smaller'} {name}; take it there."
+            f"the section {name} = {value:g} is not beyond the fold, {name} = {passage.y0[i]:.6g}. Orbits leave "
+            f"towards {'larger' if passage.right[i] * passage.a > 0 else 'smaller'} {name}; take it there."
         )
     return name, value
 
@@ -317,7 +321,13 @@ def _located(
     for _ in range(4):
         if t > first:
             short = integrate(
-                run.flow, start=start, span=(first, t), epsilon=epsilon, rtol=rtol, atol=atol, method=Method.RADAU13
+                run.flow,
+                start=start,
+                span=(first, t),
+                epsilon=epsilon,
+                rtol=rtol,
+                atol=atol,
+                method=Method.RADAU13,
             )
             z = short.y[:, -1]
         change = (z[column] - value) / compiled.rates(z, p)[column]

@@ -109,9 +109,8 @@ class FoldPassage:
         lines = ["passage through the fold at " + ", ".join(f"{n} = {v:.10g}" for n, v in self.point.items())]
         lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {omega0():.12g}")
         for name, start, first, second in zip(names, self.x0, self.leading, self.logarithmic):
-            lines.append(
-                f"  {name:>{width}} = {start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon + O(epsilon)"
-            )
+            terms = f"{start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon"
+            lines.append(f"  {name:>{width}} = {terms} + O(epsilon)")
         lines.append(f"  {self.drop}")
         return "\n".join(lines)
 

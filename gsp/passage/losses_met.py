@@ -7,10 +7,11 @@ With u = l . (y - h_0) the deviation along the critical direction of a real loss
 where rho = l . (g_1 - Dh_0 f) says how far the branch is from invariant. If the branch is invariant for epsilon > 0 the
 exit is delayed. If rho != 0 it is not:
 
-- q != 0, transcritical: with X = q u + kappa t/2, Y = kappa t/2 this is epsilon X' = X^2 - Y^2 + lambda epsilon kappa/2,
-  lambda = 1 + 2 q rho/kappa; lambda < 1 exchanges stability with the other branch, lambda > 1 escapes at
-  t = z (2 epsilon/kappa)^(1/2), z the first zero of the parabolic cylinder function D_((lambda-1)/2)(-sqrt(2) z), and lambda = 1
-  is the canard value (Krupa and Szmolyan, Nonlinearity 14 (2001) 1473-1491, Theorem 2.1);
+- q != 0, transcritical: with X = q u + kappa t/2, Y = kappa t/2 this is
+  epsilon X' = X^2 - Y^2 + lambda epsilon kappa/2, lambda = 1 + 2 q rho/kappa; lambda < 1 exchanges stability with the
+  other branch, lambda > 1 escapes at t = z (2 epsilon/kappa)^(1/2), z the first zero of the parabolic cylinder function
+  D_((lambda - 1)/2)(-sqrt(2) z), and lambda = 1 is the canard value (Krupa and
+  Szmolyan, Nonlinearity 14 (2001) 1473-1491, Theorem 2.1);
 - q = 0, p < 0, supercritical pitchfork: the orbit settles on the branch on the side of rho (their Theorem 4.1);
   p > 0: it escapes to that side.
 """
@@ -20,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -98,7 +100,8 @@ def first_zero(value: float) -> float | None:
     if not change.size:
         return None
     i = int(change[0])
-    return float(brentq(lambda s: pbdv(order, -np.sqrt(2.0) * s)[0], z[i], z[i + 1], xtol=1e-14))
+    found: Any = brentq(lambda s: pbdv(order, -np.sqrt(2.0) * s)[0], z[i], z[i + 1], xtol=1e-14)
+    return float(found)
 
 
 def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool) -> PassedLoss:
@@ -113,13 +116,28 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
     if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9:
         if invariant:
             return PassedLoss(
-                t, point, SpecialKind.HOPF, leading, crossing, Outcome.DELAY, float("inf"), {"omega": leading.imag}
+                t,
+                point,
+                SpecialKind.HOPF,
+                leading,
+                crossing,
+                Outcome.DELAY,
+                float("inf"),
+                {"omega": leading.imag},
             )
         with np.errstate(all="ignore"):
             found = turning_points(orbit, t, leading)
         limit = found[0].level if found else float("inf")
         return PassedLoss(
-            t, point, SpecialKind.HOPF, leading, crossing, Outcome.DELAY, limit, {"omega": leading.imag}, tuple(found)
+            t,
+            point,
+            SpecialKind.HOPF,
+            leading,
+            crossing,
+            Outcome.DELAY,
+            limit,
+            {"omega": leading.imag},
+            tuple(found),
         )
     coefficients = _real_coefficients(orbit, z, crossing)
     transcritical = "lambda" in coefficients

@@ -204,7 +204,7 @@ class SlowOrbit:
         if not np.isfinite(matrices).all():
             raise PassageError(f"the fast Jacobian is not finite along the orbit, near {self.shown(z[0])}.")
         values = np.linalg.eigvals(matrices).astype(complex)
-        order = np.lexsort((-values.imag, -values.real), axis=1)
+        order = np.lexsort((-np.imag(values), -np.real(values)), axis=1)
         return np.take_along_axis(values, order, axis=1)
 
     def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
@@ -221,7 +221,7 @@ class SlowOrbit:
         half = 0.5 * (last - first)
         t = first + half * (nodes + 1.0)
         leading = self.eigenvalues(panel.at(t))[:, 0]
-        values = leading.real
+        values = np.real(leading)
         if depth == 0 or tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max()):
             return [Piece(t, values, leading, half * (S @ values))]
         middle = first + half
