@@ -34,6 +34,8 @@ ROUNDING = float(-np.log(np.finfo(float).eps / 2.0))
 UNDERFLOW = float(-np.log(np.finfo(float).tiny))
 # The branch counts as invariant when its residual is below this, relative to its terms, at these epsilons.
 INVARIANT, TRIED = 1e-10, (0.37, 0.11)
+# Takeovers nearer than this in slow time are one.
+SAME = 1e-6
 
 
 class ExitKind(StrEnum):
@@ -49,11 +51,10 @@ class ExitKind(StrEnum):
 class DelayedExit:
     """How long an orbit stays near `branch` from `start` on: `kind`, slow time `t` of the exit, its `point` by name.
 
-    `losses` are those met on the way, the first one without stability first; `invariant` whether the branch is
-    invariant for epsilon > 0. `depth` = max(-Phi) is what the deviation shrinks by, times epsilon, and `limit` the
-    least that Phi can rise after a loss, from the losses' side; `times`, `phi` and `eigenvalues` (k,) sample (1) for
-    charts, and `takeovers` are the times where another eigenvalue becomes the rightmost. Without an exit `t` is the
-    last time reached and `status` says why.
+    `losses` are those met on the way, in order; `invariant` says whether the branch is invariant for epsilon > 0.
+    `depth` = max(-Phi): a deviation shrinks by exp(-depth/epsilon). `times`, `phi` and `eigenvalues` (k,) sample (1)
+    for charts, and `takeovers` are the times where another eigenvalue becomes the rightmost, or two real ones become a
+    pair. Without an exit `t` is the last time reached and `status` says why.
     """
 
     branch: Branch
@@ -247,6 +248,8 @@ class _Passage:
             self.invariant = self.invariant and is_invariant(self.orbit, panel.z)
             for piece in self.orbit.pieces(panel):
                 found = self._piece(piece)
+                if found is not None and self._outside(self.orbit.at(found)):
+                    return self._finish(found, ExitKind.NONE, Status.REGION_LEFT)
                 if found is not None:
                     self._look_ahead(found)
                     return self._finish(found, self.kind, Status.SUCCESS)
@@ -276,7 +279,8 @@ class _Passage:
 
     def _piece(self, piece: Piece) -> float | None:
         """Take in one piece; the time of the exit when it is on it."""
-        self._watch(piece)
+        if piece.has_kink and all(abs(piece.t[0] - other) > SAME for other in self.takeovers):
+            self.takeovers.append(float(0.5 * (piece.t[0] + piece.t[-1])))
         before = self.phi
         self.pieces.append(piece)
         self.ends.append(before)
@@ -302,29 +306,6 @@ class _Passage:
         if here + loss.limit < self.level:
             self.level = here + loss.limit
             self.kind = ExitKind.AT_LOSS if loss.limit == 0.0 else ExitKind.BUFFER
-
-    def _watch(self, piece: Piece) -> None:
-        """Note where the rightmost eigenvalue is not the one that it was: another crosses it, or a pair is born."""
-        values = piece.eigenvalue
-        if self.pieces:
-            values = np.concatenate([self.pieces[-1].eigenvalue[-1:], values])
-        scale = 1e-9 * (1.0 + np.abs(values).max())
-        kinds = np.abs(np.imag(values)) > scale
-        times = piece.t if len(values) == len(piece.t) else np.concatenate([piece.t[:1], piece.t])
-        for i in np.flatnonzero(kinds[1:] != kinds[:-1]):
-            self._note(float(times[i + 1]))
-        if len(self.orbit.branch.system.y) > 1:
-            for i in range(1, len(piece.t)):
-                spectrum = self.orbit.eigenvalues(self.orbit.at(float(piece.t[i]))[None, :])[0]
-                same = spectrum[np.argmin(np.abs(spectrum - piece.eigenvalue[i - 1]))]
-                if same.real < spectrum[0].real - 1e-7 * (1.0 + np.abs(spectrum).max()) and abs(
-                    same - piece.eigenvalue[i - 1]
-                ) < 0.5 * abs(same - spectrum[0]):
-                    self._note(float(piece.t[i]))
-
-    def _note(self, t: float) -> None:
-        if all(abs(t - other) > 1e-5 * (1.0 + abs(t)) for other in self.takeovers):
-            self.takeovers.append(t)
 
     def _outside(self, z: np.ndarray) -> bool:
         names = [s.name for s in self.orbit.branch.system.states]

@@ -168,4 +168,6 @@ def _distances(delayed: DelayedExit, run: Trajectory) -> np.ndarray:
         epsilon=system.epsilon,
         parameters=tuple(system.parameters),
     )
-    return np.linalg.norm(function(run.y.T, compile_flow(system).constants), axis=1)
+    # A run that escapes may be too far away for its square.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.linalg.norm(function(run.y.T, compile_flow(system).constants), axis=1)

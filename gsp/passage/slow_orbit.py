@@ -29,7 +29,9 @@ RESOLVED = 2e-14
 # Panels are halved so often where a rightmost real part has a kink: 2^-24 of a panel, whose square is rounding.
 CUTS = 24
 # The first panel in units of (1 + |x|)/|f|, and the factor by which panels grow.
-FIRST, GROWTH, HALVINGS = 0.05, 1.5, 30
+FIRST, GROWTH = 0.05, 1.5
+# Panels this much shorter than the first one run into the end of the branch.
+SHORTEST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +98,13 @@ class Panel:
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A panel or part of one on which the rightmost real part is resolved: nodes `t`, `values` of it (m,),
-    the eigenvalue itself (m,), and its primitive from the left end (m,)."""
+    the eigenvalue itself (m,), and the primitive of `values` from the left end (m,); `has_kink` when not resolved."""
 
     t: np.ndarray
     values: np.ndarray
     eigenvalue: np.ndarray
     primitive: np.ndarray
+    has_kink: bool = False
 
 
 class SlowOrbit:
@@ -121,7 +124,7 @@ class SlowOrbit:
             raise PassageError(
                 f"the reduced flow stands still at the start, {self.shown(self.state)}. Start where it moves."
             )
-        self._length = FIRST * (1.0 + float(np.linalg.norm(x))) / speed
+        self._length = self._first = FIRST * (1.0 + float(np.linalg.norm(x))) / speed
         graph = branch.graph
         fixed = dict(system.parameters)
         if graph is not None:
@@ -138,7 +141,7 @@ class SlowOrbit:
     def advance(self) -> Panel:
         """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
         nodes = chebyshev()[0]
-        for _ in range(HALVINGS):
+        while self._length >= SHORTEST * self._first:
             times = self.end + 0.5 * self._length * (nodes + 1.0)
             z = self._sampled(times)
             if z is not None:
@@ -222,8 +225,9 @@ class SlowOrbit:
         t = first + half * (nodes + 1.0)
         leading = self.eigenvalues(panel.at(t))[:, 0]
         values = np.real(leading)
-        if depth == 0 or tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max()):
-            return [Piece(t, values, leading, half * (S @ values))]
+        resolved = tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max())
+        if resolved or depth == 0:
+            return [Piece(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
         return self._cut(panel, first, middle, depth - 1) + self._cut(panel, middle, last, depth - 1)
 
