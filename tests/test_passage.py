@@ -388,9 +388,9 @@ def test_the_buffer_point_agrees_with_an_independent_quadrature() -> None:
 
 def test_measured_exits_of_a_nonlinear_passage_tend_to_the_buffer_point() -> None:
     found = entry_exit(ZERO, start={"t": -1.8, "s": 1})
-    gaps = [float(measure_delay(found, epsilon=e, radius=0.3).exit) - found.t for e in (0.04, 0.01)]
-    assert abs(gaps[1]) < 0.02
-    assert abs(gaps[1]) < 0.5 * abs(gaps[0])
+    gaps = [float(measure_delay(found, epsilon=e, radius=0.3).exit) - found.t for e in (0.04, 0.02)]
+    assert abs(gaps[1]) < 0.04
+    assert abs(gaps[1]) < 0.7 * abs(gaps[0])
 
 
 def test_a_pair_in_a_field_that_is_not_analytic_is_refused() -> None:

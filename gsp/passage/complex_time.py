@@ -13,7 +13,8 @@ Erneux and Rinzel, SIAM J. Appl. Math. 49 (1989) 55-71). The field must be analy
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,51 +49,57 @@ class TurningPoint:
 
 
 class ComplexFunction:
-    """Expressions as functions of complex values of `symbols`, evaluated node by node."""
+    """Expressions as functions of complex values of `symbols`: each different node once, in the order of need."""
 
     def __init__(self, outputs: Sequence[sp.Expr], symbols: Sequence[sp.Symbol], values: dict) -> None:
-        self.outputs = [sp.sympify(e, strict=True).xreplace(values) for e in outputs]
-        self.symbols = tuple(symbols)
-        for e in self.outputs:
-            self._check(e)
+        self._places: dict[sp.Expr, int] = {symbol: i for i, symbol in enumerate(symbols)}
+        self._nodes: list[tuple[Callable[..., complex], tuple[int, ...]]] = []
+        self._inputs = len(self._places)
+        self._outputs = [self._place(sp.sympify(e, strict=True).xreplace(values)) for e in outputs]
 
-    def _check(self, e: sp.Expr) -> None:
-        for piece in sp.preorder_traversal(e):
-            if piece.is_Symbol or piece.is_Add or piece.is_Mul or piece.is_number or piece.is_Pow:
-                continue
-            if parts(piece)[0] not in _NUMPY:
-                raise UnsupportedFunctionError(
-                    f"{piece} cannot be continued to complex time. The functions that can are {', '.join(_NUMPY)}. "
-                    "A passage with a pair of complex eigenvalues needs an analytic field."
-                )
+    def _place(self, e: sp.Expr) -> int:
+        if e not in self._places:
+            node = self._node(e)
+            self._places[e] = self._inputs + len(self._nodes)
+            self._nodes.append(node)
+        return self._places[e]
+
+    def _node(self, e: sp.Expr) -> tuple[Callable[..., complex], tuple[int, ...]]:
+        if e.is_number:
+            number = complex(e)
+            return (lambda: number), ()
+        if e.is_Add or e.is_Mul:
+            return (_sum if e.is_Add else _product), tuple(self._place(a) for a in e.args)
+        if e.is_Pow and e.exp.is_Integer:
+            exponent = int(e.exp)
+            return (lambda base: base**exponent), (self._place(e.base),)
+        if e.is_Pow and not isinstance(e, sp.exp):
+            return operator.pow, (self._place(e.base), self._place(e.exp))
+        name, operands = parts(e)
+        if name not in _NUMPY:
+            raise UnsupportedFunctionError(
+                f"{e} cannot be continued to complex time. The functions that can are {', '.join(_NUMPY)}. "
+                "A passage with a pair of complex eigenvalues needs an analytic field."
+            )
+        return _NUMPY[name], (self._place(operands[0]),)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Values (k,) at one complex point (n,)."""
-        known: dict[sp.Expr, complex] = dict(zip(self.symbols, z))
+        known = [complex(value) for value in z]
+        for function, places in self._nodes:
+            known.append(function(*[known[i] for i in places]))
+        return np.array([known[i] for i in self._outputs], dtype=complex)
 
-        def value(e: sp.Expr) -> complex:
-            if e not in known:
-                known[e] = fresh(e)
-            return known[e]
 
-        def fresh(e: sp.Expr) -> complex:
-            if e.is_number:
-                return complex(e)
-            if e.is_Add:
-                return sum((value(a) for a in e.args), 0j)
-            if e.is_Mul:
-                product = 1 + 0j
-                for a in e.args:
-                    product *= value(a)
-                return product
-            if isinstance(e, sp.exp):
-                return np.exp(value(e.args[0]))
-            if e.is_Pow:
-                exponent = int(e.exp) if e.exp.is_Integer else value(e.exp)
-                return value(e.base) ** exponent
-            return _NUMPY[parts(e)[0]](value(e.args[0]))
+def _sum(*values: complex) -> complex:
+    return sum(values, 0j)
 
-        return np.array([value(e) for e in self.outputs], dtype=complex)
+
+def _product(*values: complex) -> complex:
+    result = 1 + 0j
+    for value in values:
+        result *= value
+    return result
 
 
 class ComplexOrbit:
