@@ -357,7 +357,7 @@ def test_without_forcing_there_is_no_buffer_point() -> None:
 CURVED = system(
     {t: 1 + t / 4, s: -s / 2},
     {
-        x: (t + s * t / 3) * x - (1 + t / 3) * y - x * (x**2 + y**2) + eps * sp.cos(t),
+        x: (t + s * t / 3) * x - (1 + t / 3) * y - x * (x**2 + y**2) + eps * (1 + t / 2),
         y: (1 + t / 3) * x + (t + s * t / 3) * y - y * (x**2 + y**2),
     },
 )
@@ -388,9 +388,41 @@ def test_the_buffer_point_agrees_with_an_independent_quadrature() -> None:
 
 def test_measured_exits_of_a_nonlinear_passage_tend_to_the_buffer_point() -> None:
     found = entry_exit(ZERO, start={"t": -1.8, "s": 1})
-    gaps = [float(measure_delay(found, epsilon=e, radius=0.3).exit) - found.t for e in (0.04, 0.02)]
-    assert abs(gaps[1]) < 0.04
+    gaps = [float(measure_delay(found, epsilon=e, radius=0.3).exit) - found.t for e in (0.05, 0.025)]
+    assert abs(gaps[1]) < 0.05
     assert abs(gaps[1]) < 0.7 * abs(gaps[0])
+
+
+def test_a_critical_manifold_that_folds_over_complex_time_sets_the_buffer_point() -> None:
+    # FitzHugh and Nagumo's equations with a ramp: det g_y = 0 at v = i/2, I = 7/8 + i/12, a complex fold of M0.
+    u, v, current = sp.symbols("u v I")
+    ramp = system({current: 1}, {v: v - v**3 / 3 - u + current, u: R(1, 2) * (v + R(7, 10) - R(4, 5) * u)})
+    sheet = branch(ramp, {"I": -0.2, "v": -1.3, "u": -0.76})
+    found = entry_exit(sheet, start={"I": -0.2})
+    assert found.kind is ExitKind.BUFFER
+    turning = found.loss.turning_points[0].t - 0.2
+    assert complex(turning.real, abs(turning.imag)) == pytest.approx(7 / 8 + 1j / 12, abs=1e-10)
+
+    # On M0 with v as the variable, dI = (v^2 + 1/4) dv.
+    def rate(q):
+        trace, determinant = 1 - q**2 - mp.mpf("0.4"), (q**2 - 1) * mp.mpf("0.4") + mp.mpf("0.5")
+        # The root that vanishes at i/2, and is continuous on the way there.
+        return (trace - mp.sqrt(trace**2 - 4 * determinant)) / 2 * (q**2 + mp.mpf("0.25"))
+
+    hopf = -mp.sqrt(mp.mpf("0.6"))
+    level = mp.re(mp.quad(rate, [hopf, mp.mpc(0, 0.5)]))
+    exit = mp.findroot(lambda q: mp.re(mp.quad(rate, [hopf, q])) - level, 0.03)
+    assert found.point["v"] == pytest.approx(float(exit), abs=1e-8)
+    run = follow(
+        ramp,
+        start=found.start,
+        span=(0, 2),
+        epsilon=0.004,
+        digits=40,
+        until=(v + R(7, 10) - R(4, 5) * u) ** 2 - R(1, 25),
+        after=found.loss.t,
+    )
+    assert float(run.time) == pytest.approx(found.t, abs=0.06)
 
 
 def test_a_pair_in_a_field_that_is_not_analytic_is_refused() -> None:

@@ -34,8 +34,8 @@ ROUNDING = float(-np.log(np.finfo(float).eps / 2.0))
 UNDERFLOW = float(-np.log(np.finfo(float).tiny))
 # The branch counts as invariant when its residual is below this, relative to its terms, at these epsilons.
 INVARIANT, TRIED = 1e-10, (0.37, 0.11)
-# Takeovers nearer than this in slow time are one.
-SAME = 1e-6
+# Takeovers nearer than this in slow time are one: where two eigenvalues meet they are known to the root of rounding.
+SAME = 1e-4
 
 
 class ExitKind(StrEnum):
@@ -279,7 +279,7 @@ class _Passage:
 
     def _piece(self, piece: Piece) -> float | None:
         """Take in one piece; the time of the exit when it is on it."""
-        if piece.has_kink and all(abs(piece.t[0] - other) > SAME for other in self.takeovers):
+        if piece.has_kink and all(abs(piece.t[0] - other) > SAME * (1.0 + other) for other in self.takeovers):
             self.takeovers.append(float(0.5 * (piece.t[0] + piece.t[-1])))
         before = self.phi
         self.pieces.append(piece)
