@@ -66,13 +66,13 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
         )  # fmt: skip
     axes.axhline(value, color=PALE, lw=1.0, zorder=0)
     axes.text(
-        0.995,
+        0.995 if passage.slow_rate[0] > 0.0 else 0.005,
         value,
         "section",
         transform=axes.get_yaxis_transform(),
         color=GREY,
         fontsize=8,
-        ha="right",
+        ha="right" if passage.slow_rate[0] > 0.0 else "left",
         va="bottom",
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
     )
@@ -127,7 +127,16 @@ def _critical_lines(passage: FoldPassage, axes: Axes, xs: tuple[float, float], y
 def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], across: str) -> None:
     """The distance of the exits from the fold against epsilon, and its leading term, in the emptiest corner."""
     x0 = passage.point[across]
-    corner = _emptiest(axes)
+    corner, covered = _emptiest(axes)
+    if covered:
+        # Room on the side that orbits come from.
+        low, high = axes.get_ylim()
+        room = 0.32 * (high - low)
+        upwards = (
+            passage.y0[[s.name for s in passage.system.y].index(ladder[0].section[0])] < ladder[0].section[1]
+        )
+        axes.set_ylim(low - room * upwards, high + room * (not upwards))
+        corner, _ = _emptiest(axes)
     inset = axes.inset_axes(corner)
     epsilons = np.array([found.epsilon for found in ladder])
     delays = np.array([abs(found.point[across] - x0) for found in ladder])
@@ -147,14 +156,17 @@ def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], acros
     inset.patch.set_alpha(0.9)
 
 
-def _emptiest(axes: Axes) -> tuple[float, float, float, float]:
-    """Where an inset covers least of what is drawn, corners first, in units of the axes."""
-    width, height = 0.33, 0.32
-    corners = [(x, y) for y in (0.6, 0.12, 0.36) for x in (0.1, 0.65, 0.38)]
+def _emptiest(axes: Axes) -> tuple[tuple[float, float, float, float], int]:
+    """Where an inset and its labels cover least of what is drawn, in units of the axes, and how much."""
+    width, height = 0.3, 0.26
+    corners = [(x, y) for y in np.linspace(0.66, 0.1, 15) for x in np.linspace(0.1, 0.69, 15)]
     counts = []
     for x, y in corners:
         count = 0
         for line in axes.lines:
+            # The section may be covered.
+            if line.get_color() == PALE:
+                continue
             points = axes.transAxes.inverted().transform(
                 line.get_transform().transform(
                     np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
@@ -164,15 +176,14 @@ def _emptiest(axes: Axes) -> tuple[float, float, float, float]:
             if len(points) > 1:
                 # Evenly along the line, so that steps of an integrator do not weigh more where they are small.
                 length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-                even = np.linspace(0.0, length[-1], 400)
+                even = np.arange(0.0, length[-1], 0.01)
                 points = np.column_stack([np.interp(even, length, points[:, i]) for i in (0, 1)])
-            inside = (np.abs(points[:, 0] - x - width / 2) < width / 2 + 0.09) & (
-                np.abs(points[:, 1] - y - height / 2) < height / 2 + 0.09
-            )
+            inside = (points[:, 0] > x - 0.1) & (points[:, 0] < x + width + 0.02)
+            inside &= (points[:, 1] > y - 0.08) & (points[:, 1] < y + height + 0.08)
             count += int(inside.sum())
         counts.append(count)
     x, y = corners[int(np.argmin(counts))]
-    return x, y, width, height
+    return (x, y, width, height), min(counts)
 
 
 @chart(height=4.0)

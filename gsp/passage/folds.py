@@ -60,8 +60,8 @@ class FoldPassage:
     """What happens at a fold that the slow flow runs into: equations (1) and (2), and the drop.
 
     `point` is the fold (x_0, y_0) by name; `right` and `left` (n_fast,) are r and l; `a`, `b`, `c`, `d` the numbers of
-    (1); `slow_rate` (n_slow,) is f; `leading` and `logarithmic` (n_slow,) multiply epsilon^(2/3) and epsilon ln epsilon
-    in (2); `drop` says where the layer flow leads.
+    (1); `slow_rate` and `along` (n_slow,) are f and F; `leading` and `logarithmic` (n_slow,) multiply epsilon^(2/3) and
+    epsilon ln epsilon in (2); `drop` says where the layer flow leads.
     """
 
     system: SlowFastSystem

@@ -11,8 +11,8 @@ exit is delayed. If rho != 0 it is not:
   epsilon X' = X^2 - Y^2 + lambda epsilon kappa/2, lambda = 1 + 2 q rho/kappa; lambda < 1 exchanges stability with the
   other branch, lambda > 1 escapes at t = z (2 epsilon/kappa)^(1/2), z the first zero of the parabolic cylinder function
   D_((lambda - 1)/2)(-sqrt(2) z), and lambda = 1 is the canard value (Krupa and
-  Szmolyan, Nonlinearity 14 (2001) 1473-1491, Theorem 2.1);
-- q = 0, p < 0, supercritical pitchfork: the orbit settles on the branch on the side of rho (their Theorem 4.1);
+  Szmolyan, Nonlinearity 14 (2001) 1473-1491);
+- q = 0, p < 0, supercritical pitchfork: the orbit settles on the branch on the side of rho (the same);
   p > 0: it escapes to that side.
 """
 
