@@ -17,6 +17,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     integrate_many                thousands of them, over starts, epsilon and parameters, on all cores
     project                       where a start off the manifold lands: its fast fibre's base point
     composite                     the initial layer and the slow flow in one approximation
+    fold_passage                  through a fold: delay, drop and exit
+    entry_exit                    how long an orbit stays on a branch that has lost its stability
     method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories
     work_precision                error against seconds: every integrator, and reduced models of every order
@@ -80,6 +82,14 @@ _HOME = {
     "CompositeSolution": "layers",
     "method_table": "methods",
     "MethodTable": "methods",
+    "fold_passage": "passage",
+    "FoldPassage": "passage",
+    "fold_exit": "passage",
+    "fit_omega0": "passage",
+    "entry_exit": "passage",
+    "DelayedExit": "passage",
+    "measure_delay": "passage",
+    "follow": "passage",
     "Scene": "scene",
     "compare": "comparison",
     "Comparison": "comparison",
@@ -133,6 +143,14 @@ if TYPE_CHECKING:
     from gsp.manifold import solve_manifold as solve_manifold
     from gsp.methods import MethodTable as MethodTable
     from gsp.methods import method_table as method_table
+    from gsp.passage import DelayedExit as DelayedExit
+    from gsp.passage import FoldPassage as FoldPassage
+    from gsp.passage import entry_exit as entry_exit
+    from gsp.passage import fit_omega0 as fit_omega0
+    from gsp.passage import fold_exit as fold_exit
+    from gsp.passage import fold_passage as fold_passage
+    from gsp.passage import follow as follow
+    from gsp.passage import measure_delay as measure_delay
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict

@@ -18,6 +18,7 @@ from gsp.charts.failures import failure_map, failures_along, failures_by_toleran
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
+from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
@@ -31,12 +32,14 @@ __all__ = [
     "convergence",
     "critical_curve",
     "critical_sheet",
+    "delayed_exit",
     "distance",
     "eigenvalues",
     "error_against_epsilon",
     "failure_map",
     "failures_along",
     "failures_by_tolerance",
+    "fold_passage",
     "has_constant_eigenvalues",
     "heading_of",
     "manifold",

@@ -1,0 +1,258 @@
+"""Charts of passages: through a fold, and along a branch that has lost its stability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
+
+from gsp.charts.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    LADDER,
+    PALE,
+    PURPLE,
+    VERMILION,
+    at_epsilon,
+    chart,
+    legend,
+    mathematics,
+    name_axes,
+)
+from gsp.laurent import laurent
+from gsp.lowering import compile_flow, compile_function
+from gsp.passage import FoldExit, FoldPassage, MeasuredDelay
+
+# Grid points along each axis for the line g = 0.
+LINE = 301
+# Distances below this are not drawn: what is left of a start long forgotten.
+NOTHING = 1e-40
+
+
+@chart(height=3.9)
+def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit]) -> None:
+    """Measured orbits through a fold at a ladder of epsilons, with the delay against epsilon in the corner.
+
+    `exits` are results of `fold_exit` in one section. The first slow variable is drawn across, and upwards the fast
+    variable of the section; the critical manifold too where there is one variable of each kind.
+    """
+    system = passage.system
+    across, (up, value) = system.x[0].name, exits[0].section
+    low_x, high_x, low_y, high_y = _frame(passage, exits, across, up, value)
+    if len(system.x) == len(system.y) == 1:
+        _critical_lines(passage, axes, (low_x, high_x), (low_y, high_y))
+    ladder = sorted(exits, key=lambda found: -found.epsilon)
+    for colour, found in zip(LADDER, ladder):
+        times = np.linspace(found.run.t[0], min(found.t * 1.02, found.run.t[-1]), 400)
+        # The jump takes the last moments: the integrator's own steps resolve it.
+        times = np.union1d(times, found.run.t[found.run.t <= found.run.t[-1]])
+        run = found.run.sample(times)
+        inside = (run[up] > low_y - (high_y - low_y)) & (run[up] < high_y + (high_y - low_y))
+        axes.plot(run[across][inside], run[up][inside], color=colour, lw=1.4, label=at_epsilon(found.epsilon))
+    axes.plot(passage.point[across], passage.point[up], "o", color=INK, ms=5.5, zorder=6, label="fold")
+    if passage.drop.lands:
+        axes.plot(
+            [passage.point[across], passage.drop.point[across]],
+            [passage.point[up], passage.drop.point[up]],
+            color=GREY, lw=1.0, ls=(0, (1, 2)), zorder=1,
+        )  # fmt: skip
+        axes.plot(
+            passage.drop.point[across], passage.drop.point[up], "s", color=INK, mfc="white", ms=5.5, zorder=6,
+            label="landing point",
+        )  # fmt: skip
+    axes.axhline(value, color=PALE, lw=1.0, zorder=0)
+    axes.text(
+        0.995 if passage.slow_rate[0] > 0.0 else 0.005,
+        value,
+        "section",
+        transform=axes.get_yaxis_transform(),
+        color=GREY,
+        fontsize=8,
+        ha="right" if passage.slow_rate[0] > 0.0 else "left",
+        va="bottom",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+    )
+    axes.set_xlim(low_x, high_x)
+    axes.set_ylim(low_y, high_y)
+    name_axes(axes, across, up)
+    legend(axes, columns=4)
+    if len(ladder) > 2:
+        _scaling(passage, axes, ladder, across)
+
+
+def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, float, float, float]:
+    """Limits that hold the fold, the section, the landing point and the longest passage."""
+    x0, y0 = passage.point[across], passage.point[up]
+    reach = max(abs(found.point[across] - x0) for found in exits) or 1.0
+    towards = np.sign(passage.slow_rate[0]) or 1.0
+    ends = sorted((x0 - 3.0 * towards * reach, x0 + 1.6 * towards * reach))
+    far = passage.drop.point[up] if passage.drop.lands else value
+    height = abs(far - y0)
+    back = y0 - np.sign(far - y0) * 0.55 * height
+    beyond = far + np.sign(far - y0) * 0.12 * height
+    return ends[0], ends[1], min(back, beyond), max(back, beyond)
+
+
+def _critical_lines(passage: FoldPassage, axes: Axes, xs: tuple[float, float], ys: tuple[float, float]) -> None:
+    """g(x, y, 0) = 0 in the frame, solid where it attracts."""
+    system = passage.system
+    g = laurent(system.g[0], system.epsilon, order=0)[0]
+    function = compile_function(
+        [g, g.diff(system.y[0])],
+        arguments=system.states,
+        epsilon=system.epsilon,
+        parameters=tuple(system.parameters),
+    )
+    p = compile_flow(system).constants
+    u, v = np.meshgrid(np.linspace(xs[0], xs[1], LINE), np.linspace(ys[0], ys[1], LINE))
+    values = function(np.column_stack([u.ravel(), v.ravel()]), p)[:, 0].reshape(LINE, LINE)
+    contours = axes.contour(u, v, values, levels=[0.0])
+    lines = contours.allsegs[0]
+    contours.remove()
+    labelled: set[bool] = set()
+    for line in map(np.asarray, lines):
+        slope = function(line, p)[:, 1]
+        for stable, style in ((True, "-"), (False, (0, (4, 2)))):
+            drawn = np.where(((slope < 0.0) == stable)[:, None], line, np.nan)
+            if np.isfinite(drawn).any():
+                label = None if stable in labelled else f"$M_0$, {'attracting' if stable else 'repelling'}"
+                axes.plot(drawn[:, 0], drawn[:, 1], color=INK, lw=1.1, ls=style, label=label, zorder=2)
+                labelled.add(stable)
+
+
+def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], across: str) -> None:
+    """The distance of the exits from the fold against epsilon, and its leading term, in the emptiest corner."""
+    x0 = passage.point[across]
+    corner, covered = _emptiest(axes)
+    if covered:
+        # Room on the side that orbits come from.
+        low, high = axes.get_ylim()
+        room = 0.32 * (high - low)
+        upwards = (
+            passage.y0[[s.name for s in passage.system.y].index(ladder[0].section[0])] < ladder[0].section[1]
+        )
+        axes.set_ylim(low - room * upwards, high + room * (not upwards))
+        corner, _ = _emptiest(axes)
+    inset = axes.inset_axes(corner)
+    epsilons = np.array([found.epsilon for found in ladder])
+    delays = np.array([abs(found.point[across] - x0) for found in ladder])
+    line = np.geomspace(epsilons.min() / 1.6, epsilons.max() * 1.6, 50)
+    inset.plot(line, abs(passage.leading[0]) * line ** (2.0 / 3.0), color=BLUE, lw=1.1)
+    for colour, epsilon, delay in zip(LADDER, epsilons, delays):
+        inset.plot(epsilon, delay, "o", color=colour, ms=4.5, mec="white", mew=0.5)
+    inset.set_xscale("log")
+    inset.set_yscale("log")
+    inset.xaxis.set_minor_locator(LogLocator(subs=()))
+    inset.yaxis.set_minor_formatter(NullFormatter())
+    inset.tick_params(labelsize=7.5)
+    name = mathematics(across).strip("$")
+    inset.set_title(
+        rf"$|{name} - {name}_0|$ and $\Omega_0$ term, against $\epsilon$", fontsize=8, color=INK, pad=3
+    )
+    inset.patch.set_alpha(0.9)
+
+
+def _emptiest(axes: Axes) -> tuple[tuple[float, float, float, float], int]:
+    """Where an inset and its labels cover least of what is drawn, in units of the axes, and how much."""
+    width, height = 0.3, 0.26
+    corners = [(x, y) for y in np.linspace(0.66, 0.1, 15) for x in np.linspace(0.1, 0.69, 15)]
+    counts = []
+    for x, y in corners:
+        count = 0
+        for line in axes.lines:
+            # The section may be covered.
+            if line.get_color() == PALE:
+                continue
+            points = axes.transAxes.inverted().transform(
+                line.get_transform().transform(
+                    np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
+                )
+            )
+            points = points[np.isfinite(points).all(axis=1)]
+            if len(points) > 1:
+                # Evenly along the line, so that steps of an integrator do not weigh more where they are small.
+                length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+                even = np.arange(0.0, length[-1], 0.01)
+                points = np.column_stack([np.interp(even, length, points[:, i]) for i in (0, 1)])
+            inside = (points[:, 0] > x - 0.1) & (points[:, 0] < x + width + 0.02)
+            inside &= (points[:, 1] > y - 0.08) & (points[:, 1] < y + height + 0.08)
+            count += int(inside.sum())
+        counts.append(count)
+    x, y = corners[int(np.argmin(counts))]
+    return (x, y, width, height), min(counts)
+
+
+@chart(height=4.0)
+def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
+    """The distance from the branch along slow time, in extended and in double precision, with what was expected.
+
+    Thin lines are the growth that int Re lambda predicts: dashed from the limit of the loss or from the entry, dotted
+    from rounding.
+    """
+    delayed, epsilon = measured.delayed, measured.epsilon
+    loss = delayed.loss
+    t, distance = measured.extended_distance
+    settled = distance[(distance > NOTHING) & (t > 0.1 * loss.t)]
+    bottom = min(0.02 * float(np.min(settled, initial=measured.radius)), 1e-4 * measured.radius)
+    top = 30.0 * max(measured.radius, float(distance[0]))
+    axes.semilogy(
+        *_clipped(*measured.double_distance, top), color=VERMILION, lw=1.5, label="double precision", zorder=3
+    )
+    axes.semilogy(*_clipped(t, distance, top), color=BLUE, lw=2.0, label=f"{measured.digits} digits", zorder=4)
+    phi_loss = float(np.interp(loss.t, delayed.times, delayed.phi))
+    after = delayed.times >= loss.t
+    phi_exit = float(np.interp(delayed.t, delayed.times, delayed.phi))
+    with np.errstate(under="ignore"):
+        grown = measured.radius * np.exp(np.clip((delayed.phi - phi_exit) / epsilon, -600.0, 600.0))
+        noisy = np.exp(np.clip((delayed.phi - phi_loss) / epsilon - delayed.rounding, -600.0, 600.0))
+    keep = after & (grown < top) & (grown > bottom)
+    axes.semilogy(
+        delayed.times[keep],
+        grown[keep],
+        color=BLUE,
+        lw=0.9,
+        ls=(0, (4, 2)),
+        zorder=2,
+        label=r"$\exp(\Phi/\epsilon)$",
+    )
+    if measured.expected_double is not None:
+        keep = after & (noisy < top) & (noisy > bottom)
+        axes.semilogy(
+            delayed.times[keep],
+            noisy[keep],
+            color=VERMILION,
+            lw=0.9,
+            ls=(0, (1, 2)),
+            zorder=2,
+            label="from rounding",
+        )
+    axes.axhline(measured.radius, color=PALE, lw=1.0, zorder=0)
+    marks = [(loss.t, str(loss.kind), GREY), (delayed.t, str(delayed.kind), GREEN)]
+    if delayed.buffer is not None and abs(delayed.buffer - delayed.t) > 1e-6:
+        marks.append((delayed.buffer, "buffer point", PURPLE))
+    for place, name, colour in marks:
+        axes.axvline(place, color=colour, lw=1.0, ls="-", zorder=1, label=name)
+    axes.set_ylim(bottom, top)
+    end = max(delayed.t, delayed.buffer or 0.0)
+    axes.set_xlim(0.0, end + 0.12 * (end - 0.0))
+    decades = int(np.ceil(np.log10(top / bottom)))
+    powers = np.arange(np.ceil(np.log10(bottom)), np.log10(top), max(1, decades // 7))
+    axes.yaxis.set_major_locator(FixedLocator([float(10.0**p) for p in powers]))
+    axes.yaxis.set_minor_locator(FixedLocator([]))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel(r"slow time after the entry")
+    axes.set_ylabel("distance from $M_0$")
+    axes.text(0.015, 0.03, rf"$\epsilon = {epsilon:g}$", transform=axes.transAxes, color=INK, fontsize=10)
+    legend(axes, columns=3)
+
+
+def _clipped(t: np.ndarray, values: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
+    """A run up to where it leaves the picture, zeros left out."""
+    beyond = np.flatnonzero((values > top) | ~np.isfinite(values))
+    end = int(beyond[0]) + 1 if beyond.size else len(values)
+    shown = np.where(values[:end] > 0.0, values[:end], np.nan)
+    return t[:end], np.minimum(shown, top * 10.0)
