@@ -60,8 +60,8 @@ class Candidate:
     """One model: its predicted relative error over the span, and what a run over the span costs.
 
     `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance and
-    stays valid. `seconds` and `steps` are for the span: of a reduced flow measured, of the full system
-    extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards. `valid` says whether the
+    stays valid. `seconds`, `steps` and `field_calls` are for the span: of a reduced flow measured as far as it holds, of
+    the full system extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards. `valid` says whether the
     model serves the whole span, and if not, `why_not`. The predicted error of the full system is that of its integrator.
     """
 
@@ -351,7 +351,6 @@ def _reduced(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Candida
     prediction = outlook.prediction
     first, last = scene.span
     after = first + outlook.layer
-    seconds, run = _timed(lambda: _run(outlook.flows[order], outlook.starts[order], scene, scene.span, rtol))
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
     if outlook.layer > LARGEST_LAYER * (last - first):
@@ -361,20 +360,25 @@ def _reduced(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Candida
         # Infinite where a run has ended; then the reason says more.
         predicted = float(outlook.errors(order, np.linspace(after, last, GRID_POINTS)).max())
         if failure is Failure.END:
-            why = f"{failure} at t = {holds:.4g}: {run.status.meaning}"
+            why = f"{failure} at t = {holds:.4g}: {prediction.runs[order].status.meaning}"
         elif failure is not None:
             why = f"{failure} at t = {holds:.4g}"
         elif predicted > limit:
             why = f"{Failure.ERROR}"
+    # Beyond the time that it holds it may chatter at a fold; a run of no length has no cost.
+    end = last if not why else max(holds, first + PIECE * (last - first))
+    end = min(end, prediction.covered(order))
+    seconds, run = _timed(lambda: _run(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol))
+    share = (end - first) / (last - first)
     return Candidate(
         ModelKind.REDUCED,
         order,
         predicted,
         holds,
-        seconds,
+        seconds / share,
         outlook.preparation[order],
-        float(run.stats.steps),
-        float(run.stats.field_calls),
+        run.stats.steps / share,
+        run.stats.field_calls / share,
         not why,
         why,
     )

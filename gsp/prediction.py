@@ -32,7 +32,8 @@ CHECKS, REFINEMENTS = 65, 2
 OUTSIDE = 1e-9
 # The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
 CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
-MAX_STEPS = 100_000
+# At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
+MAX_STEPS = 20_000
 
 
 class Failure(StrEnum):
@@ -133,17 +134,19 @@ class Prediction:
 
         Looked at on a grid, narrowed down where it fails. The error counts from `after` on.
         """
-        low, high = after, last
+        low, high = after, min(last, self.covered(order))
+        if high <= after:
+            return after, Failure.END
         why: Failure | None = None
         for _ in range(1 + REFINEMENTS):
             times = np.linspace(low, high, CHECKS)
             found = self.failures(order, times, limit)
             first = next((i for i, failure in enumerate(found) if failure is not None), None)
             if first is None:
-                return (high, why) if why is not None else (last, None)
+                return (last, None) if high == last else (high, Failure.END)
             why = found[first]
             if first == 0:
-                return low, why
+                break
             low, high = float(times[first - 1]), float(times[first])
         return low, why
 
