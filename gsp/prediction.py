@@ -32,6 +32,7 @@ CHECKS, REFINEMENTS = 65, 2
 OUTSIDE = 1e-9
 # The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
 CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
+
 # At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
 MAX_STEPS = 20_000
 
@@ -157,12 +158,9 @@ class Prediction:
         if not usable.size:
             return past
         sizes = np.linalg.norm(self.series.terms(x[usable], self.epsilon, near=y[usable]), axis=2)
-        best = np.asarray(self.series.optimal_order(x[usable], self.epsilon, near=y[usable]))
-        # The same two terms as in the errors, at this order and at the best one.
-        padded = np.hstack([sizes, np.zeros((len(sizes), AHEAD))])
-        rows = np.arange(len(sizes))
-        left = [np.maximum(padded[rows, k + 1], padded[rows, k + 2]) for k in (np.full_like(best, order), best)]
-        past[usable] = (best < order) & (left[0] > left[1])
+        # The first two terms left out at each order, as in the errors.
+        left = np.maximum(sizes[:, 1 : order + AHEAD], sizes[:, 2 : order + AHEAD + 1])
+        past[usable] = left[:, order] > left.min(axis=1)
         return past
 
     def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -363,7 +363,7 @@ class _Runner:
         self._count(*prediction.runs.values())
         end, failure = self._end(prediction, t, after)
         if failure is not None and end - max(after, t) < SHORTEST * self.fast_time:
-            gate = HYSTERESIS * float(self._nearness(sheet, [state]).local[0])
+            gate = HYSTERESIS * float(self._nearness(sheet, self._row(state)).local[0])
             return t, state, gate, f"{failure}, and the reduced flow would not hold for long"
         if self.pieces:
             self._switch(t, state, "full", self.reduced_label, why_landed)
@@ -373,7 +373,7 @@ class _Runner:
         reached = {name: float(sampled[name][0]) for name in self.names}
         if failure is None:
             return end, reached, np.inf, ""
-        near = self._nearness(sheet, [reached])
+        near = self._nearness(sheet, self._row(reached))
         gate = np.inf if failure is Failure.REGION else HYSTERESIS * float(near.local[0])
         return end, reached, gate, str(failure)
 
@@ -389,6 +389,9 @@ class _Runner:
             if failure is None:
                 break
         return end, failure
+
+    def _row(self, state: Mapping[str, float]) -> np.ndarray:
+        return np.array([[state[name] for name in self.names]])
 
     @property
     def _region(self):
@@ -425,10 +428,9 @@ class _Runner:
 
     def _landing(self, run: Trajectory, times: np.ndarray, gate: float) -> tuple[_Sheet, int, str] | None:
         """(sheet, the first of `times` from which on the state stays on it, in words), or None."""
-        states = [dict(zip(self.names, column)) for column in run.y.T]
         best: tuple[_Sheet, int, str] | None = None
         for sheet in self.sheets:
-            near = self._nearness(sheet, states)
+            near = self._nearness(sheet, run.y.T)
             landed = near.landed & (near.local <= gate)
             for i in np.flatnonzero(landed):
                 if best is not None and i >= best[1]:
@@ -443,10 +445,12 @@ class _Runner:
                     break
         return best
 
-    def _nearness(self, sheet: _Sheet, states: Sequence[Mapping[str, float]]) -> _Nearness:
+    def _nearness(self, sheet: _Sheet, states: np.ndarray) -> _Nearness:
+        """How `states` (m, n), in the order of `names`, lie to a branch."""
         assert self.order is not None
         system, sampler = sheet.branch.system, sheet.sampler
-        x, y = (np.array([[s[v.name] for v in part] for s in states]) for part in (system.x, system.y))
+        nx, n = len(system.x), len(system.states)
+        x, y = states[:, :nx].copy(), states[:, nx:n].copy()
         y0, good = sheet.series.branch.nearest(x, y)
         z = np.hstack([x, np.where(good[:, None], y0, np.nan)])
         with np.errstate(all="ignore"):
