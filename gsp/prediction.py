@@ -2,9 +2,10 @@
 
 The order-N run x_N obeys x_N' = f_0 + ... + epsilon^N f_N from the base point through epsilon^N. Its error e = x_N - x
 satisfies e' = D f_red e - epsilon^(N+1) f_(N+1) + O(epsilon^(N+2)), e(t0) = -epsilon^(N+1) b_(N+1) + ..., which is, to
-leading order, the equation of x_N - x_(N+1). So the difference of two reduced runs is an asymptotically exact estimate: the
-residual of the invariance equation over the gap, carried along by the slow variational equation, with the error of the
-start's fast fibre in it. A bound by Gronwall's lemma would hold always and be of no use on spans of a few times 1/|D f_red|.
+leading order, the equation of x_N - x_(N+1). So the difference of two reduced runs is an asymptotically exact estimate:
+the residual of the invariance equation over the gap, carried along by the slow variational equation, with the error of
+the start's fast fibre in it. A bound by Gronwall's lemma would always hold, and be of no use on spans of a few times
+1/|D f_red|.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from gsp.errors import Status
-from gsp.lowering import finite_rows
 from gsp.reduced import ReducedFlow, restrict
 from gsp.region import Interval
 from gsp.sampling import Sampler
@@ -100,14 +100,13 @@ class Prediction:
         alive = np.flatnonzero(times <= self.covered(order))
         if not alive.size:
             return found
-        x, y, slow = self._places(self.runs[order], times[alive])
-        z = np.hstack([x, y])
+        z, slow, terms = self._places(self.runs[order], times[alive])
         with np.errstate(all="ignore"):
             eigenvalues = self.sampler.eigenvalues(z)
             gap = -np.nan_to_num(np.real(eigenvalues), nan=np.inf).max(axis=1)
             ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
         inside = self.sampler.inside(slow, self.region)
-        past = self._past_best(order, x, y, gap > 0.0)
+        past = self._past_best(order, terms)
         errors = self.errors(order, times[alive])
         for i, place in enumerate(alive):
             found[place] = (
@@ -125,12 +124,9 @@ class Prediction:
             )
         return found
 
-    def gap(self, order: int, times: np.ndarray) -> float:
-        """Least -Re lambda of g_y along the run, in fast time."""
-        x, y, _ = self._places(self.runs[order], times[times <= self.covered(order)])
-        return float(-np.real(self.sampler.eigenvalues(np.hstack([x, y]))).max())
-
-    def holds_until(self, order: int, limit: float, *, after: float, last: float) -> tuple[float, Failure | None]:
+    def holds_until(
+        self, order: int, limit: float, *, after: float, last: float
+    ) -> tuple[float, Failure | None]:
         """The time up to which the run of this order holds, and why no longer; `last` and None when to the end.
 
         Looked at on a grid, narrowed down where it fails. The error counts from `after` on.
@@ -151,30 +147,22 @@ class Prediction:
             low, high = float(times[first - 1]), float(times[first])
         return low, why
 
-    def _past_best(self, order: int, x: np.ndarray, y: np.ndarray, attracting: np.ndarray) -> np.ndarray:
-        """Where the terms left out have begun to grow again."""
-        past = np.zeros(len(x), dtype=bool)
-        usable = np.flatnonzero(attracting & finite_rows(np.hstack([x, y])))
-        if not usable.size:
-            return past
-        sizes = np.linalg.norm(self.series.terms(x[usable], self.epsilon, near=y[usable]), axis=2)
+    def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
+        """Where the `terms` (m, k, n_fast) left out have begun to grow again."""
+        sizes = np.linalg.norm(terms, axis=2)
         # The first two terms left out at each order, as in the errors.
         left = np.maximum(sizes[:, 1 : order + AHEAD], sizes[:, 2 : order + AHEAD + 1])
-        past[usable] = left[:, order] > left.min(axis=1)
-        return past
+        return left[:, order] > left.min(axis=1)
 
     def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x (m, n_slow), the point y (m, n_fast) of M0 over it, and (x, y on M_epsilon), at `times`."""
+        """(x, y) (m, n) on M0 under the run at `times`, (x, y) on M_epsilon, and the terms of the series there."""
         sampled = run.sample(times)
-        system, branch = self.series.branch.system, self.series.branch
-        x = np.stack([sampled[s.name] for s in system.x], axis=1)
-        fast = np.stack([sampled[s.name] for s in system.y], axis=1)
-        if branch.is_explicit:
-            y = branch.graph_values(x, allow_complex=True)
-        else:
-            places = [self.series.coordinates.index(s) for s in system.y]
-            y = sampled.y[places].T
-        return x, y, np.hstack([x, fast])
+        system = self.series.branch.system
+        x, fast = (np.stack([sampled[s.name] for s in part], axis=1) for part in (system.x, system.y))
+        coordinates = np.array(sampled.y[: len(self.series.coordinates)].T, order="C")
+        with np.errstate(all="ignore"):
+            terms = self.series.terms_at(coordinates, self.epsilon)
+        return np.hstack([x, terms[:, 0]]), np.hstack([x, fast]), terms
 
 
 def predict(
@@ -210,7 +198,8 @@ def predict(
         for k in needed
     }
     widened = {
-        name: (low - OUTSIDE * (high - low), high + OUTSIDE * (high - low)) for name, (low, high) in region.items()
+        name: (low - OUTSIDE * (high - low), high + OUTSIDE * (high - low))
+        for name, (low, high) in region.items()
     }
     return Prediction(
         series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch)

@@ -1,7 +1,8 @@
 """The flow on a solved slow manifold: x' = f(x, h(x), epsilon) with h the Chebyshev interpolant, compiled.
 
-The interpolant becomes a polynomial in machine code. Its basis is built by T_2k = 2 T_k^2 - 1 and T_2k+1 = 2 T_k T_k+1 - x,
-which loses a factor k^2 of rounding; Clenshaw's recurrence loses less, but nested so deep that SymPy multiplies it out.
+The interpolant becomes a polynomial in machine code. Its basis is built by T_2k = 2 T_k^2 - 1 and T_2k+1 =
+2 T_k T_k+1 - T_1, which loses a factor k^2 of rounding; Clenshaw's recurrence loses less, but it is nested so deep
+that SymPy multiplies it out.
 """
 
 from __future__ import annotations
@@ -85,9 +86,7 @@ def flow_on(
         observables[symbol] = expression.xreplace(values).xreplace(heights)
     driven = dict(reconstruction or {})
     rates = [rate.xreplace(values).xreplace(heights) for rate in system.f]
-    rates += [
-        sp.sympify(rate, strict=True).xreplace(values).xreplace(observables) for rate in driven.values()
-    ]
+    rates += [sp.sympify(rate, strict=True).xreplace(values).xreplace(observables) for rate in driven.values()]
     return SurfaceFlow(manifold, (*system.x, *driven), tuple(rates), observables)
 
 
