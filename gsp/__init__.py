@@ -18,6 +18,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     composite                     the initial layer and the slow flow in one approximation
     method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories
+    choose                        the cheapest model that meets a scene's tolerance, "do not reduce" among the answers
+    simulate                      that model over the span, the full system where it does not hold
     analyse, write_report         all of it for one scene
 """
 
@@ -77,6 +79,10 @@ _HOME = {
     "Scene": "scene",
     "compare": "comparison",
     "Comparison": "comparison",
+    "choose": "choice",
+    "Choice": "choice",
+    "simulate": "simulation",
+    "Simulation": "simulation",
     "load": "readers",
     "analyse": "analysis",
     "Analysis": "analysis",
@@ -90,6 +96,8 @@ if TYPE_CHECKING:
     from gsp import models as models
     from gsp.analysis import Analysis as Analysis
     from gsp.analysis import analyse as analyse
+    from gsp.choice import Choice as Choice
+    from gsp.choice import choose as choose
     from gsp.comparison import Comparison as Comparison
     from gsp.comparison import compare as compare
     from gsp.continuation import CriticalCurve as CriticalCurve
@@ -125,6 +133,8 @@ if TYPE_CHECKING:
     from gsp.scene import Scene as Scene
     from gsp.series import SeriesManifold as SeriesManifold
     from gsp.series import expand as expand
+    from gsp.simulation import Simulation as Simulation
+    from gsp.simulation import simulate as simulate
     from gsp.singularities import CanardValue as CanardValue
     from gsp.singularities import FoldedSingularity as FoldedSingularity
     from gsp.singularities import canard_value as canard_value
