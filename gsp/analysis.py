@@ -128,7 +128,7 @@ def analyse(
         comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
     with stage("choice"):
         # Solving the manifold would take most of the report's time.
-        choice = choose(scene, orders=tuple(range(order + 1)), solve=False)
+        choice = choose(scene, orders=orders, solve=False)
     with stage("trajectories"):
         base, base_reason = _base_point(scene, placement, series, hyperbolicity)
         runs = _runs(scene, placement, series, base)

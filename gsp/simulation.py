@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from gsp.candidates import ModelKind
 from gsp.choice import Choice, choose
 from gsp.errors import DeclarationError, GspError, Status, nearest
+from gsp.pieces import Piece, Run, Switch, full_flow
 from gsp.placement import place
 from gsp.scene import Scene
-from gsp.switching import Piece, Run, Switch, full_flow, run_solved, run_switched
+from gsp.switching import run_solved, run_switched
 
 
 @dataclass(frozen=True, eq=False, repr=False)

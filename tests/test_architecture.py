@@ -71,6 +71,7 @@ LAYERS = [
     "outlook",
     "candidates",
     "choice",
+    "pieces",
     "switching",
     "simulation",
     "analysis",

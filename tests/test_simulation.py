@@ -209,3 +209,16 @@ def test_a_choice_for_another_scene_is_refused() -> None:
         simulate(models.load("linear"), choice=choose(models.load("lindemann"), solve=False))
     with pytest.raises(DeclarationError, match="choose"):
         simulate(models.load("linear"), choice=1)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_chart_draws_every_model_once_in_the_legend(oscillation) -> None:
+    from gsp import charts
+
+    for names in (None, ("t", "x")):
+        axes = charts.switches(oscillation, None, names=names)
+        legend = axes.get_legend()
+        assert legend is not None
+        labels = [text.get_text() for text in legend.get_texts()]
+        assert labels[:3] == [oscillation.pieces[0].label, "full system", "change of model"]
+        assert ("$M_0$" in labels) == (names is None)
+    assert charts.png(axes)

@@ -1,5 +1,6 @@
 """Draw the pictures of the documents again: `python docs/images/make.py`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -11,7 +12,7 @@ from gsp.charts.style import STYLE
 
 
 def main() -> None:
-    """Write sleigh.png beside this file."""
+    """Write sleigh.png and switches.png beside this file."""
     analysis = gsp.analyse(gsp.models.load("chaplygin_sleigh"))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
@@ -19,6 +20,14 @@ def main() -> None:
         charts.convergence(analysis, left)
         charts.error_against_epsilon(analysis.comparison, right)
         figure.savefig(Path(__file__).parent / "sleigh.png", dpi=140)
+    oscillator = replace(
+        gsp.models.load("van_der_pol"),
+        region={"y": (-2, 2), "x": (-3, 3)},
+        span=(0, 4),
+        epsilon=0.01,
+        tolerance=1e-3,
+    )
+    charts.save(charts.switches(gsp.simulate(oscillator)), Path(__file__).parent / "switches.png")
 
 
 if __name__ == "__main__":

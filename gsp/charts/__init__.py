@@ -19,6 +19,7 @@ from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
+from gsp.charts.switching import switches
 from gsp.continuation import CriticalSheet
 from gsp.errors import DeclarationError
 
@@ -41,6 +42,7 @@ __all__ = [
     "save",
     "shape",
     "surroundings",
+    "switches",
     "time_series",
 ]
 
