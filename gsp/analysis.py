@@ -49,7 +49,8 @@ class Analysis:
     the scene's start (or over the same slow variables when there is none, for the `base_reason`). `ladder` holds full
     runs at the pictured epsilons, `landing` runs that start off the slow manifold (empty unless it attracts).
     `surroundings` is the critical manifold through its folds in a box around the region, for implicit branches over
-    one or two slow variables. `choice` is the cheapest model that meets the scene's tolerance. `timings` are seconds per stage, `versions` of what computed it.
+    one or two slow variables. `choice` is the cheapest model that meets the scene's tolerance. `timings` are seconds
+    per stage, `versions` of what computed it.
     """
 
     scene: Scene

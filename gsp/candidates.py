@@ -13,7 +13,7 @@ from gsp.errors import GspError
 from gsp.flow import Flow
 from gsp.lowering import compile_flow
 from gsp.outlook import Outlook, SurfaceOutlook, foresee_surface
-from gsp.prediction import SMALLEST_RTOL, Failure
+from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
 from gsp.region import Interval
 from gsp.scene import Scene
 from gsp.trajectory import Trajectory, integrate
@@ -69,8 +69,15 @@ class Candidate:
 
 
 def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Candidate:
+    """The reduced flow of `order`: predicted, and timed."""
     prediction = outlook.prediction
     first, last = scene.span
+    if order not in outlook.flows or order + AHEAD not in outlook.flows:
+        nothing = float("nan")
+        return Candidate(
+            *(ModelKind.REDUCED, order, nothing, first, nothing, nothing, nothing, nothing, False),
+            why_not=f"not looked at: the series through order {order + AHEAD}, which tells its error, is too long",
+        )
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.branch import Branch
 from gsp.errors import HyperbolicityError
 from gsp.fibres import BasePoint, project
 from gsp.inner import InnerExpansion, expand_inner
@@ -24,6 +25,8 @@ from gsp.trajectory import Trajectory, integrate
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.
 LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
+# A reduced flow with longer coefficients takes seconds to compile, and runs no faster than the full system.
+LONGEST = 600
 # A solved manifold is this much more exact than the tolerance, and covers the reduced run and this share of its range
 # on every side.
 EXACTER, MARGIN = 0.1, 0.05
@@ -51,13 +54,16 @@ class Outlook:
 
 
 def foresee(scene: Scene, orders: Sequence[int], *, fast: bool = False) -> Outlook:
-    """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced."""
+    """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced.
+
+    It is for those of `orders` whose series, and that of the next two, is short enough to run.
+    """
     begun = time.perf_counter()
     placement = place(scene)
-    highest = max(orders) + AHEAD
     # A start names its sheet, which is found sooner than by following one from a seed.
-    branch = replace(placement.branch, seed=None)
-    series = expand(branch, order=highest, symbolic=False)
+    series = _readied(replace(placement.branch, seed=None), min(orders) + AHEAD, max(orders) + AHEAD)
+    highest = series.order
+    orders = [n for n in orders if n + AHEAD <= highest]
     inner = expand_inner(
         placement.branch,
         {**placement.start, **scene.reconstruction_start},
@@ -104,6 +110,22 @@ def _start(placement: Placement, inner: InnerExpansion, epsilon: float, order: i
         return x
     y = branch.points(np.array([list(x.values())]))[0]
     return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
+
+
+def _readied(branch: Branch, first: int, last: int) -> SeriesManifold:
+    """The series through `last`, or as far as a reduced flow of it can be compiled in a reasonable time."""
+    series = expand(branch, order=first, symbolic=False)
+    if max(series.sizes) > LONGEST:
+        raise HyperbolicityError(
+            f"its series is too long to run: through order {first} it has coefficients of {max(series.sizes)} terms, "
+            f"more than {LONGEST}."
+        )
+    for order in range(first + 1, last + 1):
+        longer = expand(branch, order=order, symbolic=False)
+        if longer.sizes[order] > LONGEST:
+            break
+        series = longer
+    return series
 
 
 def base_start(inner: InnerExpansion, epsilon: float, order: int, *, names: Sequence[str]) -> dict[str, float]:

@@ -26,13 +26,12 @@ TIMES, GRID = 120, 241
 def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | None = None) -> None:
     """The pieces of a simulation coloured by model, with a dot at each change.
 
-    `names` are the quantities of the two axes, "t" for time; by default one slow variable and one fast one where there is
+    `names` are the quantities of the two axes, "t" for time; by default the slow and the fast variable where there is
     one of each, over the critical manifold, else a fast one over time.
     """
-    system = _system(simulation)
+    plane = _plane(simulation)
     if names is None:
-        plane = system is not None and len(system.x) == len(system.y) == 1
-        names = (system.x[0].name, system.y[0].name) if plane else ("t", simulation.names[-1])
+        names = plane or ("t", simulation.names[-1])
     if len(names) != 2:
         raise DeclarationError(f'names is a pair. Got {names!r}. Give two names, "t" for time.')
     drawn: set[str] = set()
@@ -55,11 +54,7 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
         axes.plot(x, y, "o", color="white", mec=INK, mew=0.8, ms=4.2, zorder=6, label="change of model")
     everything = np.hstack(corners)
     axes.set_ylim(*margins(everything[1]))
-    if (
-        system is not None
-        and names == (system.x[0].name, system.y[0].name)
-        and len(system.y) == len(system.x) == 1
-    ):
+    if names == plane:
         axes.set_xlim(*margins(everything[0]))
         _critical(simulation, axes)
     name_axes(axes, *names)
@@ -69,11 +64,13 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
     legend(axes, columns=4)
 
 
-def _system(simulation: Simulation):
+def _plane(simulation: Simulation) -> tuple[str, str] | None:
+    """Names of the slow and the fast variable, if there is one of each."""
     try:
-        return place(simulation.choice.scene).system
+        system = place(simulation.choice.scene).system
     except GspError:
         return None
+    return (system.x[0].name, system.y[0].name) if len(system.x) == len(system.y) == 1 else None
 
 
 def _critical(simulation: Simulation, axes: Axes) -> None:
