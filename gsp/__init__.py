@@ -23,6 +23,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     compare                       the reduced flow against full trajectories
     work_precision                error against seconds: every integrator, and reduced models of every order
     failure_map                   where each method holds, measured
+    choose                        the cheapest model that meets a scene's tolerance, "do not reduce" among the answers
+    simulate                      that model over the span, the full system where it does not hold
     analyse, write_report         all of it for one scene
 """
 
@@ -97,6 +99,10 @@ _HOME = {
     "WorkPrecision": "work_curves",
     "failure_map": "failures",
     "FailureMap": "failures",
+    "choose": "choice",
+    "Choice": "choice",
+    "simulate": "simulation",
+    "Simulation": "simulation",
     "load": "readers",
     "analyse": "analysis",
     "Analysis": "analysis",
@@ -110,6 +116,8 @@ if TYPE_CHECKING:
     from gsp import models as models
     from gsp.analysis import Analysis as Analysis
     from gsp.analysis import analyse as analyse
+    from gsp.choice import Choice as Choice
+    from gsp.choice import choose as choose
     from gsp.comparison import Comparison as Comparison
     from gsp.comparison import compare as compare
     from gsp.continuation import CriticalCurve as CriticalCurve
@@ -158,6 +166,8 @@ if TYPE_CHECKING:
     from gsp.scene import Scene as Scene
     from gsp.series import SeriesManifold as SeriesManifold
     from gsp.series import expand as expand
+    from gsp.simulation import Simulation as Simulation
+    from gsp.simulation import simulate as simulate
     from gsp.singularities import CanardValue as CanardValue
     from gsp.singularities import FoldedSingularity as FoldedSingularity
     from gsp.singularities import canard_value as canard_value

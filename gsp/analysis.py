@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gsp.choice import Choice, choose
 from gsp.comparison import Comparison, compare, on_manifold
 from gsp.continuation import CriticalCurve, CriticalSheet, continue_critical, critical_sheet
 from gsp.errors import DeclarationError, GspError, HyperbolicityError
@@ -48,7 +49,8 @@ class Analysis:
     the scene's start (or over the same slow variables when there is none, for the `base_reason`). `ladder` holds full
     runs at the pictured epsilons, `landing` runs that start off the slow manifold (empty unless it attracts).
     `surroundings` is the critical manifold through its folds in a box around the region, for implicit branches over
-    one or two slow variables. `timings` are seconds per stage, `versions` of what computed it.
+    one or two slow variables. `choice` is the cheapest model that meets the scene's tolerance. `timings` are seconds
+    per stage, `versions` of what computed it.
     """
 
     scene: Scene
@@ -66,6 +68,7 @@ class Analysis:
     base: BasePoint | None
     base_reason: str
     surroundings: CriticalCurve | CriticalSheet | None
+    choice: Choice
     timings: Mapping[str, float]
     versions: Mapping[str, str]
 
@@ -82,7 +85,7 @@ class Analysis:
         return "\n\n".join([*parts, str(self.hyperbolicity), str(self.series), str(self.comparison)])
 
 
-STAGES = ("split", "hyperbolicity", "series", "comparison", "trajectories")
+STAGES = ("split", "hyperbolicity", "series", "comparison", "choice", "trajectories")
 
 
 def analyse(
@@ -124,6 +127,9 @@ def analyse(
         raw = None if placement.splitting is None else carry_back(shown, placement.splitting)
     with stage("comparison"):
         comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
+    with stage("choice"):
+        # Solving the manifold would take most of the report's time.
+        choice = choose(scene, orders=orders, solve=False)
     with stage("trajectories"):
         base, base_reason = _base_point(scene, placement, series, hyperbolicity)
         runs = _runs(scene, placement, series, base)
@@ -140,6 +146,7 @@ def analyse(
         base=base,
         base_reason=base_reason,
         surroundings=around,
+        choice=choice,
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
         **runs,

@@ -96,6 +96,16 @@ class Branch:
                 found = found[(found[:, i] >= low) & (found[:, i] <= high)]
         return found
 
+    def nearest(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points over `x` (m, n_slow) that Newton's method reaches from `y` (m, n_fast), and where it does.
+
+        On an explicit branch h_0(x), wherever it is finite.
+        """
+        if self.graph is not None:
+            found = self.graph_values(x, allow_complex=True)
+            return found, finite_rows(found)
+        return self._newton(x, y)
+
     def through(self, point: Point) -> Branch:
         """The same branch with its sheet fixed: the one nearest to `point`, which names x and y."""
         x, y = (part[None, :] for part in place(self.system, point))

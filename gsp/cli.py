@@ -1,4 +1,4 @@
-"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp report`.
+"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp choose`, `gsp report`.
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input,
 130 when interrupted. Heavy modules are imported by the command that needs them, so that help is quick.
@@ -35,6 +35,7 @@ def cli() -> None:
     gsp report chaplygin_sleigh        the whole analysis, as a report to read
     gsp expand van_der_pol --order 5   the slow manifold as a series in epsilon
     gsp check my_model.toml            is it normally hyperbolic in its region?
+    gsp choose my_model.toml           the cheapest model that meets its tolerance
     """
 
 
@@ -274,6 +275,24 @@ def chart(
         return
     click.echo(str(found))
     click.echo(f"chart: {target}")
+
+
+@cli.command()
+@click.argument("model")
+@click.option("--tolerance", type=float, help="Relative accuracy wanted [the scene's].")
+@click.option("--epsilon", type=float, help="Value of the small parameter [the scene's].")
+@_json_option
+def choose(model: str, tolerance: float | None, epsilon: float | None, as_json: bool) -> None:
+    """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
+    from gsp.choice import choose as choose_model
+
+    choice = choose_model(load_scene(model), tolerance=tolerance, epsilon=epsilon)
+    if as_json:
+        from gsp.report import choice_as_json
+
+        _print_json({"name": choice.scene.name, **choice_as_json(choice)})
+        return
+    click.echo(str(choice))
 
 
 @cli.command()

@@ -61,6 +61,11 @@ class SampledManifold:
     message: str
     _surface: ChebyshevSurface | None = field(repr=False)
 
+    @property
+    def surface(self) -> ChebyshevSurface | None:
+        """The interpolant, or None when there is none."""
+        return self._surface
+
     def evaluate(self, x) -> np.ndarray:
         """h_epsilon(x), shape (m, n_fast), or (n_fast,) for one point; `x` is as for `Branch.points`.
 

@@ -157,12 +157,19 @@ class Sampler:
 
     def tangential_rate(self, z: np.ndarray) -> float:
         """Largest |eigenvalue| of the symmetric part of f_x - f_y g_y^-1 g_x."""
+        rates = self.tangential_rates(z)
+        usable = np.isfinite(rates)
+        return float(rates[usable].max()) if usable.any() else float("inf")
+
+    def tangential_rates(self, z: np.ndarray) -> np.ndarray:
+        """The same at each of `z` (m, n): (m,), infinite where g_y is singular or not finite."""
         nx = len(self.system.x)
         J, slope, usable = self._slopes(z)
-        if not usable.any():
-            return float("inf")
-        A = J[:, :nx, :nx] - J[:, :nx, nx:] @ slope
-        return float(np.abs(np.linalg.eigvalsh((A + A.transpose(0, 2, 1)) / 2)).max())
+        rates = np.full(len(z), np.inf)
+        if usable.any():
+            A = J[:, :nx, :nx] - J[:, :nx, nx:] @ slope
+            rates[usable] = np.abs(np.linalg.eigvalsh((A + A.transpose(0, 2, 1)) / 2)).max(axis=1)
+        return rates
 
     def jacobian_variation(self, z: np.ndarray) -> float:
         """Largest entry of the total derivative D_x g_y = d(g_y)/dx - d(g_y)/dy g_y^-1 g_x."""

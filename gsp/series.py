@@ -139,6 +139,12 @@ class SeriesManifold:
         terms, single = self._terms(x, epsilon, near)
         return terms[0] if single else terms
 
+    def terms_at(self, coordinates: np.ndarray, epsilon: float) -> np.ndarray:
+        """The terms (m, n + 1, n_fast) at the chart's `coordinates` (m, k), not finite where the series is singular."""
+        h = self._h_function(coordinates, parameter_vector(self.branch.system, epsilon))
+        powers = epsilon ** np.arange(self.order + 1)
+        return h.reshape(-1, self.order + 1, len(self.branch.system.y)) * powers[None, :, None]
+
     def residual(self, x, epsilon: float, *, order: int | None = None, near=None) -> np.ndarray:
         """Defect of the invariance equation, epsilon Dh f(x, h, epsilon) - g(x, h, epsilon), as `evaluate`.
 
@@ -202,9 +208,8 @@ class SeriesManifold:
         value = check_epsilon(epsilon)
         array, coordinates, single = self._on_branch(x, near)
         system = self.branch.system
-        h = self._h_function(coordinates, parameter_vector(system, value))
-        h = h.reshape(-1, self.order + 1, len(system.y))
-        finite = np.isfinite(h).all(axis=(1, 2))
+        terms = self.terms_at(coordinates, value)
+        finite = np.isfinite(terms).all(axis=(1, 2))
         if not finite.all():
             point = array[np.argmin(finite)]
             place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
@@ -212,7 +217,7 @@ class SeriesManifold:
                 f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there. "
                 "Stay on the normally hyperbolic part of the branch; classify() says where that is."
             )
-        return h * (value ** np.arange(self.order + 1))[None, :, None], single
+        return terms, single
 
     @cached_property
     def _h_function(self):

@@ -174,3 +174,13 @@ def test_the_installed_command_runs() -> None:
         [sys.executable, "-m", "gsp.cli", "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("gsp, version")
+
+
+def test_choose_prints_the_card_and_json() -> None:
+    text = run("choose", "linear", "--tolerance", "1e-3").output
+    assert "predicted" in text
+    assert "->" in text
+    found = json.loads(run("choose", "linear", "--json").output)
+    assert found["name"] == "linear"
+    assert found["measured"] <= found["tolerance"]
+    assert {row["kind"] for row in found["candidates"]} == {"reduced", "solved", "full"}

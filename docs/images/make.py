@@ -1,9 +1,11 @@
 """Draw the pictures of the documents again: `python docs/images/make.py`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+import sympy as sp
 from matplotlib.figure import Figure
 
 import gsp
@@ -45,9 +47,37 @@ def failure_map() -> None:
     charts.save(charts.failure_map(found), FOLDER / "failures.png")
 
 
+def switches() -> None:
+    """The figure of docs/choosing.md."""
+    oscillator = replace(
+        gsp.models.load("van_der_pol"),
+        region={"y": (-2, 2), "x": (-3, 3)},
+        span=(0, 4),
+        epsilon=0.01,
+        tolerance=1e-3,
+    )
+    charts.save(charts.switches(gsp.simulate(oscillator)), FOLDER / "switches.png")
+
+
+def canard_explosion() -> None:
+    """The figure of docs/periodic-orbits.md: van der Pol's cycles from the Hopf point to relaxation."""
+    x, y, a, epsilon = sp.symbols("x y a epsilon")
+    system = gsp.SlowFastSystem(
+        slow={y: a - x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon, parameters={a: 1.1}
+    )
+    (hopf,) = gsp.hopf_points(system, start={"x": 1.1, "y": -0.6}, parameter=a, bounds=(0.9, 1.2), epsilon=0.01)
+    family = gsp.continue_orbits(hopf, bounds=(0.985, 1.2), max_step=0.1, tolerance=1e-11)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        charts.canard_explosion(family, left, canard=gsp.canard_value(system, parameter=a))
+        charts.canard_cycles(family, right)
+        figure.savefig(FOLDER / "canard_explosion.png", dpi=140)
+
+
 def main() -> None:
     """Write the pictures beside this file."""
-    for draw in (sleigh, ensemble, work_precision, failure_map):
+    for draw in (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion):
         draw()
 
 

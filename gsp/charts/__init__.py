@@ -22,6 +22,7 @@ from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
+from gsp.charts.switching import switches
 from gsp.charts.work_curves import work_precision
 from gsp.continuation import CriticalSheet
 from gsp.errors import DeclarationError
@@ -51,6 +52,7 @@ __all__ = [
     "shape",
     "spread",
     "surroundings",
+    "switches",
     "time_series",
     "work_precision",
 ]

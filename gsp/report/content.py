@@ -9,6 +9,7 @@ from typing import Any
 
 from gsp import charts
 from gsp.analysis import Analysis
+from gsp.choice import Choice
 from gsp.hyperbolicity import Hyperbolicity
 from gsp.trajectory import Trajectory
 
@@ -37,6 +38,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "raw": _raw(analysis),
         "hyperbolicity": hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
         "comparison": _comparison(analysis),
+        "choice": choice_as_json(analysis.choice),
         "parameters": {s.name: float(value) for s, value in system.parameters.items()},
         "epsilon": scene.epsilon,
         "tolerance": scene.tolerance,
@@ -92,6 +94,26 @@ def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None)
             for loss in found.losses
         ],
         "evidence": found.evidence,
+    }
+    return plain(content)
+
+
+def choice_as_json(choice: Choice) -> dict[str, Any]:
+    """A choice in plain values: what is run, why, the candidates, and predicted against measured."""
+    content = {
+        "model": choice.model.label,
+        "reason": choice.reason,
+        "epsilon": choice.epsilon,
+        "tolerance": choice.tolerance,
+        "quantities": choice.names,
+        "candidates": choice.as_rows(),
+        "partial": None if choice.partial is None else choice.partial.label,
+        "layer": choice.layer,
+        "piece": choice.piece,
+        "predicted": choice.predicted,
+        "predicted_on_piece": choice.predicted_on_piece,
+        "measured": choice.measured,
+        "speed_up": choice.speed_up,
     }
     return plain(content)
 

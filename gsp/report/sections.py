@@ -61,6 +61,7 @@ class Page:
             "span": span(self.analysis.scene.span),
             "errors": self.errors(),
             "claims": self.claims(),
+            "choice": self.choice(),
         }
 
     # -- mathematics --------------------------------------------------------------------------------------
@@ -299,6 +300,32 @@ class Page:
             "expected": [found.expected[n] for n in found.errors],
             "first": slopes.get(1),
             "stopped": sorted(stopped),
+        }
+
+    def choice(self) -> dict[str, Any]:
+        """What the scene needs: a sentence, and a row for each candidate."""
+        found = self.analysis.choice
+        names = [c.label for c in found.candidates]
+        order = found.model.order
+        return {
+            "model": "the full system" if order is None else f"the reduced flow of order {order}",
+            "reason": found.reason,
+            "rows": [
+                {
+                    "name": name,
+                    "chosen": c is found.model,
+                    "predicted": c.predicted,
+                    "microseconds": 1e6 * c.seconds,
+                    "steps": round(c.steps) if math.isfinite(c.steps) else "–",
+                    "why": "serves" if c.valid else c.why_not,
+                }
+                for name, c in zip(names, found.candidates)
+            ],
+            "layer": found.layer,
+            "piece": span(found.piece),
+            "predicted": found.predicted_on_piece,
+            "measured": found.measured,
+            "tolerance": found.tolerance,
         }
 
     def claims(self) -> list[dict[str, Any]]:
