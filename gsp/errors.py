@@ -80,6 +80,10 @@ class Status(Enum):
         "the orbits that fix the slow manifold begin too near to where it ends",
         "move the region downstream, or lower epsilon; the error estimate counts what is missing",
     )
+    MESH_LIMIT = (
+        "the allowed number of mesh intervals does not reach the tolerance",
+        "raise max_intervals, or loosen tolerance",
+    )
     REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
     INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")
 
