@@ -14,6 +14,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
     integrate                     trajectories of any of these
+    periodic_orbit                a closed orbit, stable or not, by collocation
+    hopf_points, continue_orbits  families of them: from a Hopf point through a canard explosion
     project                       where a start off the manifold lands: its fast fibre's base point
     composite                     the initial layer and the slow flow in one approximation
     method_table                  the classical methods side by side
@@ -68,6 +70,13 @@ _HOME = {
     "integrate": "trajectory",
     "Trajectory": "trajectory",
     "Method": "integrators",
+    "periodic_orbit": "periodic",
+    "PeriodicOrbit": "periodic",
+    "shoot": "periodic",
+    "hopf_points": "periodic",
+    "HopfPoint": "periodic",
+    "continue_orbits": "periodic",
+    "OrbitFamily": "periodic",
     "project": "fibres",
     "BasePoint": "fibres",
     "composite": "layers",
@@ -118,6 +127,13 @@ if TYPE_CHECKING:
     from gsp.manifold import solve_manifold as solve_manifold
     from gsp.methods import MethodTable as MethodTable
     from gsp.methods import method_table as method_table
+    from gsp.periodic import HopfPoint as HopfPoint
+    from gsp.periodic import OrbitFamily as OrbitFamily
+    from gsp.periodic import PeriodicOrbit as PeriodicOrbit
+    from gsp.periodic import continue_orbits as continue_orbits
+    from gsp.periodic import hopf_points as hopf_points
+    from gsp.periodic import periodic_orbit as periodic_orbit
+    from gsp.periodic import shoot as shoot
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gsp.periodic.continuing import continue_orbits
+from gsp.periodic.explosion import Explosion
 from gsp.periodic.family import CycleKind, OrbitFamily, SpecialOrbit
 from gsp.periodic.finding import periodic_orbit
 from gsp.periodic.hopf import HopfPoint, hopf_points
@@ -12,6 +13,7 @@ from gsp.periodic.shooting import Shot, shoot
 
 __all__ = [
     "CycleKind",
+    "Explosion",
     "HopfPoint",
     "OrbitError",
     "OrbitFamily",

@@ -17,6 +17,8 @@ EVALUATIONS = 40
 LOCATED = 1e-10
 # A multiplier is on the unit circle at a located point when its logarithm is below this.
 ON_CIRCLE = 1e-4
+# At a located fold the parameter's share of the direction is below this.
+STANDS_STILL = 1e-6
 
 
 def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple[CycleKind, int]]:
@@ -24,11 +26,14 @@ def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple
     found: list[tuple[CycleKind, int]] = []
     k = 0
     while k + 1 < len(rows):
-        kind = _kind_between(tracer, rows[k], rows[k + 1])
+        kind = _kind_between(rows[k], rows[k + 1])
         if kind is not None:
-            special = _located(tracer, rows[k], rows[k + 1], lengths[k + 1], _tests(tracer, kind))
-            if special is not None and _confirmed(kind, special[0]):
+            test = _test(tracer, kind, rows[k], rows[k + 1])
+            special = _located(tracer, rows[k], rows[k + 1], lengths[k + 1], test)
+            if special is not None and abs(_logarithm(kind, special[0])) < ON_CIRCLE:
                 row, length = special
+                if kind is CycleKind.BRANCH_POINT and abs(_slope(tracer, row)) < STANDS_STILL:
+                    kind = CycleKind.FOLD
                 rows.insert(k + 1, row)
                 lengths.insert(k + 1, length)
                 lengths[k + 2] = max(lengths[k + 2] - length, 0.0)
@@ -38,45 +43,50 @@ def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple
     return found
 
 
-def _kind_between(tracer: Tracer, a: Row, b: Row) -> CycleKind | None:
+def _slope(tracer: Tracer, row: Row) -> float:
+    """The parameter's share of the family's direction."""
+    return row.moving.parameter / tracer.width
+
+
+def _kind_between(a: Row, b: Row) -> CycleKind | None:
+    """What is passed between two rows, told by the multipliers; a fold is a branch point until it is located.
+
+    The parameter alone does not tell a fold: in an explosion it goes to and fro by rounding.
+    """
     counts = [_counts(row) for row in (a, b)]
-    changed = [one != other for one, other in zip(*counts)]
-    before, after = a.tangent.parameter / tracer.width, b.tangent.parameter / tracer.width
-    # In an explosion the parameter goes to and fro by rounding; at a fold a multiplier passes 1 as well.
-    if before * after < 0.0 and min(abs(before), abs(after)) > NOISE and changed[0]:
-        return CycleKind.FOLD
-    kinds = (CycleKind.BRANCH_POINT, CycleKind.PERIOD_DOUBLING, CycleKind.TORUS)
     if sum(counts[0]) == sum(counts[1]):
         # A pair that has become real, or complex, has crossed nothing.
         return None
-    return next((kind for kind, change in zip(kinds, changed) if change), None)
+    kinds = (CycleKind.BRANCH_POINT, CycleKind.PERIOD_DOUBLING, CycleKind.TORUS)
+    return next((kind for kind, one, other in zip(kinds, *counts) if one != other), None)
 
 
 def _counts(row: Row) -> tuple[int, int, int]:
     """Multipliers beyond 1, beyond -1, and complex ones outside the unit circle."""
     others = row.multipliers[1:]
     outside = np.abs(others) > 1.0 + NEUTRAL
-    real = np.abs(others.imag) <= 1e-12 * np.abs(others)
+    real = np.abs(np.imag(others)) <= 1e-12 * np.abs(others)
     return (
-        int((outside & real & (others.real > 0.0)).sum()),
-        int((outside & real & (others.real < 0.0)).sum()),
+        int((outside & real & (np.real(others) > 0.0)).sum()),
+        int((outside & real & (np.real(others) < 0.0)).sum()),
         int((outside & ~real).sum()),
     )
 
 
-def _tests(tracer: Tracer, kind: CycleKind) -> Callable[[Row], float]:
-    if kind is CycleKind.FOLD:
-        return lambda row: row.tangent.parameter / tracer.width
+def _test(tracer: Tracer, kind: CycleKind, a: Row, b: Row) -> Callable[[Row], float]:
+    before, after = _slope(tracer, a), _slope(tracer, b)
+    if kind is CycleKind.BRANCH_POINT and before * after < 0.0 and min(abs(before), abs(after)) > NOISE:
+        return lambda row: _slope(tracer, row)
     return lambda row: _logarithm(kind, row)
 
 
 def _logarithm(kind: CycleKind, row: Row) -> float:
     """log |mu| of the multiplier of that kind nearest to the unit circle; NaN when there is none."""
     others = row.multipliers[1:]
-    real = np.abs(others.imag) <= 1e-12 * np.abs(others)
+    real = np.abs(np.imag(others)) <= 1e-12 * np.abs(others)
     chosen = {
-        CycleKind.BRANCH_POINT: real & (others.real > 0.0),
-        CycleKind.PERIOD_DOUBLING: real & (others.real < 0.0),
+        CycleKind.BRANCH_POINT: real & (np.real(others) > 0.0),
+        CycleKind.PERIOD_DOUBLING: real & (np.real(others) < 0.0),
         CycleKind.TORUS: ~real,
     }[kind]
     values = np.log(np.abs(others[chosen]))
@@ -98,7 +108,11 @@ def _located(
             middle = 0.5 * (low + high)
         row = tracer.step(a, middle)
         if row is None:
-            return best
+            # Exactly at a branch point the bordered matrix is singular; beside it, it is not.
+            middle = 0.5 * (low + middle)
+            row = tracer.step(a, middle)
+            if row is None:
+                return best
         f = test(row)
         if abs(f) < value:
             best, value = (row, middle), abs(f)
@@ -112,7 +126,3 @@ def _located(
         if low > high:
             low, high, f_low, f_high = high, low, f_high, f_low
     return best
-
-
-def _confirmed(kind: CycleKind, row: Row) -> bool:
-    return kind is CycleKind.FOLD or abs(_logarithm(kind, row)) < ON_CIRCLE

@@ -256,7 +256,7 @@ class Linearisation:
         A direction (c,) is a right-hand side of the conditions with no defect elsewhere. There are as many conditions
         as there are free scalars. Raises `numpy.linalg.LinAlgError` when the bordered matrix is singular.
         """
-        N, m, n = self.inside.shape[:3]
+        N, n = len(self.inside), self.inside.shape[2]
         scalars = 2 if self.has_parameter else 1
         size = N * n + scalars
         weight = self.cycle.scheme.b[:, None] * self.cycle.widths[:, None, None]
@@ -302,9 +302,7 @@ class Linearisation:
             inner = np.einsum("jink,jk->jin", self.inside, factors)
             parameter = float(tail[1]) if scalars == 2 else 0.0
             found.append(
-                Cycle(
-                    self.cycle.mesh, np.concatenate([dz[:, None], inner], axis=1), float(tail[0]), parameter
-                )
+                Cycle(self.cycle.mesh, np.concatenate([dz[:, None], inner], axis=1), float(tail[0]), parameter)
             )
         return found
 

@@ -163,7 +163,9 @@ def _born(tracer: Tracer, hopf: HopfPoint, degree: int) -> Row:
     size = FIRST_SIZE * max(1.0, float(np.abs(point).max()))
     if hopf.l1 and hopf.crossing:
         # Normal form rho' = crossing dlambda rho + l1 omega rho^3, with u = point + 2 Re(rho q e^(i omega t)).
-        size = min(size, 2.0 * np.sqrt(FIRST_SHIFT * tracer.width * abs(hopf.crossing / (hopf.l1 * hopf.omega))))
+        size = min(
+            size, 2.0 * np.sqrt(FIRST_SHIFT * tracer.width * abs(hopf.crossing / (hopf.l1 * hopf.omega)))
+        )
     mesh = np.linspace(0.0, 1.0, FIRST_INTERVALS + 1)
     places = mesh[:-1, None] + np.diff(mesh)[:, None] * gauss(degree).x
     mode = np.real(hopf.vector * np.exp(2j * np.pi * places[..., None]))

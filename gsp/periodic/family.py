@@ -5,14 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from gsp.continuation import Ending
 from gsp.errors import DeclarationError, nearest
 from gsp.flow import Flow
+from gsp.periodic.explosion import Explosion, explosions
 from gsp.periodic.hopf import HopfPoint
 from gsp.periodic.orbit import PeriodicOrbit
+
+# What to do about an ending that reads otherwise for curves of equilibria.
+REMEDIES = {
+    Ending.STEP_TOO_SMALL: "lower tolerance or raise max_intervals: the mesh may be too coarse for these cycles",
+    Ending.TOO_MANY_POINTS: "raise max_points, or bound the parameter",
+}
 
 
 class CycleKind(StrEnum):
@@ -105,20 +113,10 @@ class OrbitFamily:
         return tuple(special for special in self.special if special.kind is kind)
 
     @cached_property
-    def steepest(self) -> int:
-        """The row where the parameter changes least as the cycle changes: the middle of an explosion, if there is one.
-
-        Between rows, the parameter is compared with the largest change of an amplitude.
-        """
-        names = [symbol.name for symbol in self.flow.states]
-        grown = np.max([np.abs(np.diff(self.amplitude(name))) for name in names], axis=0)
-        moved = np.abs(np.diff(self[self.parameter]))
-        # Where rounding decides which step is the steepest, the one in the middle.
-        width = np.ptp(self[self.parameter]) or 1.0
-        slopes = moved / np.where(grown > 0.0, grown, np.inf)
-        slopes = np.where(grown > 0.0, slopes, np.inf)
-        flat = np.flatnonzero(slopes <= max(float(slopes.min()), FLAT * width))
-        return int(flat[len(flat) // 2])
+    def explosions(self) -> tuple[Explosion, ...]:
+        """Where the cycles grow while the parameter all but stands still, as in a canard explosion, in order."""
+        amplitudes = np.array([self.amplitude(symbol.name) for symbol in self.flow.states])
+        return explosions(self[self.parameter], amplitudes)
 
     def _state(self, name: str) -> str:
         known = [symbol.name for symbol in self.flow.states]
@@ -137,7 +135,7 @@ class OrbitFamily:
             f"{last.parameters[self.parameter]:.6g}, period {last.period:.6g}"
         )
         if not self.status.ok:
-            text += f" ({self.status.meaning}; {self.status.remedy})"
+            text += f" ({self.status.meaning}; {REMEDIES.get(self.status, self.status.remedy)})"
         return text
 
     def __repr__(self) -> str:
@@ -163,15 +161,15 @@ class OrbitFamily:
                 f"  {special.kind} at {self.parameter} = {value:.10g}, period {special.orbit.period:.6g}"
             )
         lines += [
+            f"  explosion at {self.parameter} = {explosion.value:.10g}, over {explosion.width:.1e}"
+            for explosion in self.explosions
+        ]
+        lines += [
             f"  {self.stats.steps} steps, {self.stats.rejected} rejected, {self.stats.iterations} Newton steps, "
             f"at most {self.stats.intervals} intervals",
             f"  {self.message}",
         ]
         return "\n".join(lines)
-
-
-# The parameter per amplitude counts as standing still below this share of its range: rounding.
-FLAT = 1e-14
 
 
 def stability_runs(family: OrbitFamily) -> tuple[tuple[slice, bool], ...]:
@@ -180,6 +178,6 @@ def stability_runs(family: OrbitFamily) -> tuple[tuple[slice, bool], ...]:
     changes = np.flatnonzero(stable[1:] != stable[:-1]) + 1
     edges = [0, *changes.tolist(), len(stable)]
     runs: list[tuple[slice, bool]] = []
-    for first, last in zip(edges[:-1], edges[1:]):
+    for first, last in pairwise(edges):
         runs.append((slice(max(first - 1, 0), last), bool(stable[first])))
     return tuple(runs)

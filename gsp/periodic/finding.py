@@ -7,9 +7,8 @@ from collections.abc import Callable
 from types import MappingProxyType
 
 import numpy as np
-import sympy as sp
 
-from gsp.errors import DeclarationError, GspError, Status
+from gsp.errors import DeclarationError, Status
 from gsp.flow import Flow, Point, check_epsilon
 from gsp.integrators import check_step_limit
 from gsp.lowering import parameter_vector

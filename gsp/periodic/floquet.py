@@ -21,12 +21,13 @@ def multipliers(transfers: np.ndarray, divergence: float, scales: np.ndarray) ->
     """
     n = transfers.shape[1]
     pencil = joined(transfers * scales / scales[:, None])
-    alpha, beta = eig(*pencil, right=False, homogeneous_eigvals=True)
+    # Asked for no vectors, SciPy returns the eigenvalues alone, as a pair of rows.
+    alpha, beta = np.asarray(eig(*pencil, right=False, homogeneous_eigvals=True))
     with np.errstate(all="ignore"):
         values = np.where(beta == 0.0, complex(np.inf), alpha / np.where(beta == 0.0, 1.0, beta))
     trivial = int(np.argmin(np.abs(alpha - beta) / np.hypot(np.abs(alpha), np.abs(beta))))
     others = np.delete(values, trivial)
-    others = others[np.lexsort((-others.imag, -np.abs(others)))]
+    others = others[np.lexsort((-np.imag(others), -np.abs(others)))]
     if n == 2:
         with np.errstate(over="ignore"):
             others = np.array([np.exp(divergence)], dtype=complex)

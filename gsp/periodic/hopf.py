@@ -63,7 +63,7 @@ def hopf_points(
     >>> x, y, a, eps = sp.symbols("x y a epsilon")
     >>> system = SlowFastSystem(slow={y: a - x}, fast={x: y - x**3/3 + x}, epsilon=eps, parameters={a: 1.1})
     >>> hopf_points(system, start={"x": 1.1, "y": -0.6}, parameter="a", bounds=(0.5, 1.5), epsilon=0.01)
-    (HopfPoint(a = 1 at y = -0.6666666667, x = 1, omega = 10, l1 = -0.125),)
+    (HopfPoint(a = 1 at y = -0.6666666667, x = 1, omega = 10, l1 = -4.9505),)
     """
     symbol = check_name(flow, parameter)
     low, high = check_interval(bounds, what="bounds", remedy="Give (low, high) of the parameter.")

@@ -70,7 +70,7 @@ def adapted(
 
 
 def equidistributed(mesh: np.ndarray, density: np.ndarray, intervals: int) -> np.ndarray:
-    """The mesh (intervals + 1,) whose intervals hold equal shares of a density (N,), constant on intervals of `mesh`."""
+    """The mesh (intervals + 1,) whose intervals hold equal shares of `density` (N,), constant between `mesh`."""
     total = np.append(0.0, np.cumsum(density * np.diff(mesh)))
     found = np.interp(np.linspace(0.0, total[-1], intervals + 1), total, mesh)
     found[0], found[-1] = 0.0, 1.0

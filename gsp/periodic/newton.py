@@ -9,7 +9,7 @@ import numpy as np
 
 from gsp.errors import Status
 from gsp.periodic.collocation import Condition, Cycle, Linearisation, OrbitProblem, phase_condition
-from gsp.periodic.mesh import adapted, interval_errors
+from gsp.periodic.mesh import adapted, growth_density, interval_errors
 
 # A step this small, in units of the cycle, is the last: the next one would be its square.
 CONVERGED = 1e-9
@@ -104,7 +104,12 @@ class Refined:
 
 
 def refine(
-    problem: OrbitProblem, guess: Cycle, *, tolerance: float, most: int, progress: Callable[[float], object] | None
+    problem: OrbitProblem,
+    guess: Cycle,
+    *,
+    tolerance: float,
+    most: int,
+    progress: Callable[[float], object] | None,
 ) -> Refined:
     """Solve, adapt the mesh, and again, until the estimated error is at most `tolerance`."""
     cycle, iterations, period, aim = guess, 0, float("nan"), tolerance
@@ -131,11 +136,9 @@ def refine(
         if count > 2 and error > tolerance:
             # The estimate that the mesh was made from was too hopeful.
             aim *= 0.5
-        mesh = adapted(cycle, scales, aim, most=most)
+        mesh = adapted(cycle, scales, aim, most=most, least=growth_density(problem, cycle))
         if count > 2 and len(mesh) - 1 >= most and len(cycle.mesh) - 1 >= most:
             break
         cycle = cycle.on(mesh)
     assert best is not None
-    return Refined(
-        best.solution, best.error, best.period_error, Status.MESH_LIMIT, iterations, best.meshes
-    )
+    return Refined(best.solution, best.error, best.period_error, Status.MESH_LIMIT, iterations, best.meshes)

@@ -34,10 +34,11 @@ class PeriodicOrbit:
 
     `period` is in the flow's time. `orbit["x"]` are values (m,) of a state or an observable at the phases `phases`
     (m,), from 0 to 1, both included; `.at(s)` the state at any phase. `multipliers` (n,) are Floquet's, the trivial
-    one first, which is 1 but for errors, then by decreasing size; `divergence` is the integral of div F over the
-    period, the logarithm of their product. `error` estimates the error of u in units of the amplitudes,
-    `period_error` the relative one of the period (NaN in a family, where it is not estimated), `residual` is the largest defect of the discrete equations
-    in units of the amplitudes. `status` says how it ended; unless that is SUCCESS, the values are the last iterate.
+    one first, which is 1 but for errors (large ones along a canard, where growth and decay cancel), then by decreasing
+    size; `divergence` is the integral of div F over the period, the logarithm of their product. `error` estimates
+    the error of u in units of the amplitudes, `period_error` the relative one of the period (NaN in a family, where it
+    is not estimated); `residual` is the largest defect of the discrete equations in units of the amplitudes. `status`
+    says how it ended; unless that is SUCCESS, the values are the last iterate.
     """
 
     flow: Flow

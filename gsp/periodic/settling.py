@@ -77,7 +77,7 @@ def settled_lap(
 ) -> Lap:
     """The last lap of a run that has settled on a cycle; raises `OrbitError` when it does something else."""
     point: Point = start
-    done, block = 0, BLOCK
+    done, block = 0, min(BLOCK, max_steps)
     while True:
         run = integrate(
             flow, start=point, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
@@ -93,7 +93,7 @@ def settled_lap(
         if _at_rest(run):
             raise OrbitError(
                 f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}. "
-                f"Got start {_shown(dict(zip(last, map(float, run.y[:, 0]))) if done == block else start)}. "
+                f"Got start {_shown(start)}. "
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this equilibrium."
             )
         if run.status is not Status.TOO_MANY_STEPS:
@@ -109,7 +109,7 @@ def settled_lap(
                 f"the run from start has not come back to itself after {done} steps. It is at {_shown(last)}. "
                 "Raise max_steps, or give the period with a start near the cycle; a torus or chaos never closes."
             )
-        point, block = last, min(2 * block, max_steps - done) if max_steps > done else block
+        point, block = last, min(2 * block, max_steps - done)
 
 
 def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) -> Lap:

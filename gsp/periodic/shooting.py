@@ -20,7 +20,10 @@ CLOSED = 1e-11
 
 @dataclass(frozen=True)
 class Shot:
-    """An orbit by shooting: `period`, the `point` it starts from, `defect` of its closing in units of the amplitudes."""
+    """An orbit by shooting: `period`, the `point` it starts from, and by how much it fails to close, `defect`.
+
+    The defect is in units of the amplitudes, the status NOT_CONVERGED when it is not near rounding.
+    """
 
     period: float
     point: Point

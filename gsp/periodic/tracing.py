@@ -111,7 +111,12 @@ class Tracer:
         )  # fmt: skip
 
     def corrected(
-        self, guess: Cycle, reference: Cycle, condition: Callable[[Cycle], Condition], *, steps: int = CORRECTIONS
+        self,
+        guess: Cycle,
+        reference: Cycle,
+        condition: Callable[[Cycle], Condition],
+        *,
+        steps: int = CORRECTIONS,
     ) -> Solution:
         """Newton's method with that condition, the phase held against `reference`."""
         scales = scales_of(reference)
@@ -152,7 +157,9 @@ class Tracer:
         scheme, widths = cycle.scheme, cycle.widths
         along = np.empty_like(cycle.values)
         along[:, 1:] = cycle.slopes
-        along[:, 0] = cycle.period * self.problem.compiled.rates(cycle.values[:, 0], self.problem.constants(cycle))
+        along[:, 0] = cycle.period * self.problem.compiled.rates(
+            cycle.values[:, 0], self.problem.constants(cycle)
+        )
         u, v = along[:, 1:] / scales, tangent.values[:, 1:] / scales
         speed = np.einsum("i,jin,jin->j", scheme.b, u, u)
         share = np.einsum("i,jin,jin->j", scheme.b, u, v)
