@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
+from gsp.charts.explosion import canard_cycles, canard_explosion
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
@@ -24,6 +25,8 @@ from gsp.errors import DeclarationError
 
 __all__ = [
     "applicable",
+    "canard_cycles",
+    "canard_explosion",
     "composite",
     "convergence",
     "critical_curve",

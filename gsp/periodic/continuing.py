@@ -40,7 +40,7 @@ def continue_orbits(
     step: float = 0.05,
     max_step: float = 0.4,
     max_points: int = 500,
-    tolerance: float = 1e-7,
+    tolerance: float = 1e-9,
     degree: int = 6,
     max_intervals: int = 1000,
     max_period: float | None = None,

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.errors import DeclarationError, Status
-from gsp.flow import Flow, Point, check_epsilon
+from gsp.flow import Flow, Point
 from gsp.integrators import check_step_limit
 from gsp.lowering import parameter_vector
 from gsp.periodic.collocation import Cycle, OrbitProblem
@@ -74,7 +74,7 @@ def periodic_orbit(
             flow, start, epsilon, backward=bool(backward), max_steps=limit, progress=progress
         )  # fmt: skip
     else:
-        length = check_epsilon(period, what="period")
+        length = _checked_period(period)
         lap = given_lap(flow, start, epsilon, -length if backward else length)
     refined: Refined | None = None
     guess = lap.cycle(degree, error=FIRST_ERRORS[0], most=max_intervals)
@@ -92,7 +92,8 @@ def periodic_orbit(
         where = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(flow.states, cycle.values.mean(axis=(0, 1))))
         raise OrbitError(
             f"there is no cycle here: Newton's method ends at the equilibrium {where}. "
-            "The run from start comes back to itself slowly, as at a focus. Start elsewhere or raise the parameter."
+            "The run from start closes by itself, as around a centre or a slow focus: there is no isolated orbit. "
+            "Start elsewhere, or change a parameter."
         )
     return assembled(problem, refined, epsilon)
 
@@ -129,6 +130,18 @@ def assembled(problem: OrbitProblem, refined: Refined, epsilon: float | None) ->
         _cycle=cycle,
         _constants=constants,
     )
+
+
+def _checked_period(period: float) -> float:
+    try:
+        length = float(period)
+    except (TypeError, ValueError):
+        length = float("nan")
+    if not 0.0 < length < float("inf"):
+        raise DeclarationError(
+            f"period is a positive number, about that of the orbit. Got {period!r}. Leave it out to have it found."
+        )
+    return length
 
 
 def check_accuracy(tolerance: float, degree: int, max_intervals: int) -> None:

@@ -97,9 +97,10 @@ def settled_lap(
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this equilibrium."
             )
         if run.status is not Status.TOO_MANY_STEPS:
+            how = "leaves for infinity" if run.status.ok else f"ends with {run.status.name}"
             raise OrbitError(
-                f"there is no cycle here: the run from start does not stay. Got {run.status.name} at "
-                f"{_shown(last)} after {done} steps. Start elsewhere"
+                f"there is no cycle here: the run from start {how}. Got {_shown(last)} after "
+                f"{done - block + run.stats.steps} steps. Start elsewhere"
                 + (", or integrate forward." if backward else ", or backward=True for a repelling cycle.")
             )
         if progress is not None:
