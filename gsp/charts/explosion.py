@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MaxNLocator
 
 from gsp.charts.sampling import at_zero, evaluate, mesh, widened
 from gsp.charts.style import (
@@ -65,6 +66,7 @@ def canard_explosion(
             family.hopf.value, 0.0, "s", color=GREEN, mec=INK, ms=6, clip_on=False, label="Hopf point", zorder=6
         )  # fmt: skip
     name_axes(axes, family.parameter)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_ylabel(f"amplitude of {mathematics(state)}")
     axes.set_ylim(0.0, 1.06 * float(amplitude.max()))
     value = None if canard is None else _value(canard, family)
@@ -94,8 +96,8 @@ def canard_explosion(
 def canard_cycles(family: OrbitFamily, axes: Axes, *, names: tuple[str, str] | None = None) -> None:
     """Cycles of a family in the plane of two states, coloured from small to large, over M0 of a planar system.
 
-    They are those up to the end of the first explosion, or to the largest without one. `names` are the states of the two
-    axes; the first fast one and the first slow one unless given.
+    They are those up to the end of the first explosion, or to the largest without one. `names` are the states of the
+    two axes; the first fast one and the first slow one unless given.
     """
     across, up = names or _plane(family)
     found = family.explosions
@@ -134,9 +136,8 @@ def _plane(family: OrbitFamily) -> tuple[str, str]:
     flow = family.flow
     if isinstance(flow, SlowFastSystem):
         return flow.y[0].name, flow.x[0].name
-    if len(flow.states) < 2:
-        raise DeclarationError(f"cycles are drawn in two states. Got one, {flow.states[0]}.")
-    return flow.states[0].name, flow.states[1].name
+    names = [symbol.name for symbol in flow.states]
+    return names[0], names[1]
 
 
 def _amplitudes(axes: Any, family: OrbitFamily, values: np.ndarray, amplitude: np.ndarray) -> None:
