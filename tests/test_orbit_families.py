@@ -222,6 +222,20 @@ def test_fitzhugh_nagumo_from_hopf_point_to_hopf_point() -> None:
     assert family.explosions[0].value == pytest.approx(value, abs=1e-8)
 
 
+def test_a_family_in_epsilon_towards_the_singular_limit() -> None:
+    orbit = gsp.periodic_orbit(van_der_pol(0), start={"x": 2, "y": 0}, epsilon=0.01)
+    family = gsp.continue_orbits(orbit, parameter=eps, bounds=(1e-4, 0.5), direction=-1)
+    assert family.status is Ending.BOUND_REACHED
+    assert family["epsilon"][-1] == 1e-4
+    assert family.orbits[-1].epsilon == 1e-4
+    # mu = 100; in slow time periods are over mu.
+    assert family.period[-1] * 100 == pytest.approx(162.83707109237001, rel=1e-11)
+    assert family.epsilon is None
+    assert gsp.shoot(family.orbits[-1]).period == pytest.approx(family.period[-1], rel=1e-11)
+    with pytest.raises(DeclarationError, match="epsilon is positive"):
+        gsp.continue_orbits(orbit, parameter="epsilon", bounds=(0, 0.5))
+
+
 # -- endings and wrong calls -------------------------------------------------------------------------
 
 
@@ -298,7 +312,7 @@ def test_the_explosion_is_drawn_with_its_inset_and_its_cycles(explosion) -> None
     assert axes.get_xlabel() == "$a$"
     assert "amplitude" in axes.get_ylabel()
     (inset,) = axes.child_axes
-    assert "0.998740451246" in inset.get_title()
+    assert "0.99874045125" in inset.get_title()
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert {"stable", "Hopf point", "canard value"} <= set(labels)
     plane = charts.canard_cycles(explosion)

@@ -203,7 +203,7 @@ def test_an_orbit_starts_the_search_at_other_parameters() -> None:
     moved = gsp.periodic_orbit(system.with_parameters(a=0.05), start=orbit, epsilon=0.05)
     fresh = gsp.periodic_orbit(system.with_parameters(a=0.05), start={"x": 2, "y": 0}, epsilon=0.05)
     assert moved.period == pytest.approx(fresh.period, rel=1e-11)
-    assert moved.parameters == {"a": 0.05}
+    assert moved.constants == {"epsilon": 0.05, "a": 0.05}
 
 
 def test_an_orbit_can_be_read_by_phase_and_by_name() -> None:
@@ -222,6 +222,35 @@ def test_an_orbit_can_be_read_by_phase_and_by_name() -> None:
         orbit["radios"]
     with pytest.raises(GspError, match="phase"):
         orbit.at(math.nan)
+
+
+def test_crossings_are_phases() -> None:
+    orbit = gsp.periodic_orbit(circle(), start={"x": 0.5, "y": 0})
+    phases = orbit.crossings("x", 0.5)
+    assert phases.shape == (2,)
+    assert orbit.values("x", phases) == pytest.approx(0.5, abs=1e-9)
+    # theta' = 1 + cos(theta)/2 from -pi/3 to pi/3: t = (4/sqrt(3)) atan(tan(theta/2)/sqrt(3)) in all.
+    short = min(abs(phases[1] - phases[0]), 1 - abs(phases[1] - phases[0]))
+    exact = 2 * (4 / math.sqrt(3)) * math.atan(math.tan(math.pi / 6) / math.sqrt(3))
+    assert short * orbit.period == pytest.approx(exact, abs=1e-8)
+    assert orbit.crossings("x", 2.0).size == 0
+
+
+def test_a_reduced_flow_has_the_period_to_its_order() -> None:
+    system = gsp.SlowFastSystem(
+        slow={x: x - y - x * z, y: x + y - y * z + x**2 / 4}, fast={z: x**2 + y**2 + x / 2 - z}, epsilon=eps
+    )
+    branch = gsp.solve_critical(system).branches[0]
+    start = {"x": 0.9, "y": 0.1}
+    errors = {order: [] for order in (0, 1, 2)}
+    for epsilon in (0.01, 0.005):
+        full = gsp.periodic_orbit(system, start={**start, "z": 0.8}, epsilon=epsilon)
+        for order in errors:
+            flow = gsp.restrict(gsp.expand(branch, order=order), order=order)
+            reduced = gsp.periodic_orbit(flow, start=start, epsilon=epsilon)
+            errors[order].append(abs(reduced.period - full.period))
+    for order, (coarse, fine) in errors.items():
+        assert math.log2(coarse / fine) == pytest.approx(order + 1, abs=0.15)
 
 
 # -- endings -----------------------------------------------------------------------------------------

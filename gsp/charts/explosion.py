@@ -87,7 +87,9 @@ def canard_explosion(
             inset.axvline(0.0, color=GREY, lw=1.0, ls=":", zorder=1)
         inset.set_xlim(-1.0, 1.0)
         inset.set_ylim(0.0, 1.06 * float(amplitude.max()))
-        inset.set_title(f"({parameter} $-$ {centre:.12g}) / $10^{{{exponent}}}$", fontsize=8, pad=4)
+        inset.set_title(
+            f"({parameter} $-$ {centre:.{max(2, 3 - exponent)}f}) / $10^{{{exponent}}}$", fontsize=8, pad=4
+        )
         inset.tick_params(labelsize=8)
     legend(axes, columns=4)
 

@@ -159,7 +159,8 @@ class OrbitProblem:
         self.compiled = compile_flow(flow)
         self.p = p
         self.free = free
-        self.place = 0 if free is None else 1 + list(flow.parameters).index(free)
+        # Where p = (epsilon, *parameters) holds it; epsilon itself may be free.
+        self.place = 0 if free is None or free == flow.epsilon else 1 + list(flow.parameters).index(free)
         self.by_parameter: CompiledFunction | None = None
         if free is not None:
             self.by_parameter = compile_function(

@@ -48,11 +48,12 @@ def continue_orbits(
 ) -> OrbitFamily:
     """The family of periodic orbits through `origin`, by pseudo-arclength in `parameter`, the period free.
 
-    `origin` is an orbit, from which the parameter first increases (`direction` +1) or decreases (-1), or a Hopf
-    point (see `hopf_points`), whose small cycles come first. `bounds` (low, high) of the parameter end the family
-    exactly on one. Steps are in units of the cycle's amplitudes, its period and the width of the bounds. Each orbit has
-    a mesh of its own, adapted until its estimated error is below `tolerance` of the amplitudes. Folds of cycles, branch
-    points, period doublings and torus bifurcations are located. `max_period` is by default a thousand first ones.
+    `parameter` is one of the flow's, or epsilon. `origin` is an orbit, from which it first increases (`direction` +1)
+    or decreases (-1), or a Hopf point (see `hopf_points`), whose small cycles come first. `bounds` (low, high) of the
+    parameter end the family exactly on one. Steps are in units of the cycle's amplitudes, its period and the width of
+    the bounds. Each orbit has a mesh of its own, adapted until its estimated error is below `tolerance` of the
+    amplitudes. Folds of cycles, branch points, period doublings and torus bifurcations are located. `max_period` is by
+    default a thousand first ones.
 
     Raises `DeclarationError` for a call that is not well formed and `OrbitError` when no cycle is found at the Hopf
     point. How the family ended is its `status`.
@@ -82,10 +83,14 @@ def continue_orbits(
             "Find one by periodic_orbit or hopf_points."
         )
     symbol = _parameter(origin, parameter)
-    value = origin.value if isinstance(origin, HopfPoint) else origin.parameters[symbol.name]
+    value = origin.value if isinstance(origin, HopfPoint) else origin.constants[symbol.name]
     if not low <= value <= high:
         raise DeclarationError(
             f"the family starts outside the bounds. Got {symbol} = {value:g} and ({low:g}, {high:g}). Widen them."
+        )
+    if symbol == origin.flow.epsilon and low <= 0.0:
+        raise DeclarationError(
+            f"{symbol} is positive along a family. Got the bounds ({low:g}, {high:g}). Give a positive lower one."
         )
     period = 2.0 * np.pi / origin.omega if isinstance(origin, HopfPoint) else origin.period
     controls = Controls(
@@ -113,11 +118,11 @@ def continue_orbits(
 def _parameter(origin: PeriodicOrbit | HopfPoint, parameter: sp.Symbol | str | None) -> sp.Symbol:
     if isinstance(origin, PeriodicOrbit):
         if parameter is None:
-            names = ", ".join(origin.parameters) or "none"
+            names = ", ".join(origin.constants) or "none"
             raise DeclarationError(
                 f'name the parameter that varies, as in parameter="a". The parameters are {names}.'
             )
-        return check_name(origin.flow, parameter)
+        return check_name(origin.flow, parameter, epsilon=True)
     symbol = check_name(origin.flow, parameter if parameter is not None else origin.parameter)
     if symbol.name != origin.parameter:
         raise DeclarationError(
@@ -141,7 +146,7 @@ def _through(tracer: Tracer, orbit: PeriodicOrbit, name: str, direction: int) ->
         raise DeclarationError(
             f"the orbit has not converged. Got {orbit.status.name}. Continue one whose status is SUCCESS."
         )
-    value = orbit.parameters[name]
+    value = orbit.constants[name]
     cycle = Cycle(orbit._cycle.mesh, orbit._cycle.values, orbit.period, value)
     nothing = Cycle(cycle.mesh, np.zeros_like(cycle.values), 0.0, float(direction))
     # The tangent is found across the parameter's own direction, and across a generic one at a fold.
@@ -205,11 +210,11 @@ def _born(tracer: Tracer, hopf: HopfPoint, degree: int) -> Row:
 def _family(origin, tracer, name, rows, lengths, special, ending, stats) -> OrbitFamily:
     arclength = np.cumsum(lengths)
     arclength.setflags(write=False)
-    epsilon = origin.epsilon
-    orbits = tuple(_orbit(tracer, row, epsilon) for row in rows)
+    orbits = tuple(_orbit(tracer, row) for row in rows)
+    varies = tracer.problem.free == origin.flow.epsilon
     return OrbitFamily(
         flow=origin.flow,
-        epsilon=epsilon,
+        epsilon=None if varies else origin.epsilon,
         parameter=name,
         orbits=orbits,
         arclength=arclength,
@@ -220,7 +225,7 @@ def _family(origin, tracer, name, rows, lengths, special, ending, stats) -> Orbi
     )
 
 
-def _orbit(tracer: Tracer, row: Row, epsilon: float | None) -> PeriodicOrbit:
+def _orbit(tracer: Tracer, row: Row) -> PeriodicOrbit:
     problem, cycle = tracer.problem, row.cycle
     constants = problem.constants(cycle)
     for array in (cycle.mesh, cycle.values, row.multipliers, constants):
@@ -228,7 +233,7 @@ def _orbit(tracer: Tracer, row: Row, epsilon: float | None) -> PeriodicOrbit:
     names = [symbol.name for symbol in problem.flow.parameters]
     return PeriodicOrbit(
         flow=problem.flow,
-        epsilon=epsilon,
+        epsilon=None if problem.flow.epsilon is None else float(constants[0]),
         parameters=MappingProxyType(dict(zip(names, map(float, constants[1:])))),
         period=cycle.period,
         multipliers=row.multipliers,

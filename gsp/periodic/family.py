@@ -62,6 +62,7 @@ class OrbitFamily:
     `amplitude("x")`, `maximum("x")`, `minimum("x")` (m,), `arclength` (m,). `special` are folds of cycles and other
     bifurcations, each a row of the family too. `hopf` is the Hopf point at which it begins, when it does. `status`
     says how it ended.
+    `epsilon` is None where it is the parameter that varies.
     """
 
     flow: Flow
@@ -78,13 +79,13 @@ class OrbitFamily:
         return len(self.orbits)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Values (m,) of a parameter; raises `DeclarationError` for an unknown one."""
-        known = list(self.orbits[0].parameters)
+        """Values (m,) of a parameter or of epsilon; raises `DeclarationError` for an unknown one."""
+        known = list(self.orbits[0].constants)
         if name not in known:
             raise DeclarationError(
                 f"the family has no parameter {name!r}. It has {', '.join(known)}." + nearest(str(name), known)
             )
-        return np.array([orbit.parameters[name] for orbit in self.orbits])
+        return np.array([orbit.constants[name] for orbit in self.orbits])
 
     @cached_property
     def period(self) -> np.ndarray:
@@ -132,7 +133,7 @@ class OrbitFamily:
         last = self.orbits[-1]
         text = (
             f"stopped after {len(self)} orbits: {self.status.name} at {self.parameter} = "
-            f"{last.parameters[self.parameter]:.6g}, period {last.period:.6g}"
+            f"{last.constants[self.parameter]:.6g}, period {last.period:.6g}"
         )
         if not self.status.ok:
             text += f" ({self.status.meaning}; {REMEDIES.get(self.status, self.status.remedy)})"
@@ -156,7 +157,7 @@ class OrbitFamily:
         if self.hopf is not None:
             lines.append(f"  from the Hopf point at {self.parameter} = {self.hopf.value:.10g}")
         for special in self.special:
-            value = special.orbit.parameters[self.parameter]
+            value = special.orbit.constants[self.parameter]
             lines.append(
                 f"  {special.kind} at {self.parameter} = {value:.10g}, period {special.orbit.period:.6g}"
             )

@@ -56,6 +56,11 @@ class PeriodicOrbit:
     _constants: np.ndarray = field(repr=False)
 
     @property
+    def constants(self) -> Mapping[str, float]:
+        """Epsilon, if there is one, and the parameters, by name."""
+        return ({} if self.epsilon is None else {str(self.flow.epsilon): self.epsilon}) | dict(self.parameters)
+
+    @property
     def phases(self) -> np.ndarray:
         """The mesh and the Gauss points of its intervals, from 0 to 1 (m,)."""
         cycle = self._cycle
@@ -99,6 +104,23 @@ class PeriodicOrbit:
         raise GspError(
             f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
         )
+
+    def crossings(self, key: str | sp.Symbol, level: float = 0.0) -> np.ndarray:
+        """Phases (k,) at which a state or an observable passes `level`, in order; they come in pairs, up and down."""
+        # Between these a polynomial that is resolved crosses once.
+        s = np.interp(
+            np.linspace(0.0, 1.0, 4 * (len(self.phases) - 1) + 1),
+            np.linspace(0.0, 1.0, len(self.phases)),
+            self.phases,
+        )
+        above = self.values(key, s) > level
+        places = np.flatnonzero(above[1:] != above[:-1])
+        low, high = s[places], s[places + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            same = (self.values(key, middle) > level) == above[places]
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return 0.5 * (low + high)
 
     @cached_property
     def minimum(self) -> Mapping[str, float]:
@@ -161,10 +183,9 @@ class PeriodicOrbit:
         )
 
     def __str__(self) -> str:
-        given = dict(self.parameters) | ({} if self.epsilon is None else {str(self.flow.epsilon): self.epsilon})
         width = max(len(symbol.name) for symbol in self.flow.states)
         lines = [
-            "periodic orbit" + "".join(f", {name} = {value:.10g}" for name, value in given.items()),
+            "periodic orbit" + "".join(f", {name} = {value:.10g}" for name, value in self.constants.items()),
             f"  period {self.period:.15g}"
             + ("" if np.isnan(self.period_error) else f" (relative error {self.period_error:.1e})"),
             *(
@@ -178,10 +199,12 @@ class PeriodicOrbit:
         return "\n".join(lines)
 
 
-def check_name(flow: Flow, parameter: sp.Symbol | str) -> sp.Symbol:
-    """The parameter of the flow with that name; raises `DeclarationError` when there is none."""
+def check_name(flow: Flow, parameter: sp.Symbol | str, *, epsilon: bool = False) -> sp.Symbol:
+    """The parameter of the flow with that name, or `epsilon` too; raises `DeclarationError` when there is none."""
     name = parameter.name if isinstance(parameter, sp.Symbol) else parameter
     names = {symbol.name: symbol for symbol in flow.parameters}
+    if epsilon and flow.epsilon is not None:
+        names[flow.epsilon.name] = flow.epsilon
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
             f"there is no parameter {name!r}. The parameters are {', '.join(names) or 'none'}."

@@ -76,15 +76,14 @@ def settled_lap(
     progress: Callable[[float], object] | None,
 ) -> Lap:
     """The last lap of a run that has settled on a cycle; raises `OrbitError` when it does something else."""
-    point: Point = start
-    done, block = 0, min(BLOCK, max_steps)
+    # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
+    steps = min(BLOCK, max_steps)
     while True:
         run = integrate(
-            flow, start=point, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
-            atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=block,
+            flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
+            atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps,
         )  # fmt: skip
         last = {symbol.name: float(v) for symbol, v in zip(flow.states, run.at(run.t[-1]))}
-        done += block
         if run.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         lap = _closed_lap(run)
@@ -99,18 +98,18 @@ def settled_lap(
         if run.status is not Status.TOO_MANY_STEPS:
             how = "leaves for infinity" if run.status.ok else f"ends with {run.status.name}"
             raise OrbitError(
-                f"there is no cycle here: the run from start {how}. Got {_shown(last)} after "
-                f"{done - block + run.stats.steps} steps. Start elsewhere"
+                f"there is no cycle here: the run from start {how}. Got {_shown(last)} after {run.stats.steps} steps. "
+                "Start elsewhere"
                 + (", or integrate forward." if backward else ", or backward=True for a repelling cycle.")
             )
         if progress is not None:
-            progress(min(1.0, done / max_steps))
-        if done >= max_steps:
+            progress(steps / max_steps)
+        if steps >= max_steps:
             raise OrbitError(
-                f"the run from start has not come back to itself after {done} steps. It is at {_shown(last)}. "
+                f"the run from start has not come back to itself after {steps} steps. It is at {_shown(last)}. "
                 "Raise max_steps, or give the period with a start near the cycle; a torus or chaos never closes."
             )
-        point, block = last, min(2 * block, max_steps - done)
+        steps = min(2 * steps, max_steps)
 
 
 def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) -> Lap:
