@@ -166,7 +166,7 @@ def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> 
     # Krupa and Szmolyan: every cycle of this explosion is stable; the multiplier is exp of the divergence.
     assert (explosion.unstable == 0).all()
     assert not explosion.special
-    # The mesh moves with the layers; without that ten times as many steps are needed.
+    # The mesh moves with the layers; without that five times as many steps are needed.
     assert explosion.stats.steps < 100
     assert explosion.stats.intervals < 200
 

@@ -224,6 +224,26 @@ def test_an_orbit_can_be_read_by_phase_and_by_name() -> None:
         orbit.at(math.nan)
 
 
+def roessler(c: float) -> gsp.VectorField:
+    value = sp.Symbol("c")
+    return gsp.VectorField(
+        {x: -y - z, y: x + y / 5, z: sp.Rational(1, 5) + z * (x - value)}, epsilon=None, parameters={value: c}
+    )
+
+
+def test_periods_are_minimal_on_both_sides_of_a_doubling() -> None:
+    # Before it, at c = 2.8324, a run closes sooner after two laps than after one; behind it, almost after one.
+    start = {"x": 1, "y": 1, "z": 0}
+    before, behind, chaos = (gsp.periodic_orbit(roessler(c), start=start) for c in (2.8, 2.8325, 5.7))
+    assert before.period == pytest.approx(5.7679, abs=1e-3)
+    assert behind.period == pytest.approx(2 * 5.7698, abs=1e-3)
+    assert before.is_stable
+    assert behind.is_stable
+    assert chaos.unstable == 1
+    thrice = gsp.periodic_orbit(circle(), start={"x": 1, "y": 0}, period=21.5)
+    assert thrice.period == pytest.approx(PERIOD, rel=1e-12)
+
+
 def test_crossings_are_phases() -> None:
     orbit = gsp.periodic_orbit(circle(), start={"x": 0.5, "y": 0})
     phases = orbit.crossings("x", 0.5)

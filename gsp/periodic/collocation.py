@@ -309,7 +309,7 @@ class Linearisation:
 
 
 def phase_condition(cycle: Cycle, reference: Cycle, scales: np.ndarray) -> Condition:
-    """The integral of <u - reference, reference'> = 0 in units of `scales`, for a step from `cycle` [DKK91]."""
+    """The integral of <u - reference, reference'> = 0 in units of `scales`, for a step from `cycle`."""
     weights = reference.slopes / scales**2
     # Of order one, so that the border is as large as the rest of the matrix.
     weight = cycle.scheme.b[:, None] * cycle.widths[:, None, None]

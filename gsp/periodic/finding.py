@@ -17,10 +17,14 @@ from gsp.periodic.floquet import multipliers
 from gsp.periodic.mesh import FEWEST
 from gsp.periodic.newton import COLLAPSED, Refined, refine, scales_of
 from gsp.periodic.orbit import OrbitStats, PeriodicOrbit
-from gsp.periodic.settling import OrbitError, given_lap, settled_lap
+from gsp.periodic.settling import CLOSES, MOST_CROSSINGS, Lap, OrbitError, given_lap, settled_lap
 
 # Errors that first meshes are made for, in turn: Newton's method may need a finer one to begin with.
 FIRST_ERRORS = (1e-8, 1e-11)
+# A second lap closes within this share of its amplitude, when the first has led to an orbit that does not attract.
+CLOSER = 1e-6
+# A part of a cycle is the whole again when the two agree to this share of the amplitude.
+SAME = 1e-6
 # Tolerances nearer to rounding than this are never met.
 SMALLEST_TOLERANCE = 1e-12
 
@@ -45,7 +49,9 @@ def periodic_orbit(
     the first guess, which serves for orbits of saddle type. `start` may also be an orbit nearby, of this flow at
     other parameters say. Then the orbit is solved by Newton's method as u' = T F(u), u(1) = u(0), with piecewise
     polynomials of `degree` on a mesh that is adapted until the estimated error of u is below `tolerance` of each
-    state's amplitude; the period is far more accurate [DKK91]. `max_steps` bounds the run.
+    state's amplitude; the period is far more accurate (Doedel, Keller, Kernevez 1991). `max_steps` bounds the run. On a
+    chaotic attractor, where no run settles, the result is an unstable orbit near which the run came back, as its
+    multipliers say. Periods are minimal.
 
     Raises `OrbitError` when the run finds no cycle, naming the equilibrium where it settles on one, and
     `DeclarationError` for a call that is not well formed.
@@ -67,38 +73,91 @@ def periodic_orbit(
             )
         cycle = Cycle(start._cycle.mesh, start._cycle.values, start.period)
         refined = refine(problem, cycle, tolerance=tolerance, most=max_intervals, progress=progress)
-        return assembled(problem, refined, epsilon)
+        return assembled(problem, refined)
     flow.initial(start)
-    if period is None:
-        lap = settled_lap(
-            flow, start, epsilon, backward=bool(backward), max_steps=limit, progress=progress
-        )  # fmt: skip
-    else:
+
+    def solved(lap: Lap) -> PeriodicOrbit:
+        refined = _solved(
+            problem, lap, degree=degree, tolerance=tolerance, most=max_intervals, progress=progress
+        )
+        return assembled(problem, refined)
+
+    if period is not None:
         length = _checked_period(period)
-        lap = given_lap(flow, start, epsilon, -length if backward else length)
-    refined: Refined | None = None
-    guess = lap.cycle(degree, error=FIRST_ERRORS[0], most=max_intervals)
-    size = scales_of(guess)
+        return solved(given_lap(flow, start, epsilon, -length if backward else length))
+
+    def settled(closes: float) -> PeriodicOrbit:
+        lap = settled_lap(
+            flow, start, epsilon, closes=closes, backward=bool(backward), max_steps=limit, progress=progress
+        )  # fmt: skip
+        return solved(lap)
+
+    orbit = settled(CLOSES)
+    if backward or (orbit.status.ok and orbit.unstable == 0):
+        return orbit
+    # A run does not settle on an unstable orbit: it came near one on its way, beyond a period doubling say.
+    try:
+        closer = settled(CLOSER)
+    except OrbitError:
+        return orbit
+    return closer if closer.status.ok and (closer.unstable == 0 or not orbit.status.ok) else orbit
+
+
+def _solved(
+    problem: OrbitProblem,
+    lap: Lap,
+    *,
+    degree: int,
+    tolerance: float,
+    most: int,
+    progress: Callable[[float], object] | None,
+) -> Refined:
+    """The cycle that a lap leads to, once around; raises `OrbitError` when that is an equilibrium."""
+    best: Refined | None = None
+    size = np.full(problem.size, np.inf)
     for error in FIRST_ERRORS:
-        guess = lap.cycle(degree, error=error, most=max_intervals)
-        found = refine(problem, guess, tolerance=tolerance, most=max_intervals, progress=progress)
-        if refined is None or found.status.ok or found.error < refined.error:
-            refined = found
-        if refined.status.ok:
+        guess = lap.cycle(degree, error=error, most=most)
+        size = scales_of(guess)
+        found = refine(problem, guess, tolerance=tolerance, most=most, progress=progress)
+        if best is None or found.status.ok or found.error < best.error:
+            best = found
+        if best.status.ok:
             break
-    assert refined is not None
-    cycle = refined.solution.cycle
+    assert best is not None
+    cycle = best.solution.cycle
     if (cycle.amplitudes <= 1e-4 * size).all() and (problem.residual(cycle, size) < COLLAPSED):
-        where = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(flow.states, cycle.values.mean(axis=(0, 1))))
+        states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
         raise OrbitError(
-            f"there is no cycle here: Newton's method ends at the equilibrium {where}. "
+            "there is no cycle here: Newton's method ends at the equilibrium "
+            f"{', '.join(f'{s.name} = {v:.6g}' for s, v in states)}. "
             "The run from start closes by itself, as around a centre or a slow focus: there is no isolated orbit. "
             "Start elsewhere, or change a parameter."
         )
-    return assembled(problem, refined, epsilon)
+    times = _times_around(cycle) if best.status.ok else 1
+    if times > 1:
+        once = Cycle(cycle.mesh, _part(cycle, times), cycle.period / times)
+        best = refine(problem, once, tolerance=tolerance, most=most, progress=progress)
+    return best
 
 
-def assembled(problem: OrbitProblem, refined: Refined, epsilon: float | None) -> PeriodicOrbit:
+def _times_around(cycle: Cycle) -> int:
+    """How many times a cycle runs around the same orbit."""
+    scales = scales_of(cycle)
+    s = np.linspace(0.0, 1.0, 400, endpoint=False)
+    here, times = cycle.at(s), 1
+    for k in range(2, MOST_CROSSINGS + 1):
+        if (np.abs(cycle.at(np.mod(s + 1.0 / k, 1.0)) - here) <= SAME * scales).all():
+            times = k
+    return times
+
+
+def _part(cycle: Cycle, times: int) -> np.ndarray:
+    """Values of the first part of a cycle, one of `times`, on its own mesh."""
+    places = cycle.mesh[:-1, None] + cycle.widths[:, None] * cycle.scheme.x
+    return cycle.at(places.ravel() / times).reshape(cycle.values.shape)
+
+
+def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
     """The result, with everything that is read off the linearisation at the cycle itself."""
     cycle = refined.solution.cycle
     scales = scales_of(cycle)

@@ -71,11 +71,15 @@ def settled_lap(
     start: Point,
     epsilon: float | None,
     *,
+    closes: float,
     backward: bool,
     max_steps: int,
     progress: Callable[[float], object] | None,
 ) -> Lap:
-    """The last lap of a run that has settled on a cycle; raises `OrbitError` when it does something else."""
+    """The last lap of a run that has settled on a cycle, closed within the share `closes` of its amplitude.
+
+    Raises `OrbitError` when the run does something else.
+    """
     # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
     steps = min(BLOCK, max_steps)
     while True:
@@ -86,7 +90,7 @@ def settled_lap(
         last = {symbol.name: float(v) for symbol, v in zip(flow.states, run.at(run.t[-1]))}
         if run.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        lap = _closed_lap(run)
+        lap = _closed_lap(run, closes)
         if lap is not None:
             return lap
         if _at_rest(run):
@@ -133,7 +137,7 @@ def _at_rest(run: Trajectory) -> bool:
     return bool((moved <= AT_REST * size + ATOL).all())
 
 
-def _closed_lap(run: Trajectory) -> Lap | None:
+def _closed_lap(run: Trajectory, closes: float) -> Lap | None:
     """The last lap of the run's second half that closes, in the section with the shortest one."""
     t = run.t[len(run.t) // 2 :]
     if len(t) < 4 or not np.isfinite(t).all():
@@ -147,13 +151,13 @@ def _closed_lap(run: Trajectory) -> Lap | None:
     for k in range(len(states)):
         if high[k] - low[k] <= AT_REST * max(abs(low[k]), abs(high[k])):
             continue
-        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]))
+        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes)
         if lap is not None and (found is None or abs(lap.length) < abs(found.length) * (1.0 - 1e-3)):
             found = lap
     return found
 
 
-def _lap_in_section(run: Trajectory, times, states, k: int, level: float) -> Lap | None:
+def _lap_in_section(run: Trajectory, times, states, k: int, level: float, closes: float) -> Lap | None:
     above = states[k] > level
     places = np.flatnonzero(above[1:] & ~above[:-1])
     if len(places) < 2:
@@ -169,7 +173,7 @@ def _lap_in_section(run: Trajectory, times, states, k: int, level: float) -> Lap
         during = states[:, (times - b[-1 - laps]) * (times - b[-1]) <= 0.0]
         amplitude = np.ptp(during, axis=1)
         gap = np.abs(points[:, -1] - points[:, -1 - laps])
-        if (gap <= CLOSES * amplitude + 1e-6 * CLOSES * amplitude.max()).all():
+        if (gap <= closes * (amplitude + 1e-6 * amplitude.max())).all():
             return Lap(run, float(b[-1 - laps]), float(b[-1] - b[-1 - laps]))
     return None
 
