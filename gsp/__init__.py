@@ -15,6 +15,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     restrict                      the reduced flow
     integrate                     trajectories of any of these
     integrate_many                thousands of them, over starts, epsilon and parameters, on all cores
+    periodic_orbit                a closed orbit, stable or not, by collocation
+    hopf_points, continue_orbits  families of them: from a Hopf point through a canard explosion
     project                       where a start off the manifold lands: its fast fibre's base point
     composite                     the initial layer and the slow flow in one approximation
     fold_passage                  through a fold: delay, drop and exit
@@ -78,6 +80,13 @@ _HOME = {
     "Ensemble": "ensemble",
     "Event": "events",
     "Method": "integrators",
+    "periodic_orbit": "periodic",
+    "PeriodicOrbit": "periodic",
+    "shoot": "periodic",
+    "hopf_points": "periodic",
+    "HopfPoint": "periodic",
+    "continue_orbits": "periodic",
+    "OrbitFamily": "periodic",
     "project": "fibres",
     "BasePoint": "fibres",
     "composite": "layers",
@@ -159,6 +168,13 @@ if TYPE_CHECKING:
     from gsp.passage import fold_passage as fold_passage
     from gsp.passage import follow as follow
     from gsp.passage import measure_delay as measure_delay
+    from gsp.periodic import HopfPoint as HopfPoint
+    from gsp.periodic import OrbitFamily as OrbitFamily
+    from gsp.periodic import PeriodicOrbit as PeriodicOrbit
+    from gsp.periodic import continue_orbits as continue_orbits
+    from gsp.periodic import hopf_points as hopf_points
+    from gsp.periodic import periodic_orbit as periodic_orbit
+    from gsp.periodic import shoot as shoot
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict

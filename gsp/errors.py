@@ -81,8 +81,14 @@ class Status(Enum):
         "move the region downstream, or lower epsilon; the error estimate counts what is missing",
     )
     EVENT_REACHED = (
-        "a terminal event was reached",
-        "the run was asked to end there; start again from its end to go on",
+        (
+            "a terminal event was reached",
+            "the run was asked to end there; start again from its end to go on",
+        ),
+    )
+    MESH_LIMIT = (
+        "the allowed number of mesh intervals does not reach the tolerance",
+        "raise max_intervals, or loosen tolerance",
     )
     REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
     INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")

@@ -14,6 +14,7 @@ from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.ensembles import spread
+from gsp.charts.explosion import canard_cycles, canard_explosion
 from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
@@ -29,6 +30,8 @@ from gsp.errors import DeclarationError
 
 __all__ = [
     "applicable",
+    "canard_cycles",
+    "canard_explosion",
     "composite",
     "convergence",
     "critical_curve",

@@ -11,6 +11,7 @@ class Ending(Enum):
     BOUND_REACHED = ("a bound was reached", "")
     CLOSED = ("the curve closed on itself", "")
     COMPLETE = ("the whole connected piece within the bounds was found", "")
+    EQUILIBRIUM_REACHED = ("the cycles shrink to an equilibrium", "")
     TOO_MANY_POINTS = (
         "the allowed number of points was used up",
         "raise max_points, take larger steps, or bound the variables",
@@ -27,6 +28,10 @@ class Ending(Enum):
         "the curve leaves for infinity",
         "this may be all of it; bound the variables to stop sooner",
     )
+    PERIOD_GROWS = (
+        "the period exceeds the largest one allowed",
+        "a homoclinic orbit is near, or an equilibrium on the orbit; raise max_period to come nearer",
+    )
     INTERRUPTED = ("interrupted by the user", "what was computed before is kept; continue from the last point")
 
     @property
@@ -42,7 +47,7 @@ class Ending(Enum):
     @property
     def ok(self) -> bool:
         """Whether all there is within the bounds was found."""
-        return self in (Ending.BOUND_REACHED, Ending.CLOSED, Ending.COMPLETE)
+        return self in (Ending.BOUND_REACHED, Ending.CLOSED, Ending.COMPLETE, Ending.EQUILIBRIUM_REACHED)
 
     def __str__(self) -> str:
         return f"{self.name}: {self.meaning}" + (f"; {self.remedy}" if self.remedy else "")

@@ -1,0 +1,219 @@
+"""Finding one periodic orbit: from a run that settles on it, or from one lap, to collocation."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from types import MappingProxyType
+
+import numpy as np
+
+from gsp.errors import DeclarationError, Status
+from gsp.flow import Flow, Point
+from gsp.integrators import check_step_limit
+from gsp.lowering import parameter_vector
+from gsp.periodic.collocation import Cycle, OrbitProblem
+from gsp.periodic.floquet import multipliers
+from gsp.periodic.mesh import FEWEST
+from gsp.periodic.newton import COLLAPSED, Refined, refine, scales_of
+from gsp.periodic.orbit import OrbitStats, PeriodicOrbit
+from gsp.periodic.settling import CLOSES, MOST_CROSSINGS, Lap, OrbitError, given_lap, settled_lap
+
+# Errors that first meshes are made for, in turn: Newton's method may need a finer one to begin with.
+FIRST_ERRORS = (1e-8, 1e-11)
+# A second lap closes within this share of its amplitude, when the first has led to an orbit that does not attract.
+CLOSER = 1e-6
+# A part of a cycle is the whole again when the two agree to this share of the amplitude.
+SAME = 1e-6
+# Tolerances nearer to rounding than this are never met.
+SMALLEST_TOLERANCE = 1e-12
+
+
+def periodic_orbit(
+    flow: Flow,
+    *,
+    start: Point | PeriodicOrbit,
+    epsilon: float | None = None,
+    period: float | None = None,
+    backward: bool = False,
+    tolerance: float = 1e-9,
+    degree: int = 6,
+    max_intervals: int = 2000,
+    max_steps: int = 60_000,
+    progress: Callable[[float], object] | None = None,
+) -> PeriodicOrbit:
+    """The periodic orbit on which the run from `start` settles, refined by Gauss collocation.
+
+    A run forward, or `backward` for a repelling orbit, is followed until it comes back to itself in a section
+    that is found from the run. With `period`, a guess, there is no settling: one lap of that length from `start` is
+    the first guess, which serves for orbits of saddle type. `start` may also be an orbit nearby, of this flow at
+    other parameters say. Then the orbit is solved by Newton's method as u' = T F(u), u(1) = u(0), with piecewise
+    polynomials of `degree` on a mesh that is adapted until the estimated error of u is below `tolerance` of each
+    state's amplitude; the period is far more accurate (Doedel, Keller, Kernevez 1991). `max_steps` bounds the run. On a
+    chaotic attractor, where no run settles, the result is an unstable orbit near which the run came back, as its
+    multipliers say. Periods are minimal.
+
+    Raises `OrbitError` when the run finds no cycle, naming the equilibrium where it settles on one, and
+    `DeclarationError` for a call that is not well formed.
+
+    >>> x, y, eps = sp.symbols("x y epsilon")
+    >>> van_der_pol = SlowFastSystem(slow={y: -x}, fast={x: y - x**3/3 + x}, epsilon=eps)
+    >>> orbit = periodic_orbit(van_der_pol, start={"x": 2, "y": 0}, epsilon=0.01)
+    >>> round(orbit.period * 10, 9)      # of x'' - 10 (1 - x^2) x' + x = 0
+    19.078369567
+    """
+    check_accuracy(tolerance, degree, max_intervals)
+    limit = check_step_limit(max_steps)
+    problem = OrbitProblem(flow, parameter_vector(flow, epsilon))
+    if isinstance(start, PeriodicOrbit):
+        if start.flow.states != flow.states:
+            raise DeclarationError(
+                f"start is an orbit of another flow. Got one with the states {start.flow.states}, where these are "
+                f"{flow.states}. Give a point, or an orbit of this flow at other parameters."
+            )
+        cycle = Cycle(start._cycle.mesh, start._cycle.values, start.period)
+        refined = refine(problem, cycle, tolerance=tolerance, most=max_intervals, progress=progress)
+        return assembled(problem, refined)
+    flow.initial(start)
+
+    def solved(lap: Lap) -> PeriodicOrbit:
+        refined = _solved(
+            problem, lap, degree=degree, tolerance=tolerance, most=max_intervals, progress=progress
+        )
+        return assembled(problem, refined)
+
+    if period is not None:
+        length = _checked_period(period)
+        return solved(given_lap(flow, start, epsilon, -length if backward else length))
+
+    def settled(closes: float) -> PeriodicOrbit:
+        lap = settled_lap(
+            flow, start, epsilon, closes=closes, backward=bool(backward), max_steps=limit, progress=progress
+        )  # fmt: skip
+        return solved(lap)
+
+    orbit = settled(CLOSES)
+    if backward or (orbit.status.ok and orbit.unstable == 0):
+        return orbit
+    # A run does not settle on an unstable orbit: it came near one on its way, beyond a period doubling say.
+    try:
+        closer = settled(CLOSER)
+    except OrbitError:
+        return orbit
+    return closer if closer.status.ok and (closer.unstable == 0 or not orbit.status.ok) else orbit
+
+
+def _solved(
+    problem: OrbitProblem,
+    lap: Lap,
+    *,
+    degree: int,
+    tolerance: float,
+    most: int,
+    progress: Callable[[float], object] | None,
+) -> Refined:
+    """The cycle that a lap leads to, once around; raises `OrbitError` when that is an equilibrium."""
+    best: Refined | None = None
+    size = np.full(problem.size, np.inf)
+    for error in FIRST_ERRORS:
+        guess = lap.cycle(degree, error=error, most=most)
+        size = scales_of(guess)
+        found = refine(problem, guess, tolerance=tolerance, most=most, progress=progress)
+        if best is None or found.status.ok or found.error < best.error:
+            best = found
+        if best.status.ok:
+            break
+    assert best is not None
+    cycle = best.solution.cycle
+    if (cycle.amplitudes <= 1e-4 * size).all() and (problem.residual(cycle, size) < COLLAPSED):
+        states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
+        raise OrbitError(
+            "there is no cycle here: Newton's method ends at the equilibrium "
+            f"{', '.join(f'{s.name} = {v:.6g}' for s, v in states)}. "
+            "The run from start closes by itself, as around a centre or a slow focus: there is no isolated orbit. "
+            "Start elsewhere, or change a parameter."
+        )
+    times = _times_around(cycle) if best.status.ok else 1
+    if times > 1:
+        once = Cycle(cycle.mesh, _part(cycle, times), cycle.period / times)
+        best = refine(problem, once, tolerance=tolerance, most=most, progress=progress)
+    return best
+
+
+def _times_around(cycle: Cycle) -> int:
+    """How many times a cycle runs around the same orbit."""
+    scales = scales_of(cycle)
+    s = np.linspace(0.0, 1.0, 400, endpoint=False)
+    here, times = cycle.at(s), 1
+    for k in range(2, MOST_CROSSINGS + 1):
+        if (np.abs(cycle.at(np.mod(s + 1.0 / k, 1.0)) - here) <= SAME * scales).all():
+            times = k
+    return times
+
+
+def _part(cycle: Cycle, times: int) -> np.ndarray:
+    """Values of the first part of a cycle, one of `times`, on its own mesh."""
+    places = cycle.mesh[:-1, None] + cycle.widths[:, None] * cycle.scheme.x
+    return cycle.at(places.ravel() / times).reshape(cycle.values.shape)
+
+
+def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
+    """The result, with everything that is read off the linearisation at the cycle itself."""
+    cycle = refined.solution.cycle
+    scales = scales_of(cycle)
+    constants = problem.constants(cycle)
+    status, divergence = refined.status, float("nan")
+    found = np.full(problem.size, complex(np.nan))
+    try:
+        linear = problem.linearise(cycle)
+        divergence = linear.divergence
+        found = multipliers(linear.transfers, divergence, scales)
+    except (np.linalg.LinAlgError, ValueError):
+        # An iterate that is not finite has no multipliers; a converged cycle is.
+        status = status if not status.ok else Status.NON_FINITE
+    for array in (cycle.mesh, cycle.values, found, constants):
+        array.setflags(write=False)
+    names = [symbol.name for symbol in problem.flow.parameters]
+    return PeriodicOrbit(
+        flow=problem.flow,
+        epsilon=None if problem.flow.epsilon is None else float(constants[0]),
+        parameters=MappingProxyType(dict(zip(names, map(float, constants[1:])))),
+        period=cycle.period,
+        multipliers=found,
+        divergence=divergence,
+        error=refined.error,
+        period_error=refined.period_error,
+        residual=problem.residual(cycle, scales),
+        status=status,
+        stats=OrbitStats(refined.iterations, refined.meshes, len(cycle.mesh) - 1),
+        _cycle=cycle,
+        _constants=constants,
+    )
+
+
+def _checked_period(period: float) -> float:
+    try:
+        length = float(period)
+    except (TypeError, ValueError):
+        length = float("nan")
+    if not 0.0 < length < float("inf"):
+        raise DeclarationError(
+            f"period is a positive number, about that of the orbit. Got {period!r}. Leave it out to have it found."
+        )
+    return length
+
+
+def check_accuracy(tolerance: float, degree: int, max_intervals: int) -> None:
+    """Raises `DeclarationError` for a tolerance, a degree or a number of intervals that is none."""
+    if not isinstance(tolerance, (int, float)) or not SMALLEST_TOLERANCE <= tolerance < 1.0:
+        raise DeclarationError(
+            f"tolerance is a share of the amplitude, from {SMALLEST_TOLERANCE:g} to 1. Got {tolerance!r}. "
+            "The default serves most uses."
+        )
+    for name, value, low, high in (("degree", degree, 2, 10), ("max_intervals", max_intervals, FEWEST, 10**6)):
+        try:
+            fine = low <= operator.index(value) <= high
+        except TypeError:
+            fine = False
+        if not fine:
+            raise DeclarationError(f"{name} is a whole number from {low} to {high}. Got {value!r}.")
