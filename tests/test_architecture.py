@@ -34,6 +34,7 @@ LAYERS = [
     "elimination",
     "branch",
     "critical",
+    "normal_forms",
     "continuation",
     "sampling",
     "losses",
