@@ -111,12 +111,15 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
 
 
 def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -> Loss:
-    """The loss nearest to the middle of its part stands for all of them; what differs along it is noted."""
-    usual = [i for i, loss in enumerate(losses) if loss.kind in (LossKind.FOLD, LossKind.HOPF)] or list(
-        range(len(losses))
-    )
-    distances = np.linalg.norm(places[:, None, :] - places[None, :, :], axis=2).sum(axis=1)
-    middle = min(usual, key=lambda i: distances[i])
+    """One loss that stands for its part: a typical one; what differs along the part is noted."""
+    usual = [i for i, loss in enumerate(losses) if loss.kind in (LossKind.FOLD, LossKind.HOPF)]
+    usual = usual or list(range(len(losses)))
+    speeds = [abs(losses[i].coefficients.get("kappa", losses[i].coefficients.get("crossing", 0.0))) for i in usual]
+    if max(speeds) > 0.0:
+        middle = usual[int(np.argsort(speeds)[len(speeds) // 2])]
+    else:
+        distances = np.linalg.norm(places[:, None, :] - places[None, :, :], axis=2).sum(axis=1)
+        middle = min(usual, key=lambda i: distances[i])
     chosen = losses[middle]
     notes = [chosen.note] if chosen.note else []
     for name, what in (
@@ -137,7 +140,8 @@ def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
     nx = diagnosis.nx
     y = np.vstack([diagnosis.samples[:, nx:], z[:, nx:]])
     spans = np.ptp(y[np.isfinite(y).all(axis=1)], axis=0)
-    return np.append(diagnosis.widths, np.where(spans > 0.0, spans, 1.0))
+    largest = float(spans.max()) or 1.0
+    return np.append(diagnosis.widths, np.where(spans > 1e-9 * largest, spans, largest))
 
 
 def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:

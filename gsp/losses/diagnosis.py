@@ -36,6 +36,8 @@ ZERO_TERM = 1e-6
 # spreads like the square root of what its place is off.
 ZERO_SINGULAR = 1e-6
 DOUBLE_ZERO = 1e-4
+# What the place of a branch point may be off, relative to the region.
+OFF = 1e-9
 # Share of the region over which the layer problem is followed along its fast fibre.
 ALONG = 0.1
 # Losses nearer than this to an edge of the region, relative to its width, are on the edge.
@@ -264,13 +266,14 @@ class Diagnosis:
         sizes = np.append(V, self.widths)
         scaled = form * sizes[:, None] * sizes
         bend, tilt, cubic = abs(a) * V**2, np.abs(b) * self.widths, abs(c) * V**3
-        largest = max(float(np.abs(scaled).max()), bend, float(tilt.max()), cubic)
-        is_zero = ZERO_TERM * largest
+        mixed, square = float(np.abs(scaled[0, 1:]).max()), float(np.abs(scaled[1:, 1:]).max())
         names = [s.name for s in self.sampler.system.x]
         coefficients = {"a": a, **{f"b_{name}": float(value) for name, value in zip(names, b)}}
-        if largest == 0.0:
+        if max(bend, float(tilt.max()), cubic, mixed, square) == 0.0:
             return self._touching(at, determinant, right, left, V, note, {})
-        if float(tilt.max()) > is_zero:
+        is_zero = ZERO_TERM * max(bend, float(tilt.max()), cubic, mixed)
+        # At a branch point b is as large as the square terms times what the place is off.
+        if float(tilt.max()) > max(is_zero, OFF * square):
             switching = float(b @ at.slow)
             if abs(switching) <= ZERO_TERM * float(np.abs(b) @ self._fastest):
                 switching = 0.0
@@ -285,6 +288,7 @@ class Diagnosis:
                     at.z, kinds.ZERO, LossKind.CUSP, test, a, verdict, coefficients=coefficients, note=note
                 )
             return self._touching(at, determinant, right, left, V, note, coefficients)
+        is_zero = max(is_zero, ZERO_TERM * square)
         return self._branch_point(
             at, determinant, form, scaled, kernel, right, left, V,
             flags=(bend > is_zero, cubic > is_zero), a=a, c=c, note=note,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gsp.losses import switching
 from gsp.losses.components import named_losses
 from gsp.losses.diagnosis import Diagnosis
-from gsp.losses.kinds import Loss
+from gsp.losses.kinds import JUMP, Loss
 from gsp.losses.locator import LOCATED, REFINED, ZERO_TOLERANCE, Locator, signed_gap, spread, unstable
 from gsp.losses.whole_branch import centre_branch, degenerate_branch
 from gsp.region import Interval
@@ -18,6 +18,8 @@ from gsp.sampling import Sampler
 
 # A least singular value of g_y is zero on the whole branch below this, relative to the largest: exact zeros and rounding.
 ZERO_RANK = 1e-13
+# An eigenvalue jumps at a switching surface when the two are this near, relative to the region.
+SAME_PLACE = 1e-6
 Links = tuple[np.ndarray, np.ndarray]
 
 
@@ -54,10 +56,32 @@ def examine(
     locator = Locator(sampler, box, scale)
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
-    losses = [*named_losses(diagnosis, locator.found), *rough]
+    losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [diagnosis.name(place) for place in locator.sums(*links)[:1]]
     notes = [f"{source} is not smooth, but the branch does not meet where it switches" for source in unmet]
     return Examination(tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap)
+
+
+def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list[Loss]:
+    """All losses, an eigenvalue that jumps and the switching surface where it does being one."""
+    names = [s.name for s in diagnosis.sampler.system.x]
+    jumps = [loss for loss in losses if loss.crossing == JUMP]
+    result = [loss for loss in losses if loss.crossing != JUMP]
+    for loss in rough:
+        here = [
+            jump
+            for jump in jumps
+            if all(
+                abs(jump.point[n] - loss.point[n]) <= SAME_PLACE * width for n, width in zip(names, diagnosis.widths)
+            )
+        ]
+        if here:
+            jumps = [jump for jump in jumps if jump is not here[0]]
+            loss = replace(
+                here[0], test=loss.test, value=loss.value, coefficients=loss.coefficients, note=loss.note
+            )
+        result.append(loss)
+    return [*result, *jumps]
 
 
 def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:

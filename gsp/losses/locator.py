@@ -33,6 +33,8 @@ BISECTIONS = 52
 SAME = 1e-6
 # Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it.
 JUMPED = 1e-3
+# How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
+TOWARDS = 0.01
 # Neutral saddles that are looked at.
 SUMS = 6
 
@@ -98,15 +100,26 @@ class Locator:
     def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
         """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
 
-        The sheet must run into the point as x does: its distance falls like the root of that of x at least.
+        The sheet must run into the point as x does: its distance falls like a root of that of x.
         """
         branch, nx = self.sampler.branch, len(self.sampler.system.x)
         if not branch.is_explicit and branch.seed is None:
             return True
-        before = point + 0.01 * (sample - point)
-        y, good = self.sampler.over(before[None, :nx], sample[None, :])
         reach = np.linalg.norm(sample[nx:] - point[nx:])
-        return bool(good[0] and np.linalg.norm(y[0] - point[nx:]) <= 0.3 * reach + 1e-6)
+        near, first = self._towards(point, sample, TOWARDS)
+        if near is None or first <= 0.3 * reach + 1e-6:
+            return near is not None
+        # A root of high order falls slowly, but it goes on falling.
+        return first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first
+
+    def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
+        """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
+        nx = len(self.sampler.system.x)
+        x = point[:nx] + share * (sample[:nx] - point[:nx])
+        y, good = self.sampler.over(x[None, :], sample[None, :])
+        if not good[0]:
+            return None, float("inf")
+        return np.concatenate([x, y[0]]), float(np.linalg.norm(y[0] - point[nx:]))
 
     # -- changes of type ---------------------------------------------------------------------------
 

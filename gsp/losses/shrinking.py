@@ -18,6 +18,7 @@ from gsp.sampling import Sampler
 MARGIN = 0.02
 TRIED = 6
 LEAST = 0.02
+PREFERRED = "attracting"
 
 
 @dataclass(frozen=True)
@@ -43,17 +44,31 @@ class SubRegion:
 def largest_sub_region(
     branch: Branch, region: Mapping[str, Interval], losses: Sequence[Loss], *, judge: Callable[..., Any]
 ) -> SubRegion | None:
-    """The largest part, of a few, that `judge` (`classify`) finds to hold; None when there is none."""
+    """The largest part, of a few, that `judge` (`classify`) finds to hold; None when there is none.
+
+    An attracting one is preferred when it is at least half as long.
+    """
+    best: SubRegion | None = None
+    longest = 0.0
     for axis, interval in _parts(branch, region, losses):
+        share = (interval[1] - interval[0]) / (region[axis][1] - region[axis][0])
+        if best is not None and share < 0.5 * longest:
+            break
         part = {**region, axis: interval}
         try:
             for candidate, through in _sheets(branch, part):
                 verdict = judge(candidate, region=part)
-                if verdict.holds:
-                    return SubRegion(axis, interval, part, str(verdict.kind), through)
+                if not verdict.holds:
+                    continue
+                found = SubRegion(axis, interval, part, str(verdict.kind), through)
+                if found.kind == PREFERRED:
+                    return found
+                if best is None:
+                    best, longest = found, share
+                break
         except BranchError:
             continue
-    return None
+    return best
 
 
 def _parts(

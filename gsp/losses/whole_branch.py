@@ -183,11 +183,14 @@ def _constant_combinations(diagnosis: Diagnosis, matrices: list[np.ndarray], zer
         rows.append(left)
     if any(np.abs(row - rows[0]).max() > 1e-6 for row in rows):
         return []
-    return [
-        " + ".join(f"{c:.6g} {name}" if abs(c - 1.0) > 1e-9 else name for c, name in zip(row, names) if abs(c) > 1e-9)
-        .replace("+ -", "- ")
-        for row in rows[0]
-    ]  # fmt: skip
+    return [_combination(row, names) for row in rows[0]]
+
+
+def _combination(row: np.ndarray, names: list[str]) -> str:
+    """A linear combination as text, its first coefficient 1."""
+    terms = [(c, name) for c, name in zip(row, names) if abs(c) > 1e-9 * np.abs(row).max()]
+    shown = [name if abs(c / terms[0][0] - 1.0) < 1e-9 else f"{c / terms[0][0]:.6g} {name}" for c, name in terms]
+    return " + ".join(shown).replace("+ -", "- ")
 
 
 def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> Verdict:
