@@ -6,7 +6,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     split                         find the slow and the fast variables
     solve_critical                the critical manifold, branch by branch
     continue_critical             one curve of it through its folds, with its special points
-    classify                      where it is normally hyperbolic, and how strongly
+    classify                      where it is normally hyperbolic, how strongly, and how it ceases to be
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
     canard_value                  the parameter of the maximal canard, as an exact series in epsilon
     folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve
@@ -52,6 +52,8 @@ _HOME = {
     "Ending": "continuation",
     "classify": "hyperbolicity",
     "Hyperbolicity": "hyperbolicity",
+    "Loss": "losses",
+    "LossKind": "losses",
     "canard_value": "singularities",
     "CanardValue": "singularities",
     "match_canard": "singularities",
@@ -114,6 +116,8 @@ if TYPE_CHECKING:
     from gsp.integrators import Method as Method
     from gsp.layers import CompositeSolution as CompositeSolution
     from gsp.layers import composite as composite
+    from gsp.losses import Loss as Loss
+    from gsp.losses import LossKind as LossKind
     from gsp.manifold import SampledManifold as SampledManifold
     from gsp.manifold import solve_manifold as solve_manifold
     from gsp.methods import MethodTable as MethodTable

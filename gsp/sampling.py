@@ -70,10 +70,12 @@ class Sampler:
         if self.branch.is_explicit:
             y = self.branch.graph_values(x, allow_complex=True)
             return y, finite_rows(y)
-        if start is None:
-            return self.branch.follow(x)
         nx = len(self.system.x)
-        return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]))
+        # Newton's method may throw a point so far that its length overflows; the point is given up then.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if start is None:
+                return self.branch.follow(x)
+            return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]))
 
     def links(self, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (a, b), each (m, n), of points on one sheet over neighbouring rows of `x`."""

@@ -15,7 +15,7 @@ import numpy as np
 from gsp.continuation.layer_problem import least_norm_newton
 from gsp.continuation.singularity import MatrixMap, bialternate, identity, singular_near
 from gsp.losses import kinds
-from gsp.losses.diagnosis import Diagnosis, Found
+from gsp.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.losses.kinds import Loss, LossKind
 from gsp.normal_forms import null_vectors, quadratic_coefficient
 
@@ -114,7 +114,9 @@ def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -
     """One loss that stands for its part: a typical one; what differs along the part is noted."""
     usual = [i for i, loss in enumerate(losses) if loss.kind in (LossKind.FOLD, LossKind.HOPF)]
     usual = usual or list(range(len(losses)))
-    speeds = [abs(losses[i].coefficients.get("kappa", losses[i].coefficients.get("crossing", 0.0))) for i in usual]
+    speeds = [
+        abs(losses[i].coefficients.get("kappa", losses[i].coefficients.get("crossing", 0.0))) for i in usual
+    ]
     if max(speeds) > 0.0:
         middle = usual[int(np.argsort(speeds)[len(speeds) // 2])]
     else:
@@ -140,8 +142,8 @@ def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
     nx = diagnosis.nx
     y = np.vstack([diagnosis.samples[:, nx:], z[:, nx:]])
     spans = np.ptp(y[np.isfinite(y).all(axis=1)], axis=0)
-    largest = float(spans.max()) or 1.0
-    return np.append(diagnosis.widths, np.where(spans > 1e-9 * largest, spans, largest))
+    spans = np.where(spans > max(ROUNDING, ROUNDING * float(spans.max())), spans, 0.0)
+    return np.append(diagnosis.widths, np.where(spans > 0.0, spans, float(spans.max()) or 1.0))
 
 
 def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:

@@ -45,6 +45,11 @@ EDGE = 1e-7
 TYPICAL = 65
 # A motion along the fibre smaller than this share of what the branch moves is none: multiple zeros are inexact points.
 INEXACT = 1e-3
+# Fast coordinates that differ by less are equal: points of a branch are found to 1e-12 (1 + |y|).
+ROUNDING = 1e-10
+# Where a cubic coefficient vanishes the place is known to a root of rounding only.
+ZERO_CUBIC = 1e-4
+CUBIC = 3.0
 
 
 class Found(NamedTuple):
@@ -238,7 +243,7 @@ class Diagnosis:
         moved = np.abs((self.samples[:, self.nx :] - z[self.nx :]) @ left)
         along = float(np.max(moved[np.isfinite(moved)], initial=0.0))
         # Less than this is what inexact points are off.
-        if along > INEXACT * self.spread(left):
+        if along > INEXACT * self.spread(left) and along > ROUNDING * float(np.abs(left).sum()):
             return along
         fast = [self.box.get(s.name) for s in self.sampler.system.y]
         return float(sum(abs(c) * (i[1] - i[0]) for c, i in zip(left, fast) if i)) if all(fast) else 0.0
@@ -247,7 +252,8 @@ class Diagnosis:
         """What <l, y> could change by if every fast variable moved as much as it does on the branch."""
         y = self.samples[:, self.nx :]
         y = y[np.isfinite(y).all(axis=1)]
-        return float(np.abs(left) @ np.ptp(y, axis=0)) if len(y) else 0.0
+        total = float(np.abs(left) @ np.ptp(y, axis=0)) if len(y) else 0.0
+        return total if total > ROUNDING * float(np.abs(left).sum()) else 0.0
 
     def _simple_zero(self, at: Local, determinant: float, note: str) -> Loss:
         nx = self.nx
@@ -280,7 +286,9 @@ class Diagnosis:
             if bend > is_zero:
                 return self._fold(at, determinant, coefficients, a, switching, note)
             coefficients["c"] = c
-            if cubic > is_zero:
+            fibre = self.fibre(at.z, right[:, None], left[:, None], V)
+            # A second route to the order: near a zero of higher order c is small, not zero.
+            if cubic > ZERO_CUBIC / ZERO_TERM * is_zero and (fibre is None or fibre.order == CUBIC):
                 coefficients |= {"kappa": c * switching**2}
                 verdict = consequences.cusp(coefficients, nx)
                 test = f"det g_y = {determinant:.3g}, a"

@@ -72,7 +72,8 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
             jump
             for jump in jumps
             if all(
-                abs(jump.point[n] - loss.point[n]) <= SAME_PLACE * width for n, width in zip(names, diagnosis.widths)
+                abs(jump.point[n] - loss.point[n]) <= SAME_PLACE * width
+                for n, width in zip(names, diagnosis.widths)
             )
         ]
         if here:

@@ -123,9 +123,12 @@ def _fitted(values: np.ndarray, sizes: np.ndarray) -> tuple[float, FibreOrder] |
     good = np.isfinite(orders)
     if not good.any():
         return None
-    measured = float(np.min(orders[good]))
+    measured = float(np.mean(orders[good]))
     order = float(round(measured)) if abs(measured - round(measured)) <= ROUNDED else round(measured, 3)
     coarse, fine = values[:, 0] / sizes[0] ** order, values[:, 1] / sizes[1] ** order
     # Richardson: the next power changes the coefficient in proportion to s.
     plus, minus = 2.0 * fine - coarse
-    return abs(measured - order), FibreOrder(order, float(plus), float(minus), False)
+    error = float(np.abs(orders[good] - order).max())
+    # Every measurement agrees with itself: a whole number near by is preferred.
+    error = error if order == round(order) else max(error, ROUNDED)
+    return error, FibreOrder(order, float(plus), float(minus), False)

@@ -35,6 +35,8 @@ SAME = 1e-6
 JUMPED = 1e-3
 # How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
 TOWARDS = 0.01
+# Share of the region that one search for the least gap covers.
+SEARCHED = 0.02
 # Neutral saddles that are looked at.
 SUMS = 6
 
@@ -54,12 +56,14 @@ class Locator:
         checked = np.append(z[:nx], [np.nan] * (len(z) - nx)) if only_x else z
         if not self.sampler.inside(checked[None, :], self.box)[0]:
             return
-        width = max(high - low for low, high in self.box.values())
-        compared = slice(nx) if only_x else slice(None)
-        if any(np.abs((known.z - z)[compared]).max() < SAME * width for known in self.found):
+        if self._is_known(z, slice(nx) if only_x else slice(None)):
             return
         if sum(known.crossing == crossing for known in self.found) < LOCATED:
             self.found.append(Found(z, crossing))
+
+    def _is_known(self, z: np.ndarray, compared: slice = slice(None)) -> bool:
+        width = max(high - low for low, high in self.box.values())
+        return any(np.abs((known.z - z)[compared]).max() < SAME * width for known in self.found)
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
@@ -72,7 +76,7 @@ class Locator:
             if point is None and branch.is_explicit:
                 # A graph such as sqrt(x) has no derivative at its fold, but g has.
                 point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
-            if point is not None and self._on_sheet(point, z):
+            if point is not None and not self._is_known(point) and self._on_sheet(point, z):
                 self.add(point, ZERO)
 
     def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
@@ -110,7 +114,7 @@ class Locator:
         if near is None or first <= 0.3 * reach + 1e-6:
             return near is not None
         # A root of high order falls slowly, but it goes on falling.
-        return first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first
+        return bool(first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first)
 
     def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
         """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
@@ -191,8 +195,13 @@ class Locator:
 
         sampler, nx = self.sampler, len(self.sampler.system.x)
         bounds = [self.box[s.name] for s in sampler.system.x]
-        best = float("inf")
+        widths = np.array([high - low for low, high in bounds])
+        best, searched = float("inf"), []
         for z in worst:
+            # One search for samples next to one another.
+            if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
+                continue
+            searched.append(z[:nx])
             count = unstable(sampler.eigenvalues(z[None, :]))[0]
 
             def distance(x: np.ndarray, z: np.ndarray = z, count: int = count) -> float:

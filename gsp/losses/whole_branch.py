@@ -87,10 +87,17 @@ def _singular_point(sampler: Sampler, z: np.ndarray, nx: int) -> np.ndarray | No
 
 
 def degenerate_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:
-    """The loss of a branch whose g_y is singular at every one of `points` (m, n)."""
+    """The loss of a branch whose g_y is singular at every one of `points` (m, n), as most of a few of them have it."""
     chosen = points[np.linspace(0, len(points) - 1, min(len(points), EXAMINED) + 2).astype(int)[1:-1]]
     matrices = [diagnosis.problem.jacobian(z)[:, diagnosis.nx :] for z in chosen]
-    z, A = chosen[len(chosen) // 2], matrices[len(chosen) // 2]
+    losses = [_degenerate_point(diagnosis, z, A, matrices) for z, A in zip(chosen, matrices)]
+    named = [loss.kind for loss in losses]
+    most = max(named, key=named.count)
+    usual = [loss for loss in losses if loss.kind is most]
+    return usual[len(usual) // 2]
+
+
+def _degenerate_point(diagnosis: Diagnosis, z: np.ndarray, A: np.ndarray, matrices: list[np.ndarray]) -> Loss:
     norm = max(float(np.linalg.norm(m, 2)) for m in matrices)
     size = norm or 1.0
     left, singular, right = np.linalg.svd(A)
@@ -121,7 +128,7 @@ def degenerate_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:
     more = {f"rate_{i + 1}" if len(rates) > 1 else "next_order": float(r) for i, r in enumerate(rates)}
     flat = [order for order in known if order.vanishes]
     if flat:
-        verdict = _hidden(diagnosis, [m for m in matrices], zero, len(flat), fast)
+        verdict = _hidden(diagnosis, matrices, zero, len(flat), fast)
         return loss(LossKind.HIDDEN_TIME_SCALE, verdict, more)
     slowest = max(known, key=lambda order: order.order)
     more = {"order": slowest.order, "plus": slowest.plus, "minus": slowest.minus, **more}
@@ -189,7 +196,9 @@ def _constant_combinations(diagnosis: Diagnosis, matrices: list[np.ndarray], zer
 def _combination(row: np.ndarray, names: list[str]) -> str:
     """A linear combination as text, its first coefficient 1."""
     terms = [(c, name) for c, name in zip(row, names) if abs(c) > 1e-9 * np.abs(row).max()]
-    shown = [name if abs(c / terms[0][0] - 1.0) < 1e-9 else f"{c / terms[0][0]:.6g} {name}" for c, name in terms]
+    shown = [
+        name if abs(c / terms[0][0] - 1.0) < 1e-9 else f"{c / terms[0][0]:.6g} {name}" for c, name in terms
+    ]
     return " + ".join(shown).replace("+ -", "- ")
 
 
@@ -198,7 +207,11 @@ def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> Verdict:
     side = {(True, True): "attracts", (False, False): "repels"}.get(
         sides, "attracts from one side only and repels on the other"
     )
-    power = f"v^{order:g}" if (slowest.plus * slowest.minus < 0.0) == bool(order % 2) else "v |v|" + (f"^{order - 1:g}" if order != 2.0 else "")
+    power = (
+        f"v^{order:g}"
+        if (slowest.plus * slowest.minus < 0.0) == bool(order % 2)
+        else "v |v|" + (f"^{order - 1:g}" if order != 2.0 else "")
+    )
     what = f"the layer problem is v' = {slowest.plus:.4g} {power} along the null direction and {side}"
     decay = (
         f"decay goes like tau^({-1.0 / (order - 1.0):.3g}) in fast time, not exponentially"
