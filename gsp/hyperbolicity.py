@@ -125,8 +125,8 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
 
     `region` bounds every slow variable, and fast ones where a sheet of an implicit branch is meant; with
     `epsilon` the condition r >= 1 is decided at that value too. A loss is knowledge, not an error: the kind is
-    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on. Raises `DeclarationError` for a region that is not one and `BranchError`
-    when the branch has no real point in it.
+    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on.
+    Raises `DeclarationError` for a region that is not one and `BranchError` when the branch has no real point in it.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
     >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)

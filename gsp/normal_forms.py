@@ -1,8 +1,8 @@
 """Coefficients that decide what a degenerate equilibrium looks like nearby: folds, cusps, Hopf, double zeros.
 
 Everything is computed from the derivatives at one point: A = g_y (n, n), B = g_yy (n, n, n), C = g_yyy (n, n, n, n),
-the first index that of the equation. Null vectors have |r| = 1 and <l, r> = 1. Under y -> T y a coefficient of degree k in r
-is divided by s^(k-1), s = |T r|: signs are invariant, and so are the combinations that the docstrings name.
+the first index that of the equation. Null vectors have |r| = 1 and <l, r> = 1. Under y -> T y a coefficient of degree k
+in r is divided by s^(k-1), s = |T r|: signs are invariant, and so are the combinations that the docstrings name.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 
 def null_vectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Singular vectors (r, l) of A for its least singular value, each of unit length; r's largest component is positive."""
+    """Singular vectors (r, l) of A for its least singular value, of unit length; r's largest component is positive."""
     left, _, rows = np.linalg.svd(A)
     right = rows[-1]
     return right * np.sign(right[np.argmax(np.abs(right))]), left[:, -1]

@@ -153,7 +153,7 @@ def test_a_loss_has_its_name(name) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_linear_disguise_changes_neither_name_nor_invariants(name, seed) -> None:
     plain = only(judge(CASES[name]), CASES[name].kind)
-    hidden, S, T = disguised(CASES[name], seed)
+    hidden, S, _ = disguised(CASES[name], seed)
     loss = only(judge(hidden), hidden.kind)
     place = {s.name: plain.point[s.name] for s in CASES[name].slow}
     moved = np.array(S.tolist(), dtype=float) @ list(place.values())
@@ -186,7 +186,7 @@ def test_the_coefficients_of_a_fold() -> None:
 
 
 def test_the_delay_at_a_fold_is_the_time_of_the_jump() -> None:
-    # epsilon v' = v^2 + kappa t blows up at kappa t = Omega_0 (epsilon kappa)^(2/3)/kappa^0: integrated in Riccati form.
+    # epsilon v' = v^2 + kappa t, t' = 1, blows up at t = Omega_0 epsilon^(2/3) kappa^(-1/3).
     from gsp.trajectory import integrate
 
     for kappa in (1, 3):

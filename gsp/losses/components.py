@@ -1,7 +1,7 @@
 """Losses over two and more slow variables: samples of one curve or surface become one loss.
 
-Samples are linked along a spanning tree of nearest neighbours when Newton's method, from the points between two of them,
-stays between them. Along the links the test functions of cusps and Bogdanov-Takens points change their sign; those
+Samples are linked along a spanning tree of nearest neighbours when Newton's method, from the points between two of
+them, stays there. Along the links the test functions of cusps and Bogdanov-Takens points change their sign; those
 points are located and named by themselves.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from gsp.continuation.singularity import MatrixMap, bialternate, identity, singu
 from gsp.losses import kinds
 from gsp.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.losses.kinds import Loss, LossKind
+from gsp.losses.naming import named
+from gsp.losses.zeros import zero
 from gsp.normal_forms import null_vectors, quadratic_coefficient
 
 # In units of the region: nearer samples are linked as they are; branch points, which Newton's method does not isolate,
@@ -34,7 +37,7 @@ Chain = list[np.ndarray]
 
 def named_losses(diagnosis: Diagnosis, found: Sequence[Found]) -> list[Loss]:
     """The losses at `found`, one for each component of one kind, those on curves with their special points."""
-    losses = [diagnosis.name(place) for place in found]
+    losses = [named(diagnosis, place) for place in found]
     points = [place.z for place in found]
     if diagnosis.nx == 1:
         return [_ranged(diagnosis, [loss]) for loss in _distinct(diagnosis, losses)]
@@ -105,8 +108,8 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
     for part in sorted(set(parts), key=parts.index):
         members = [i for i in range(len(z)) if parts[i] == part]
         result.append(_represented(diagnosis, [losses[i] for i in members], z[members] / scales))
-    named = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
-    kept = [loss for loss in _distinct(diagnosis, [*named, *special]) if loss.kind is not result[0].kind]
+    own = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
+    kept = [loss for loss in _distinct(diagnosis, [*own, *special]) if loss.kind is not result[0].kind]
     return [*result, *(_ranged(diagnosis, [loss]) for loss in kept)]
 
 
@@ -188,7 +191,7 @@ def _chain(
 def _special_points(diagnosis: Diagnosis, chain: Chain, scales: np.ndarray) -> list[Loss]:
     """Cusps and Bogdanov-Takens points between consecutive points of a chain of folds."""
     found = []
-    for p, q in zip(chain, chain[1:]):
+    for p, q in pairwise(chain):
         before, after = _tests(diagnosis, p, p), _tests(diagnosis, q, p)
         for which in (0, 1):
             if before[which] * after[which] >= 0.0:
@@ -196,14 +199,14 @@ def _special_points(diagnosis: Diagnosis, chain: Chain, scales: np.ndarray) -> l
             z = _changed(diagnosis, p, q, which, (before[which], after[which]), scales)
             if z is None or not diagnosis.sampler.inside(z[None, :], diagnosis.box)[0]:
                 continue
-            loss = diagnosis.zero(z)
+            loss = zero(diagnosis, z)
             if loss.kind is not LossKind.FOLD:
                 found.append(loss)
     return found
 
 
 def _tests(diagnosis: Diagnosis, u: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """<l, g_yy r r>/2 and <l, r> at u, unit vectors turned like those at `reference`: zero at cusps, at double zeros."""
+    """<l, g_yy r r>/2 and <l, r> at u, unit vectors turned as at `reference`: zero at cusps, and at double zeros."""
     nx = diagnosis.nx
     right, left = null_vectors(diagnosis.problem.jacobian(u)[:, nx:])
     right_0, left_0 = null_vectors(diagnosis.problem.jacobian(reference)[:, nx:])

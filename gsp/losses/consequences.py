@@ -1,9 +1,9 @@
 """What follows from each kind of loss, and whether reduction may go on: one sentence each, with the exponent.
 
-The exponents are those of the local scalings (M. Krupa and P. Szmolyan, SIAM J. Math. Anal. 33 (2001) 286-314 for folds,
-Nonlinearity 14 (2001) 1473-1491 for transcritical points and pitchforks; H. W. Broer, T. J. Kaper and M. Krupa,
-J. Dynam. Differential Equations 25 (2013) 925-958 for cusps; A. I. Neishtadt, Differential Equations 23 (1987) 1385-1391
-for Hopf points).
+The exponents are those of the local scalings: M. Krupa and P. Szmolyan, SIAM J. Math. Anal. 33 (2001) 286-314 for
+folds, Nonlinearity 14 (2001) 1473-1491 for transcritical points and pitchforks; H. W. Broer, T. J. Kaper and
+M. Krupa, J. Dynam. Differential Equations 25 (2013) 925-958 for cusps; A. I. Neishtadt, Differential Equations 23
+(1987) 1385-1391 for Hopf points.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
         )
     if abs(coefficients["push"]) <= BOUNDARY:
         return Verdict(
-            "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, until "
-            "the integral of the eigenvalue is zero",
+            "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, "
+            "until the integral of the eigenvalue is zero",
             False,
             "reduction ends here; the exit is where the integral of the eigenvalue vanishes",
         )

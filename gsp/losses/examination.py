@@ -12,11 +12,12 @@ from gsp.losses.components import named_losses
 from gsp.losses.diagnosis import Diagnosis
 from gsp.losses.kinds import JUMP, Loss
 from gsp.losses.locator import LOCATED, REFINED, ZERO_TOLERANCE, Locator, signed_gap, spread, unstable
+from gsp.losses.naming import named
 from gsp.losses.whole_branch import centre_branch, degenerate_branch
 from gsp.region import Interval
 from gsp.sampling import Sampler
 
-# A least singular value of g_y is zero on the whole branch below this, relative to the largest: exact zeros and rounding.
+# A least singular value of g_y below this, relative to the largest, is an exact zero with rounding.
 ZERO_RANK = 1e-13
 # An eigenvalue jumps at a switching surface when the two are this near, relative to the region.
 SAME_PLACE = 1e-6
@@ -57,7 +58,7 @@ def examine(
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
-    neutral = [diagnosis.name(place) for place in locator.sums(*links)[:1]]
+    neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
     notes = [f"{source} is not smooth, but the branch does not meet where it switches" for source in unmet]
     return Examination(tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap)
 
@@ -92,7 +93,7 @@ def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) 
     singular = (ranks[:, -1] <= ZERO_RANK * max(float(ranks.max()), 1e-300)).all()
     if singular or sizes.max() <= ZERO_TOLERANCE * diagnosis.scale:
         return degenerate_branch(diagnosis, z)
-    if np.abs(eigenvalues.real).min(axis=1).max() <= ZERO_TOLERANCE * diagnosis.scale:
+    if np.abs(np.real(eigenvalues)).min(axis=1).max() <= ZERO_TOLERANCE * diagnosis.scale:
         return centre_branch(diagnosis, z)
     return None
 
@@ -127,6 +128,6 @@ def _spread_rates(eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
     if ratio > epsilon:
         return []
     return [
-        f"the fast rates differ by a factor {1.0 / ratio:.3g}, more than 1/epsilon = {1.0 / epsilon:.3g}: at this epsilon "
-        "the slowest fast direction is no faster than the slow variables"
+        f"the fast rates differ by a factor {1.0 / ratio:.3g}, more than 1/epsilon = {1.0 / epsilon:.3g}: at this "
+        "epsilon the slowest fast direction is no faster than the slow variables"
     ]

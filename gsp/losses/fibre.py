@@ -4,8 +4,8 @@ With R, L the null vectors of g_y at (x, y*), L^T R = 1, and w transversal, y = 
 
     g(x, y) = L' phi(s),  R^T w = 0,
 
-phi(s) is what is left of g after the regular directions have been solved for (L' spans the cokernel). phi = a s^2 + c s^3 + ...;
-phi identically zero says that the zeros of g extend along the fibre.
+phi(s) is what is left of g after the regular directions have been solved for (L' spans the cokernel). A fold has
+phi = a s^2 + ..., a cusp c s^3 + ...; phi identically zero says that the zeros of g extend along the fibre.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gsp.continuation.layer_problem import LayerProblem
 STEPS = 30
 # phi is zero along the fibre when it is below this, relative to the size of g nearby.
 ZERO_ALONG = 1e-11
-# The layer problem is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
+# It is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
 LEVELS = 4
 ROUNDED = 0.1
 

@@ -151,7 +151,7 @@ class Locator:
                 self.add(before, FIELD_POLE, only_x=True)
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
-                jumped = np.abs(values[1:].real).min() > JUMPED * np.abs(values[1:]).max()
+                jumped = np.abs(np.real(values[1:])).min() > JUMPED * np.abs(values[1:]).max()
                 self.add(after, JUMP if jumped else PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
 
     def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
@@ -293,7 +293,7 @@ def signed_gap(eigenvalues: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def spread(points: np.ndarray, worth: np.ndarray, count: int) -> np.ndarray:
-    """At most `count` of `points` (m, n), far from one another, among the 8 `count` of least `worth`; the least first."""
+    """Indices of at most `count` of `points` (m, n) far from one another, among the 8 `count` of least `worth`."""
     low = np.argsort(worth, kind="stable")[: 8 * count]
     sizes = np.ptp(points[low], axis=0)
     scaled = points[low] / np.where(sizes > 0.0, sizes, 1.0)

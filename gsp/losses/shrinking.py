@@ -106,6 +106,6 @@ def _sheets(branch: Branch, part: Mapping[str, Interval]) -> Iterator[tuple[Bran
     roots = branch.roots(middle[None, :], bounds=bounds)
     z = np.hstack([np.broadcast_to(middle, (len(roots), len(middle))), roots])
     values = Sampler(branch).eigenvalues(z)
-    for i in np.argsort(np.nan_to_num(values.real.max(axis=1, initial=-np.inf), nan=np.inf)):
+    for i in np.argsort(np.nan_to_num(np.real(values).max(axis=1, initial=-np.inf), nan=np.inf)):
         point = dict(zip((s.name for s in system.states), map(float, z[i])))
         yield branch.through(point), point

@@ -180,7 +180,7 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
 
 
 def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """Jumps of (f, g) and of its Jacobian from one side to the other; 0 where the two are as near as smoothness gives."""
+    """Jumps of (f, g) and of its Jacobian from one side to the other; 0 where smoothness alone explains them."""
     pair = np.vstack([before, after])
     rates = diagnosis.sampler.rates(pair)
     jacobians = diagnosis.sampler.jacobians(pair)

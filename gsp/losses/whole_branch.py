@@ -166,7 +166,8 @@ def _hidden(diagnosis: Diagnosis, matrices: list[np.ndarray], zero: int, flat: i
     )
     are = "is" if fast == 1 else "are"
     return Verdict(
-        f"the zeros of g extend along {flat} of the directions {names}: {fast} {are} fast, the rest moves as slowly as x",
+        f"the zeros of g extend along {flat} of the directions {names}: {fast} {are} fast, "
+        "the rest moves as slowly as x",
         False,
         declare,
     )
