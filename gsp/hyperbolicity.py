@@ -16,7 +16,7 @@ import numpy as np
 from gsp.branch import Branch
 from gsp.errors import BranchError, DeclarationError
 from gsp.flow import as_points
-from gsp.losses import Loss, LossKind, examine, singular_points
+from gsp.losses import Loss, LossKind, examine, sheet_ends, singular_points
 from gsp.losses.locator import ZERO_TOLERANCE, unstable
 from gsp.losses.shrinking import SubRegion, largest_sub_region
 from gsp.region import Interval, check_region
@@ -143,7 +143,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     missing = len(x) - len(np.unique(rows))
     bounded = sampler.inside(z, box)
     a, b = sampler.links(z[bounded], rows[bounded], x)
-    z = z[bounded]
+    z, rows = z[bounded], rows[bounded]
     if len(z) == 0:
         raise BranchError(
             f"the branch {branch} has no real point in the region {_shown(box)}. "
@@ -152,12 +152,14 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     eigenvalues = sampler.eigenvalues(z)
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
-    z, eigenvalues = z[finite], eigenvalues[finite]
+    z, rows, eigenvalues = z[finite], rows[finite], eigenvalues[finite]
     scale = float(np.abs(eigenvalues).max(initial=0.0)) or 1.0
     count = unstable(eigenvalues)
     kinds = np.unique(count)
     found = examine(sampler, box, scale, z, eigenvalues, (a, b), epsilon=epsilon)
     losses, gap = found.losses, found.gap
+    if missing and not losses and found.diagnosis is not None:
+        losses = tuple(sheet_ends(found.diagnosis, z, rows, x))
     mixed = len(kinds) > 1
     lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
     if mixed and not lost and not branch.is_explicit and branch.seed is None:

@@ -17,7 +17,8 @@ from gsp.laurent import laurent
 from gsp.losses import Loss, LossKind
 from gsp.losses.consequences import OMEGA_0
 from gsp.placement import place
-from gsp.system import SlowFastSystem
+from gsp.splitting import split
+from gsp.system import SlowFastSystem, VectorField
 
 x, u, y, z, w, eps = sp.symbols("x u y z w epsilon")
 THIRD = sp.Rational(1, 3)
@@ -427,6 +428,35 @@ def test_an_eigenvalue_that_jumps_across_the_axis_is_lost_at_the_switching_surfa
     assert "jumps" in loss.crossing
 
 
+def test_a_sheet_that_ends_at_a_switching_surface_says_so() -> None:
+    # y = x + 1 where x + y > 0, so for x > -1/2.
+    fast = {y: sp.sign(x + y) - y + x}
+    verdict = judge(Case({x: sp.Integer(1)}, fast, {"x": 0.5, "y": 1.5}, UNIT, LossKind.NON_SMOOTH))
+    loss = only(verdict, LossKind.NON_SMOOTH)
+    assert loss.crossing == "end of the sheet"
+    assert loss.point["x"] == pytest.approx(-0.5, abs=1e-6)
+    assert verdict.kind is Kind.LOST
+
+
+def test_a_branch_that_ends_for_no_reason_found_is_not_given_one() -> None:
+    loss = only(
+        judge(Case({x: sp.Integer(1)}, {y: sp.exp(y) - x}, {}, UNIT, LossKind.DEGENERATE)), LossKind.DEGENERATE
+    )
+    assert "no zero eigenvalue, pole or switching surface" in loss.note
+
+
+@pytest.mark.parametrize("factor", [x, x - u])
+def test_where_the_directions_n_of_a_field_vanish_the_rank_changes(factor) -> None:
+    # z' = N f/epsilon + G with N = -factor, f = y - 1.
+    slow = {s: sp.Integer(1) for s in (x, u) if factor.has(s)}
+    field = VectorField({**slow, y: -factor * (y - 1) / eps - x * y}, epsilon=eps)
+    splitting = split(field)
+    assert splitting.system is not None
+    region = {s.name: (-1, 1.1) for s in slow}
+    verdict = classify(solve_critical(splitting.system).branches[0], region=region)
+    assert only(verdict, LossKind.RANK_CHANGE).point["y"] == pytest.approx(1)
+
+
 # -- no false alarm -----------------------------------------------------------------------------------
 
 HYPERBOLIC = {
@@ -439,7 +469,19 @@ HYPERBOLIC = {
     "slowly damped": {y: -y / 1000 + 5 * z, z: -5 * y - z / 1000 + x},
     "nearly folded": {y: x - y**3 / 3 - y / 1000 - y**5},
 }
-SCENES = ("chaplygin_sleigh", "michaelis_menten", "davis_skodje", "lindemann", "koper", "van_der_pol", "linear")
+SCENES = (
+    "chaplygin_sleigh",
+    "nonholonomic_particle",
+    "rolling_ball",
+    "ball_on_turntable",
+    "michaelis_menten",
+    "davis_skodje",
+    "lindemann",
+    "koper",
+    "van_der_pol",
+    "fitzhugh_nagumo",
+    "linear",
+)
 
 
 @pytest.mark.parametrize("name", HYPERBOLIC)

@@ -28,6 +28,7 @@ Links = tuple[np.ndarray, np.ndarray]
 class Examination:
     """What was found on a branch: `losses`, `looked_at` (no losses), `notes`, and the `gap`, 0 with a loss."""
 
+    diagnosis: Diagnosis | None
     losses: tuple[Loss, ...]
     looked_at: tuple[Loss, ...]
     notes: tuple[str, ...]
@@ -49,18 +50,20 @@ def examine(
     `scale` is the largest |lambda|. With `epsilon` rates that differ by more than 1/epsilon are noted.
     """
     if len(z) == 0:
-        return Examination((), (), (), 0.0)
+        return Examination(None, (), (), (), 0.0)
     diagnosis = Diagnosis(sampler, box, scale, z)
     everywhere = _whole_branch(diagnosis, z, eigenvalues)
     if everywhere is not None:
-        return Examination((everywhere,), (), (), 0.0)
+        return Examination(diagnosis, (everywhere,), (), (), 0.0)
     locator = Locator(sampler, box, scale)
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
-    notes = [f"{source} is not smooth, but the branch does not meet where it switches" for source in unmet]
-    return Examination(tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap)
+    notes = [f"{source} is not smooth, but the branch does not cross where it switches" for source in unmet]
+    return Examination(
+        diagnosis, tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap
+    )
 
 
 def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list[Loss]:
