@@ -6,7 +6,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     split                         find the slow and the fast variables
     solve_critical                the critical manifold, branch by branch
     continue_critical             one curve of it through its folds, with its special points
-    classify                      where it is normally hyperbolic, and how strongly
+    classify                      where it is normally hyperbolic, how strongly, and how it ceases to be
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
     canard_value                  the parameter of the maximal canard, as an exact series in epsilon
     folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve
@@ -61,6 +61,8 @@ _HOME = {
     "Ending": "continuation",
     "classify": "hyperbolicity",
     "Hyperbolicity": "hyperbolicity",
+    "Loss": "losses",
+    "LossKind": "losses",
     "canard_value": "singularities",
     "CanardValue": "singularities",
     "match_canard": "singularities",
@@ -112,6 +114,10 @@ _HOME = {
     "Choice": "choice",
     "simulate": "simulation",
     "Simulation": "simulation",
+    "singular_orbit": "relaxation",
+    "SingularOrbit": "relaxation",
+    "mixed_mode": "mixed_modes",
+    "MixedMode": "mixed_modes",
     "load": "readers",
     "analyse": "analysis",
     "Analysis": "analysis",
@@ -156,10 +162,14 @@ if TYPE_CHECKING:
     from gsp.integrators import Method as Method
     from gsp.layers import CompositeSolution as CompositeSolution
     from gsp.layers import composite as composite
+    from gsp.losses import Loss as Loss
+    from gsp.losses import LossKind as LossKind
     from gsp.manifold import SampledManifold as SampledManifold
     from gsp.manifold import solve_manifold as solve_manifold
     from gsp.methods import MethodTable as MethodTable
     from gsp.methods import method_table as method_table
+    from gsp.mixed_modes import MixedMode as MixedMode
+    from gsp.mixed_modes import mixed_mode as mixed_mode
     from gsp.passage import DelayedExit as DelayedExit
     from gsp.passage import FoldPassage as FoldPassage
     from gsp.passage import entry_exit as entry_exit
@@ -178,6 +188,8 @@ if TYPE_CHECKING:
     from gsp.readers import load as load
     from gsp.reduced import ReducedFlow as ReducedFlow
     from gsp.reduced import restrict as restrict
+    from gsp.relaxation import SingularOrbit as SingularOrbit
+    from gsp.relaxation import singular_orbit as singular_orbit
     from gsp.report import write_report as write_report
     from gsp.scene import Scene as Scene
     from gsp.series import SeriesManifold as SeriesManifold

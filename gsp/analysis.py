@@ -157,7 +157,7 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     if hyperbolicity.kind is not Kind.LOST:
         return
     failed = [str(condition) for condition in hyperbolicity.conditions if not condition.holds]
-    where = "; ".join(map(str, hyperbolicity.losses[:3])) or "; ".join(failed)
+    where = "; ".join(loss.headline for loss in hyperbolicity.losses[:3]) or "; ".join(failed)
     raise HyperbolicityError(
         f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. "
         "Shrink the region to one side of it; nothing can be reduced across."

@@ -11,10 +11,11 @@ import sympy as sp
 
 from gsp.branch import Branch, place
 from gsp.elimination import pieces
-from gsp.errors import BranchError
+from gsp.errors import BranchError, GspError
 from gsp.flow import Point
 from gsp.laurent import laurent
-from gsp.system import SlowFastSystem
+from gsp.splitting import split
+from gsp.system import SlowFastSystem, VectorField
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
         if found.unsolved:
             raise BranchError(
                 f"the critical manifold {{{_shown(found.unsolved)}}} is no graph of {unknown} over the slow "
-                f"variables {', '.join(map(str, system.x))}. Take other variables as slow, or rescale."
+                f"variables {', '.join(map(str, system.x))}. {_hidden_time_scale(system)}"
             )
         shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
         raise BranchError(
@@ -84,6 +85,27 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
             "There is no critical manifold to reduce to."
         )
     return CriticalManifold(system, branches, tuple(found.unsolved), tuple(found.vanished))
+
+
+def _hidden_time_scale(system: SlowFastSystem) -> str:
+    """What to declare instead: when some of the fast variables are slow in disguise, their slow combinations."""
+    field = VectorField(
+        dict(zip(system.states, system.rates)), epsilon=system.epsilon, parameters=system.parameters
+    )
+    try:
+        better = split(field)
+    except GspError:
+        better = None
+    if better is None or better.system is None or len(better.system.y) >= len(system.y):
+        return "Take other variables as slow, or rescale."
+    slow = [
+        f"{s} = {phi}" if s != phi else str(s) for s, phi in better.coordinates.items() if s in better.system.x
+    ]
+    fast = len(better.system.y)
+    return (
+        f"A time scale is hidden in the fast block: of its {len(system.y)} directions {fast} "
+        f"{'is' if fast == 1 else 'are'} fast. Declare {', '.join(slow)} as slow, or split the VectorField."
+    )
 
 
 def _shown(equations: Sequence[sp.Expr]) -> str:

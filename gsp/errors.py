@@ -81,10 +81,8 @@ class Status(Enum):
         "move the region downstream, or lower epsilon; the error estimate counts what is missing",
     )
     EVENT_REACHED = (
-        (
-            "a terminal event was reached",
-            "the run was asked to end there; start again from its end to go on",
-        ),
+        "a terminal event was reached",
+        "the run was asked to end there; start again from its end to go on",
     )
     MESH_LIMIT = (
         "the allowed number of mesh intervals does not reach the tolerance",

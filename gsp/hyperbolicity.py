@@ -9,30 +9,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
-import sympy as sp
 
 from gsp.branch import Branch
 from gsp.errors import BranchError, DeclarationError
 from gsp.flow import as_points
-from gsp.losses import (
-    BRANCH_POLE,
-    EVERYWHERE,
-    FIELD_POLE,
-    LOCATED,
-    REFINED,
-    ZERO_TOLERANCE,
-    Locator,
-    Loss,
-    signed_gap,
-    unstable,
-)
+from gsp.losses import Loss, LossKind, examine, sheet_ends, singular_points
+from gsp.losses.locator import ZERO_TOLERANCE, unstable
+from gsp.losses.shrinking import SubRegion, largest_sub_region
 from gsp.region import Interval, check_region
 from gsp.sampling import Sampler, grid
 
 EQUILIBRIUM_TOLERANCE = 1e-9
-NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
 
 
 class Kind(StrEnum):
@@ -77,7 +67,8 @@ class Rates:
 @dataclass(frozen=True, eq=False)
 class Hyperbolicity:
     """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
-    and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how.
+    and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
+    neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm.
     """
 
     branch: Branch
@@ -89,11 +80,23 @@ class Hyperbolicity:
     conditions: tuple[Condition, ...]
     samples: int
     evidence: str
+    looked_at: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
         """Whether every condition holds at the samples."""
         return all(condition.holds for condition in self.conditions)
+
+    @cached_property
+    def sub_region(self) -> SubRegion | None:
+        """The largest part of the region found, cut along one slow axis, over which the conditions hold.
+
+        Cuts are tried at the losses and judged by `classify`; None without a loss, and when no part holds.
+        """
+        return (
+            largest_sub_region(self.branch, self.region, self.losses, judge=classify) if self.losses else None
+        )
 
     def eigenvalues(self, x, *, near=None) -> np.ndarray:
         """Eigenvalues of g_y at the branch's points over `x`: complex (m, n_fast), or (n_fast,) for one."""
@@ -106,9 +109,14 @@ class Hyperbolicity:
         return f"Hyperbolicity({self.kind}, gap={self.gap:.6g}, {self.evidence})"
 
     def __str__(self) -> str:
+        newline = "\n"
         lines = [f"{self.kind}, gap {self.gap:.6g} in fast time; {self.evidence}"]
         lines += [f"  {condition}" for condition in self.conditions]
-        lines += [f"  lost: {loss}" for loss in self.losses]
+        lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
+        lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
+        lines += [f"  note: {note}" for note in self.notes]
+        if self.sub_region is not None:
+            lines.append(f"  holds: {self.sub_region}")
         return "\n".join(lines)
 
 
@@ -117,8 +125,8 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
 
     `region` bounds every slow variable, and fast ones where a sheet of an implicit branch is meant; with
     `epsilon` the condition r >= 1 is decided at that value too. A loss is knowledge, not an error: the kind is
-    then "lost" and `losses` say where. Raises `DeclarationError` for a region that is not one and `BranchError`
-    when the branch has no real point in it.
+    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on.
+    Raises `DeclarationError` for a region that is not one and `BranchError` when the branch has no real point in it.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
     >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)
@@ -131,11 +139,11 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
     sampler = Sampler(branch)
     x = grid(np.array([box[s.name] for s in system.x]))
-    z, rows = sampler.points(x, box)
+    z, rows = _points(sampler, x, box)
     missing = len(x) - len(np.unique(rows))
     bounded = sampler.inside(z, box)
     a, b = sampler.links(z[bounded], rows[bounded], x)
-    z = z[bounded]
+    z, rows = z[bounded], rows[bounded]
     if len(z) == 0:
         raise BranchError(
             f"the branch {branch} has no real point in the region {_shown(box)}. "
@@ -144,15 +152,16 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     eigenvalues = sampler.eigenvalues(z)
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
-    z, eigenvalues = z[finite], eigenvalues[finite]
+    z, rows, eigenvalues = z[finite], rows[finite], eigenvalues[finite]
     scale = float(np.abs(eigenvalues).max(initial=0.0)) or 1.0
     count = unstable(eigenvalues)
     kinds = np.unique(count)
-    locator = Locator(sampler, box, scale)
-    gap = _gap(locator, z, eigenvalues, (a, b))
-    losses = tuple(locator.losses)
+    found = examine(sampler, box, scale, z, eigenvalues, (a, b), epsilon=epsilon)
+    losses, gap = found.losses, found.gap
+    if missing and not losses and found.diagnosis is not None:
+        losses = tuple(sheet_ends(found.diagnosis, z, rows, x))
     mixed = len(kinds) > 1
-    lost = bool(losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
+    lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
     if mixed and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
             f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
@@ -170,34 +179,28 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
         conditions=tuple(_conditions(sampler, z, missing, kinds, rates, scale, losses, epsilon)),
         samples=len(z),
         evidence=f"sampled at {len(z)} points",
+        looked_at=found.looked_at,
+        notes=found.notes,
     )
 
 
-def _gap(
-    locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: tuple[np.ndarray, np.ndarray]
-) -> float:
-    """The least |Re lambda|, refined next to the worst samples; 0 with a loss. Fills the locator."""
-    if len(z) == 0:
-        return 0.0
-    sampler = locator.sampler
-    sizes = np.abs(eigenvalues).min(axis=1)
-    if sizes.max() <= ZERO_TOLERANCE * locator.scale:
-        locator.add(z[0], EVERYWHERE)
-        return 0.0
-    a, b = links
-    changed = np.flatnonzero(unstable(sampler.eigenvalues(a)) != unstable(sampler.eigenvalues(b)))
-    # Spread over all changes, so that no part of a long curve of losses takes every place.
-    changed = changed[np.linspace(0, len(changed) - 1, min(len(changed), LOCATED)).astype(int)]
-    locator.zeros(np.vstack([a[changed], z[np.argsort(sizes)[:LOCATED]]]))
-    locator.changes(a[changed], b[changed])
-    locator.poles(z)
-    distance = signed_gap(eigenvalues, unstable(eigenvalues))
-    if any(not loss.is_pole for loss in locator.losses):
-        return 0.0
-    refined = locator.refine(z[np.argsort(distance)[:REFINED]])
-    if any(not loss.is_pole for loss in locator.losses):
-        return 0.0
-    return float(min(refined, distance.min()))
+def _points(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:
+    """Samples over the grid x and their rows; where Newton's method finds none, those of a singular branch."""
+    reason = None
+    try:
+        z, rows = sampler.points(x, box)
+    except BranchError as error:
+        z, rows, reason = np.empty((0, len(sampler.system.states))), np.empty(0, dtype=int), error
+    if not sampler.branch.is_explicit and (len(z) < len(x) // 2 or sampler.is_singular(z)):
+        singular = singular_points(sampler, box, x)
+        if len(singular):
+            nx = x.shape[1]
+            return singular, np.array(
+                [int(np.argmin(np.abs(x - point[:nx]).sum(axis=1))) for point in singular]
+            )
+    if reason is not None:
+        raise reason
+    return z, rows
 
 
 def _kind(unstable: int, fast: int) -> Kind:
@@ -216,15 +219,14 @@ def _conditions(
     losses: tuple[Loss, ...],
     epsilon: float | None,
 ) -> Iterator[Condition]:
-    system = sampler.system
-    non_smooth = sum(len(e.atoms(*NON_SMOOTH)) for e in (*system.f, *system.g))
-    non_smooth += sum(loss.crossing == FIELD_POLE for loss in losses)
-    missing += sum(loss.crossing == BRANCH_POLE for loss in losses)
+    rough = (LossKind.NON_SMOOTH, LossKind.FIELD_POLE)
+    non_smooth = sum(loss.kind in rough for loss in losses)
+    missing += sum(loss.kind is LossKind.BRANCH_POLE for loss in losses)
     yield Condition(
         "smooth field",
         "f and g depend smoothly on x, y and epsilon",
         float(non_smooth),
-        "functions that are not smooth and poles on the branch, 0 needed",
+        "switching surfaces and poles that the branch meets, 0 needed",
         non_smooth == 0,
     )
     total = len(z) + missing

@@ -189,9 +189,9 @@ class _Work:
         """No surface: M0 itself is not normally hyperbolic over the region."""
         verdict = self.verdict
         if verdict.losses:
-            loss = verdict.losses[0]
+            loss = next((loss for loss in verdict.losses if not loss.is_hyperbolic), verdict.losses[0])
             status = Status.NON_FINITE if loss.is_pole else Status.FOLD_REACHED
-            what = "; ".join(str(loss) for loss in verdict.losses[:3])
+            what = "; ".join(loss.headline for loss in verdict.losses[:3])
             text = f"the critical manifold is not normally hyperbolic over the region: {what}"
         else:
             failing = next(c for c in verdict.conditions if not c.holds)

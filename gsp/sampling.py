@@ -17,6 +17,10 @@ from gsp.region import Interval
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
 GRID = {1: 257, 2: 33}
 SOBOL = 11
+# A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts.
+EDGE = 1e-9
+# Least singular value of g_y, relative to the largest, at which Newton's method has lost half of its digits.
+NEARLY_SINGULAR = 1e-4
 
 
 class Sampler:
@@ -52,12 +56,13 @@ class Sampler:
         return z, rows
 
     def inside(self, z: np.ndarray, box: Mapping[str, Interval]) -> np.ndarray:
-        """Which points `z` (m, n) lie in `box`; coordinates that are not a number are not looked at."""
+        """Which points `z` (m, n) lie in `box`, to rounding; coordinates that are not a number are not looked at."""
         good = np.ones(len(z), dtype=bool)
         for i, symbol in enumerate(self.system.states):
             if symbol.name in box:
                 low, high = box[symbol.name]
-                good &= ~((z[:, i] < low) | (z[:, i] > high))
+                slack = EDGE * (high - low)
+                good &= ~((z[:, i] < low - slack) | (z[:, i] > high + slack))
         return good
 
     def over(self, x: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -65,10 +70,12 @@ class Sampler:
         if self.branch.is_explicit:
             y = self.branch.graph_values(x, allow_complex=True)
             return y, finite_rows(y)
-        if start is None:
-            return self.branch.follow(x)
         nx = len(self.system.x)
-        return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]))
+        # Newton's method may throw a point so far that its length overflows; the point is given up then.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if start is None:
+                return self.branch.follow(x)
+            return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]))
 
     def links(self, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (a, b), each (m, n), of points on one sheet over neighbouring rows of `x`."""
@@ -110,8 +117,21 @@ class Sampler:
         return self.compiled([derivative(entry, s) for entry in entries for s in self.system.states])
 
     @cached_property
+    def _rates(self):
+        return self.compiled([*self.f, *self.g])
+
+    @cached_property
     def _equilibria(self):
         return self.compiled(self.g)
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """(f, g) at `z` (m, n): (m, n)."""
+        return self._rates(z, self.p)
+
+    def jacobians(self, z: np.ndarray) -> np.ndarray:
+        """Derivatives of (f, g) by (x, y) at `z` (m, n): (m, n, n)."""
+        n = len(self.system.states)
+        return self._all_jacobians(z, self.p).reshape(-1, n, n)
 
     def equilibria(self, z: np.ndarray) -> np.ndarray:
         """g at `z` (m, n): (m, n_fast)."""
@@ -140,6 +160,12 @@ class Sampler:
         if finite.any():
             values[finite] = np.linalg.eigvals(matrices[finite])
         return values
+
+    def is_singular(self, z: np.ndarray) -> bool:
+        """Whether g_y is nearly singular at most of the points `z` (m, n)."""
+        matrices = self.fast_jacobian(z)
+        sizes = np.linalg.svd(matrices[np.isfinite(matrices).all(axis=(1, 2))], compute_uv=False)
+        return bool(len(sizes)) and bool(np.mean(sizes[:, -1] <= NEARLY_SINGULAR * sizes.max()) > 0.5)
 
     def residual(self, z: np.ndarray) -> float:
         """Largest |g| at `z`, relative to 1 + |z|."""

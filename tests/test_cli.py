@@ -68,7 +68,7 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
     file = tmp_path / "fold.toml"
     file.write_text(FOLD)
     assert exit_status(monkeypatch, "check", str(file)) == 1
-    assert "lost: zero eigenvalue" in capsys.readouterr().out
+    assert "lost: fold: zero eigenvalue" in capsys.readouterr().out
     verdict = json.loads(run("check", str(file), "--json").output)
     assert verdict["holds"] is False
     assert verdict["kind"] == "lost"

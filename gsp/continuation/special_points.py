@@ -15,6 +15,7 @@ import numpy as np
 from gsp.continuation.arclength import Tracer
 from gsp.continuation.layer_problem import LayerProblem, least_norm_newton
 from gsp.continuation.singularity import MatrixMap, Singular, singular_near
+from gsp.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
 ZERO_EIGENVALUE = 1e-6
@@ -137,9 +138,7 @@ def fold_vectors(problem: LayerProblem, u: np.ndarray) -> tuple[np.ndarray, np.n
     The largest component of phi is positive.
     """
     k = len(problem.free)
-    left, _, right = np.linalg.svd(problem.jacobian(u)[:, k:])
-    phi = right[-1]
-    return phi * np.sign(phi[np.argmax(np.abs(phi))]), left[:, -1]
+    return null_vectors(problem.jacobian(u)[:, k:])
 
 
 def fold_point(
@@ -155,8 +154,7 @@ def fold_point(
         return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, row=row, right=phi, left=psi)
     psi = psi / product
     g_yy = problem.second(u)[:, k:, k:]
-    bending = np.einsum("ijk,j,k->i", g_yy, phi, phi)
-    a = 0.5 * float(psi @ bending)
+    a = quadratic_coefficient(g_yy, phi, psi)
     b = float(psi @ problem.jacobian(u)[:, 0])
     coefficients = {"a": a, "b": b}
     # In scaled units, |phi| is the length of phi/scales.
@@ -165,11 +163,7 @@ def fold_point(
     if abs(a * product) / length**2 <= ZERO_COEFFICIENT * curvature:
         kind = SpecialKind.CUSP
         g_y = problem.jacobian(u)[:, k:]
-        bordered = np.block([[g_y, psi[:, None]], [phi[None, :], np.zeros((1, 1))]])
-        h = np.linalg.solve(bordered, np.append(-bending, 0.0))[:n]
-        cubic = np.einsum("ijkl,j,k,l->i", problem.third(u), phi, phi, phi)
-        cubic = cubic + 3.0 * np.einsum("ijk,j,k->i", g_yy, phi, h)
-        coefficients["c"] = float(psi @ cubic) / 6.0
+        coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
     return special_point(problem, u, kind, row=row, coefficients=coefficients, right=phi, left=psi)
 
 
@@ -220,25 +214,9 @@ def hopf_point(
     problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, omega: float, row: int
 ) -> SpecialPoint:
     """The Hopf point at u with its first Lyapunov coefficient (Kuznetsov 2004, (5.62))."""
-    k, n = len(problem.free), problem.size
-    A = problem.jacobian(u)[:, k:]
-    values, vectors = np.linalg.eig(A)
-    q = vectors[:, np.argmin(np.abs(values - 1j * omega))]
-    transposed, adjoints = np.linalg.eig(A.T)
-    p = adjoints[:, np.argmin(np.abs(transposed + 1j * omega))]
-    q = q / np.linalg.norm(q)
-    p = p / np.conj(np.vdot(p, q))
-    second, C = problem.second(u), problem.third(u)
-    B = second[:, k:, k:]
-
-    def quadratic(v: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return np.einsum("ijk,j,k->i", B, v, w)
-
-    steady = np.linalg.solve(A, quadratic(q, q.conj()))
-    double = np.linalg.solve(2j * omega * np.eye(n) - A, quadratic(q, q))
-    total = np.einsum("ijkl,j,k,l->i", C, q, q, q.conj())
-    total = total - 2.0 * quadratic(q, steady) + quadratic(q.conj(), double)
-    l1 = float(np.vdot(p, total).real) / (2.0 * omega)
+    k = len(problem.free)
+    second = problem.second(u)
+    l1, q, p = first_lyapunov(problem.jacobian(u)[:, k:], second[:, k:, k:], problem.third(u), omega)
     # d lambda = <p, dA q>, dA along the curve per unit of the free variable.
     along = np.einsum("ijl,l->ij", second[:, k:, :], tangent / tangent[0])
     crossing = float(np.vdot(p, along @ q).real)

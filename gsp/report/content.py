@@ -11,6 +11,7 @@ from gsp import charts
 from gsp.analysis import Analysis
 from gsp.choice import Choice
 from gsp.hyperbolicity import Hyperbolicity
+from gsp.losses import Loss
 from gsp.trajectory import Trajectory
 
 
@@ -85,14 +86,10 @@ def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None)
             }
             for condition in found.conditions
         ],
-        "losses": [
-            {
-                "point": dict(loss.point),
-                "eigenvalue": [loss.eigenvalue.real, loss.eigenvalue.imag],
-                "crossing": loss.crossing,
-            }
-            for loss in found.losses
-        ],
+        "losses": [_loss(loss) for loss in found.losses],
+        "looked_at": [_loss(loss) for loss in found.looked_at],
+        "notes": list(found.notes),
+        "holds_for": None if found.sub_region is None else dict(found.sub_region.region),
         "evidence": found.evidence,
     }
     return plain(content)
@@ -116,6 +113,24 @@ def choice_as_json(choice: Choice) -> dict[str, Any]:
         "speed_up": choice.speed_up,
     }
     return plain(content)
+
+
+def _loss(loss: Loss) -> dict[str, Any]:
+    return {
+        "kind": str(loss.kind),
+        "point": dict(loss.point),
+        "eigenvalue": [loss.eigenvalue.real, loss.eigenvalue.imag],
+        "crossing": loss.crossing,
+        "test": {"name": loss.test, "value": loss.value},
+        "coefficients": dict(loss.coefficients),
+        "consequence": loss.consequence,
+        "may_reduce": loss.may_reduce,
+        "remedy": loss.remedy,
+        "note": loss.note,
+        "samples": loss.samples,
+        "extent": {name: list(interval) for name, interval in loss.extent.items()},
+        "on_edge": loss.on_edge,
+    }
 
 
 def _comparison(analysis: Analysis) -> dict[str, Any]:

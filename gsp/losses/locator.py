@@ -1,4 +1,4 @@
-"""Where normal hyperbolicity is lost: eigenvalues that reach the imaginary axis, and poles.
+"""Where normal hyperbolicity is lost, before it is named: eigenvalues that reach the imaginary axis, and poles.
 
 Zero eigenvalues solve {equations of the branch = 0, g_y v = 0, |v| = 1} for (x, y, v), by Gauss-Newton steps of
 least norm from the samples nearest to singular. Other changes of type are bisected between linked samples, and
@@ -7,14 +7,17 @@ losses too thin to lie between two samples of different type are met when the wo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from gsp.continuation.special_points import pair_test
 from gsp.differentiation import derivative
+from gsp.losses.diagnosis import Found
+from gsp.losses.kinds import BRANCH_POLE, FIELD_POLE, JUMP, PAIR, SUM, ZERO
+from gsp.losses.newton import gauss_newton
 from gsp.region import Interval
 from gsp.sampling import Sampler
 
@@ -28,30 +31,14 @@ INFINITE = 1e6
 BISECTIONS = 52
 # Two losses nearer than this, relative to the region's width, are one.
 SAME = 1e-6
-
-ZERO = "zero eigenvalue"
-EVERYWHERE = "zero eigenvalue on the whole branch"
-PAIR = "imaginary pair"
-BRANCH_POLE = "pole of the branch"
-FIELD_POLE = "pole of the field"
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A place where normal hyperbolicity is lost: the point, the eigenvalue there, and what crosses."""
-
-    point: Mapping[str, float]
-    eigenvalue: complex
-    crossing: str
-
-    @property
-    def is_pole(self) -> bool:
-        """Whether the branch or the field goes to infinity here, rather than an eigenvalue to the axis."""
-        return self.crossing in (BRANCH_POLE, FIELD_POLE)
-
-    def __str__(self) -> str:
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
-        return f"{self.crossing} at {place} (eigenvalue {self.eigenvalue:.3g})"
+# Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it.
+JUMPED = 1e-3
+# How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
+TOWARDS = 0.01
+# Share of the region that one search for the least gap covers.
+SEARCHED = 0.02
+# Neutral saddles that are looked at.
+SUMS = 6
 
 
 class Locator:
@@ -61,26 +48,22 @@ class Locator:
         self.sampler = sampler
         self.box = box
         self.scale = scale
-        self.losses: list[Loss] = []
-        self._points: list[np.ndarray] = []
+        self.found: list[Found] = []
 
     def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
-        """Note a loss at `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
+        """Note a place `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
         nx = len(self.sampler.system.x)
         checked = np.append(z[:nx], [np.nan] * (len(z) - nx)) if only_x else z
         if not self.sampler.inside(checked[None, :], self.box)[0]:
             return
-        width = max(high - low for low, high in self.box.values())
-        compared = slice(nx) if only_x else slice(None)
-        if any(np.abs((known - z)[compared]).max() < SAME * width for known in self._points):
+        if self._is_known(z, slice(nx) if only_x else slice(None)):
             return
-        if len(self.losses) < LOCATED:
-            values = self.sampler.eigenvalues(z[None, :])[0]
-            by = np.abs(values.real) if crossing == PAIR else np.abs(values)
-            eigenvalue = complex(values[np.argmin(by)])
-            names = (s.name for s in self.sampler.system.states)
-            self._points.append(z)
-            self.losses.append(Loss(dict(zip(names, map(float, z))), eigenvalue, crossing))
+        if sum(known.crossing == crossing for known in self.found) < LOCATED:
+            self.found.append(Found(z, crossing))
+
+    def _is_known(self, z: np.ndarray, compared: slice = slice(None)) -> bool:
+        width = max(high - low for low, high in self.box.values())
+        return any(np.abs((known.z - z)[compared]).max() < SAME * width for known in self.found)
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
@@ -93,7 +76,7 @@ class Locator:
             if point is None and branch.is_explicit:
                 # A graph such as sqrt(x) has no derivative at its fold, but g has.
                 point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
-            if point is not None and self._on_sheet(point, z):
+            if point is not None and not self._is_known(point) and self._on_sheet(point, z):
                 self.add(point, ZERO)
 
     def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
@@ -121,15 +104,26 @@ class Locator:
     def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
         """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
 
-        The sheet must run into the point as x does: its distance falls like the root of that of x at least.
+        The sheet must run into the point as x does: its distance falls like a root of that of x.
         """
         branch, nx = self.sampler.branch, len(self.sampler.system.x)
         if not branch.is_explicit and branch.seed is None:
             return True
-        before = point + 0.01 * (sample - point)
-        y, good = self.sampler.over(before[None, :nx], sample[None, :])
         reach = np.linalg.norm(sample[nx:] - point[nx:])
-        return bool(good[0] and np.linalg.norm(y[0] - point[nx:]) <= 0.3 * reach + 1e-6)
+        near, first = self._towards(point, sample, TOWARDS)
+        if near is None or first <= 0.3 * reach + 1e-6:
+            return near is not None
+        # A root of high order falls slowly, but it goes on falling.
+        return bool(first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first)
+
+    def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
+        """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
+        nx = len(self.sampler.system.x)
+        x = point[:nx] + share * (sample[:nx] - point[:nx])
+        y, good = self.sampler.over(x[None, :], sample[None, :])
+        if not good[0]:
+            return None, float("inf")
+        return np.concatenate([x, y[0]]), float(np.linalg.norm(y[0] - point[nx:]))
 
     # -- changes of type ---------------------------------------------------------------------------
 
@@ -157,7 +151,40 @@ class Locator:
                 self.add(before, FIELD_POLE, only_x=True)
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
-                self.add(after, PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+                jumped = np.abs(np.real(values[1:])).min() > JUMPED * np.abs(values[1:]).max()
+                self.add(after, JUMP if jumped else PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+
+    def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
+        """Neutral saddles between linked points a and b (m, n) of one type: real eigenvalues whose sum is zero."""
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        if len(sampler.system.y) < 2 or not len(a):
+            return []
+        before, after = sampler.eigenvalues(a), sampler.eigenvalues(b)
+        same = (unstable(before) == unstable(after)) & np.isfinite(before + after).all(axis=1)
+        tests = pair_test(before), pair_test(after)
+        zero = np.flatnonzero(same & (np.abs(tests[0]) <= ZERO_TOLERANCE))
+        found = [a[i] for i in zero[:SUMS]]
+        for i in np.flatnonzero(same & (tests[0] * tests[1] < 0.0))[: SUMS - len(found)]:
+            low, high_x = a[i], b[i, :nx]
+            for _ in range(BISECTIONS):
+                x = 0.5 * (low[:nx] + high_x)
+                y, good = sampler.over(x[None, :], low[None, :])
+                z = np.concatenate([x, y[0]])
+                if good[0] and pair_test(sampler.eigenvalues(z[None, :]))[0] * tests[0][i] > 0.0:
+                    low = z
+                else:
+                    high_x = x
+            found.append(low)
+        return [Found(z, SUM) for z in found if self._is_neutral_saddle(z)]
+
+    def _is_neutral_saddle(self, z: np.ndarray) -> bool:
+        values = self.sampler.eigenvalues(z[None, :])[0]
+        i, j = np.triu_indices(len(values), 1)
+        closest = int(np.argmin(np.abs(values[i] + values[j])))
+        first, second = values[i[closest]], values[j[closest]]
+        real = max(abs(first.imag), abs(second.imag)) <= 1e-6 * self.scale
+        small = abs(first + second) <= 1e-6 * self.scale
+        return bool(real and small and min(abs(first), abs(second)) > 1e-6 * self.scale)
 
     def refine(self, worst: np.ndarray) -> float:
         """The least distance of an eigenvalue from the axis near the samples `worst`, by simplex searches in x.
@@ -168,8 +195,13 @@ class Locator:
 
         sampler, nx = self.sampler, len(self.sampler.system.x)
         bounds = [self.box[s.name] for s in sampler.system.x]
-        best = float("inf")
+        widths = np.array([high - low for low, high in bounds])
+        best, searched = float("inf"), []
         for z in worst:
+            # One search for samples next to one another.
+            if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
+                continue
+            searched.append(z[:nx])
             count = unstable(sampler.eigenvalues(z[None, :]))[0]
 
             def distance(x: np.ndarray, z: np.ndarray = z, count: int = count) -> float:
@@ -191,8 +223,16 @@ class Locator:
             if found.fun < 0:
                 y, _ = sampler.over(found.x[None, :], z[None, :])
                 self.changes(z[None, :], np.hstack([found.x[None, :], y]))
+            if found.fun <= ZERO_TOLERANCE * self.scale and not self.found:
+                self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
             best = min(best, max(float(found.fun), 0.0))
         return best
+
+    def touching(self, z: np.ndarray) -> None:
+        """Note a place where an eigenvalue is on the axis without a change of type."""
+        values = self.sampler.eigenvalues(z[None, :])[0]
+        near = values[np.argmin(np.abs(values.real))]
+        self.add(z, PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
 
     # -- poles -------------------------------------------------------------------------------------
 
@@ -227,26 +267,6 @@ class Locator:
                 self.add(np.concatenate([found, sample[nx:]]) if free else found, crossing, only_x=free)
 
 
-def gauss_newton(
-    evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray
-) -> np.ndarray | None:
-    """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None."""
-    u = start.copy()
-    limit = 0.5 * (1.0 + np.linalg.norm(start))
-    for _ in range(60):
-        value, slope = evaluate(u)
-        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
-            return None
-        step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
-        length = np.linalg.norm(step)
-        u = u - step * min(1.0, limit / max(length, 1e-300))
-        if length < 1e-12 * (1.0 + np.linalg.norm(u)):
-            break
-    value, _ = evaluate(u)
-    # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
-    return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None
-
-
 def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
     """The factors of the denominators of `expressions` that depend on `variables`."""
     found: list[sp.Expr] = []
@@ -270,3 +290,16 @@ def signed_gap(eigenvalues: np.ndarray, count: np.ndarray) -> np.ndarray:
     place = np.arange(real.shape[1])[None, :]
     stable = place < real.shape[1] - count[:, None]
     return np.where(stable, -real, real).min(axis=1)
+
+
+def spread(points: np.ndarray, worth: np.ndarray, count: int) -> np.ndarray:
+    """Indices of at most `count` of `points` (m, n) far from one another, among the 8 `count` of least `worth`."""
+    low = np.argsort(worth, kind="stable")[: 8 * count]
+    sizes = np.ptp(points[low], axis=0)
+    scaled = points[low] / np.where(sizes > 0.0, sizes, 1.0)
+    chosen = [0]
+    distance = np.linalg.norm(scaled - scaled[0], axis=1)
+    while len(chosen) < min(count, len(low)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
+    return low[chosen]

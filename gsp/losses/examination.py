@@ -1,0 +1,136 @@
+"""`examine`: every loss of a sampled branch, located, named and merged, and the gap that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.losses import switching
+from gsp.losses.components import named_losses
+from gsp.losses.diagnosis import Diagnosis
+from gsp.losses.kinds import JUMP, Loss
+from gsp.losses.locator import LOCATED, REFINED, ZERO_TOLERANCE, Locator, signed_gap, spread, unstable
+from gsp.losses.naming import named
+from gsp.losses.whole_branch import centre_branch, degenerate_branch
+from gsp.region import Interval
+from gsp.sampling import Sampler
+
+# A least singular value of g_y below this, relative to the largest, is an exact zero with rounding.
+ZERO_RANK = 1e-13
+# An eigenvalue jumps at a switching surface when the two are this near, relative to the region.
+SAME_PLACE = 1e-6
+Links = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What was found on a branch: `losses`, `looked_at` (no losses), `notes`, and the `gap`, 0 with a loss."""
+
+    diagnosis: Diagnosis | None
+    losses: tuple[Loss, ...]
+    looked_at: tuple[Loss, ...]
+    notes: tuple[str, ...]
+    gap: float
+
+
+def examine(
+    sampler: Sampler,
+    box: Mapping[str, Interval],
+    scale: float,
+    z: np.ndarray,
+    eigenvalues: np.ndarray,
+    links: Links,
+    *,
+    epsilon: float | None = None,
+) -> Examination:
+    """The losses among the samples `z` (m, n) of a branch, their `eigenvalues` finite, linked along `links`.
+
+    `scale` is the largest |lambda|. With `epsilon` rates that differ by more than 1/epsilon are noted.
+    """
+    if len(z) == 0:
+        return Examination(None, (), (), (), 0.0)
+    diagnosis = Diagnosis(sampler, box, scale, z)
+    everywhere = _whole_branch(diagnosis, z, eigenvalues)
+    if everywhere is not None:
+        return Examination(diagnosis, (everywhere,), (), (), 0.0)
+    locator = Locator(sampler, box, scale)
+    gap = _locate(locator, z, eigenvalues, links)
+    rough, unmet = switching.meetings(diagnosis, z, links)
+    losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
+    neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
+    notes = [f"{source} is not smooth, but the branch does not cross where it switches" for source in unmet]
+    return Examination(
+        diagnosis, tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap
+    )
+
+
+def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list[Loss]:
+    """All losses, an eigenvalue that jumps and the switching surface where it does being one."""
+    names = [s.name for s in diagnosis.sampler.system.x]
+    jumps = [loss for loss in losses if loss.crossing == JUMP]
+    result = [loss for loss in losses if loss.crossing != JUMP]
+    for loss in rough:
+        here = [
+            jump
+            for jump in jumps
+            if all(
+                abs(jump.point[n] - loss.point[n]) <= SAME_PLACE * width
+                for n, width in zip(names, diagnosis.widths)
+            )
+        ]
+        if here:
+            jumps = [jump for jump in jumps if jump is not here[0]]
+            loss = replace(
+                here[0], test=loss.test, value=loss.value, coefficients=loss.coefficients, note=loss.note
+            )
+        result.append(loss)
+    return [*result, *jumps]
+
+
+def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:
+    """The loss of a branch on which every sample is singular, or has an imaginary pair."""
+    sizes = np.abs(eigenvalues).min(axis=1)
+    ranks = np.linalg.svd(diagnosis.sampler.fast_jacobian(z), compute_uv=False)
+    singular = (ranks[:, -1] <= ZERO_RANK * max(float(ranks.max()), 1e-300)).all()
+    if singular or sizes.max() <= ZERO_TOLERANCE * diagnosis.scale:
+        return degenerate_branch(diagnosis, z)
+    if np.abs(np.real(eigenvalues)).min(axis=1).max() <= ZERO_TOLERANCE * diagnosis.scale:
+        return centre_branch(diagnosis, z)
+    return None
+
+
+def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links) -> float:
+    """The least |Re lambda|, refined next to the worst samples; 0 with a loss. Fills the locator."""
+    sampler = locator.sampler
+    sizes = np.abs(eigenvalues).min(axis=1)
+    a, b = links
+    changed = np.flatnonzero(unstable(sampler.eigenvalues(a)) != unstable(sampler.eigenvalues(b)))
+    # Spread over all changes, so that no part of a long curve of losses takes every place.
+    changed = changed[np.linspace(0, len(changed) - 1, min(len(changed), LOCATED)).astype(int)]
+    nearest = np.argsort(sizes)[:LOCATED] if len(sampler.system.x) == 1 else spread(z, sizes, LOCATED)
+    locator.zeros(np.vstack([a[changed], z[nearest]]))
+    locator.changes(a[changed], b[changed])
+    locator.poles(z)
+    distance = signed_gap(eigenvalues, unstable(eigenvalues))
+    if any(not place.is_pole for place in locator.found):
+        return 0.0
+    refined = locator.refine(z[np.argsort(distance)[:REFINED]])
+    if any(not place.is_pole for place in locator.found):
+        return 0.0
+    return float(min(refined, distance.min()))
+
+
+def _spread_rates(eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
+    """A note when the slowest fast rate is slower than the fastest by more than epsilon."""
+    if epsilon is None or eigenvalues.shape[1] < 2:
+        return []
+    sizes = np.sort(np.abs(eigenvalues), axis=1)
+    ratio = float((sizes[:, 0] / sizes[:, -1]).min())
+    if ratio > epsilon:
+        return []
+    return [
+        f"the fast rates differ by a factor {1.0 / ratio:.3g}, more than 1/epsilon = {1.0 / epsilon:.3g}: at this "
+        "epsilon the slowest fast direction is no faster than the slow variables"
+    ]

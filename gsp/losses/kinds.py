@@ -1,0 +1,108 @@
+"""`Loss`: a place where normal hyperbolicity, or smoothness, is lost, with its name and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+# What crosses, as the search sees it before the place is examined.
+ZERO = "zero eigenvalue"
+EVERYWHERE = "zero eigenvalue on the whole branch"
+PAIR = "imaginary pair"
+PAIR_EVERYWHERE = "imaginary pair on the whole branch"
+JUMP = "eigenvalue that jumps"
+END = "end of the sheet"
+SUM = "two eigenvalues with sum zero"
+BRANCH_POLE = "pole of the branch"
+FIELD_POLE = "pole of the field"
+SWITCH = "switching surface"
+
+
+class LossKind(StrEnum):
+    """What happens where a condition of normal hyperbolicity fails."""
+
+    FOLD = "fold"
+    CUSP = "cusp"
+    TRANSCRITICAL = "transcritical point"
+    PITCHFORK = "pitchfork"
+    RANK_CHANGE = "rank change"
+    HOPF = "Hopf point"
+    BOGDANOV_TAKENS = "Bogdanov-Takens point"
+    NEUTRAL_SADDLE = "neutral saddle"
+    NILPOTENT = "nilpotent fast Jacobian"
+    VANISHING_DAMPING = "vanishing linear damping"
+    HIDDEN_TIME_SCALE = "hidden time scale"
+    CENTRE = "centre"
+    DEGENERATE = "degenerate point"
+    NON_SMOOTH = "non-smooth right-hand side"
+    BRANCH_POLE = "pole of the branch"
+    FIELD_POLE = "pole of the field"
+
+    @property
+    def is_pole(self) -> bool:
+        """Whether the branch or the field goes to infinity."""
+        return self in (LossKind.BRANCH_POLE, LossKind.FIELD_POLE)
+
+
+@dataclass(frozen=True, repr=False)
+class Loss:
+    """A place where normal hyperbolicity is lost, or the field is not smooth.
+
+    - `kind`, `point` by name, `eigenvalue` of g_y nearest to the axis there, and `crossing`, what reaches the axis;
+    - `test` names the function that vanishes at a loss of this kind, `value` is its value there;
+    - `coefficients` decide what it looks like nearby (docs/losses.md has the table), `note` says what is special;
+    - `consequence` says what orbits do, `may_reduce` whether reduction may go on through it, and `remedy` how;
+    - `samples` counts the points of a curve or surface of such losses that this one stands for, `extent` gives the
+      range of each slow variable over them;
+    - `on_edge`: the place is on the edge of the region, so that one side of it only was examined.
+    """
+
+    point: Mapping[str, float]
+    eigenvalue: complex
+    crossing: str
+    kind: LossKind
+    test: str
+    value: float
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    consequence: str = ""
+    may_reduce: bool = False
+    remedy: str = ""
+    note: str = ""
+    samples: int = 1
+    extent: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    on_edge: bool = False
+
+    @property
+    def is_pole(self) -> bool:
+        """Whether the branch or the field goes to infinity here, rather than an eigenvalue to the axis."""
+        return self.kind.is_pole
+
+    @property
+    def is_hyperbolic(self) -> bool:
+        """Whether the eigenvalues keep off the axis all the same: a kink, or a neutral saddle."""
+        if self.kind is LossKind.NON_SMOOTH:
+            return self.crossing == SWITCH
+        return self.kind is LossKind.NEUTRAL_SADDLE
+
+    @property
+    def headline(self) -> str:
+        """Kind and place, in one line."""
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
+        many = f", one of {self.samples} samples of it" if self.samples > 1 else ""
+        edge = ", on the edge of the region" if self.on_edge else ""
+        return f"{self.kind}: {self.crossing} at {place}{many}{edge}"
+
+    def __repr__(self) -> str:
+        return f"Loss({self.headline})"
+
+    def __str__(self) -> str:
+        rows = [("test", f"{self.test} = {self.value:.3g}, eigenvalue {self.eigenvalue:.3g}")]
+        if self.coefficients:
+            shown = ", ".join(f"{name} = {value:.6g}" for name, value in self.coefficients.items())
+            rows.append(("decided by", shown))
+        if self.note:
+            rows.append(("note", self.note))
+        rows.append(("follows", self.consequence))
+        rows.append(("reduction", ("may go on: " if self.may_reduce else "ends here: ") + self.remedy))
+        return "\n".join([self.headline, *(f"  {name:10}  {text}" for name, text in rows)])

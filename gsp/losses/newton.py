@@ -1,0 +1,27 @@
+"""Gauss-Newton steps of least norm, for equations with more or fewer unknowns than equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+def gauss_newton(
+    evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray, *, steps: int = 60
+) -> np.ndarray | None:
+    """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None."""
+    u = start.copy()
+    limit = 0.5 * (1.0 + np.linalg.norm(start))
+    for _ in range(steps):
+        value, slope = evaluate(u)
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return None
+        step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        length = np.linalg.norm(step)
+        u = u - step * min(1.0, limit / max(length, 1e-300))
+        if length < 1e-12 * (1.0 + np.linalg.norm(u)):
+            break
+    value, _ = evaluate(u)
+    # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
+    return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None

@@ -1,0 +1,127 @@
+"""Singular orbits: their periods against closed forms and against the full system, and how they end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.critical import solve_critical
+from gsp.errors import DeclarationError
+from gsp.passage.folds import omega0
+from gsp.periodic import periodic_orbit
+from gsp.relaxation import singular_orbit
+from gsp.system import SlowFastSystem
+
+x, y, z, w, epsilon = sp.symbols("x y z w epsilon")
+CUBIC = y - x**3 / 3 + x
+VAN_DER_POL = SlowFastSystem(slow={y: -x}, fast={x: CUBIC}, epsilon=epsilon)
+# x'' - mu (1 - x^2) x' + x = 0, to all digits shown; epsilon = 1/mu^2 and slow time is t/mu.
+PERIODS = {10: 19.078369566939014, 100: 162.83707109237001}
+
+
+def orbit_of(system, start, **options):
+    return singular_orbit(solve_critical(system).nearest(start), start, **options)
+
+
+@pytest.fixture(scope="module")
+def van_der_pol():
+    return orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6})
+
+
+def test_van_der_pols_period_has_the_coefficients_of_dorodnitsyn(van_der_pol):
+    # T = (3 - 2 ln 2) mu + 3 Omega_0 mu^(-1/3) - (2/3) ln(mu)/mu + ...
+    assert van_der_pol.coefficients == pytest.approx([3 - 2 * np.log(2), 3 * omega0(), 1 / 3], rel=1e-8)
+
+
+def test_what_is_left_of_the_period_is_the_next_constant(van_der_pol):
+    left = {mu: (period / mu - van_der_pol.period(mu**-2.0)) * mu**2 for mu, period in PERIODS.items()}
+    # -1.32327 in the literature, reached like epsilon^(1/3).
+    assert left[100] == pytest.approx(-1.32327, abs=0.08)
+    assert abs(left[100] + 1.32327) < abs(left[10] + 1.32327) / 2
+
+
+CASES = {
+    "asymmetric": (
+        SlowFastSystem(slow={y: sp.Rational(3, 10) - x + y / 5}, fast={x: CUBIC + x**2 / 10}, epsilon=epsilon),
+        {"x": 2, "y": 0.6},
+    ),
+    "two fast variables": (
+        SlowFastSystem(
+            slow={y: -x + w / 5}, fast={x: CUBIC + w / 5 - y / 5, w: y - w + x / 4}, epsilon=epsilon
+        ),
+        {"x": 2, "y": 0.6, "w": 0.5},
+    ),
+    "two slow variables": (
+        SlowFastSystem(slow={y: -x + z / 3, z: x - z + y / 2}, fast={x: CUBIC + z / 10}, epsilon=epsilon),
+        {"x": 2, "y": 0.6, "z": 0.5},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
+    system, start = CASES[name]
+    orbit = orbit_of(system, start)
+    assert orbit.closes
+    left = []
+    for small in (1e-2, 1e-3, 1e-4):
+        full = periodic_orbit(system, start=start, epsilon=small)
+        left.append((full.period - orbit.period(small)) / small)
+    steps = np.abs(np.diff(left))
+    assert np.abs(left).max() < 2.0
+    # Converging like epsilon^(1/3): without the term in epsilon ln epsilon the differences would grow by ln 10 each.
+    assert steps[1] < 0.8 * steps[0]
+    assert steps[1] < 0.1
+
+
+def test_a_slaved_variable_changes_nothing(van_der_pol):
+    system = SlowFastSystem(slow={y: -x, z: x - z}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6, "z": 0})
+    assert orbit.period_pieces == 2
+    assert orbit.coefficients == pytest.approx(van_der_pol.coefficients, rel=1e-6)
+
+
+def test_pieces_run_from_drop_to_fold(van_der_pol):
+    for before, piece in zip(van_der_pol.cycle, van_der_pol.cycle[1:]):
+        assert before.fold is not None
+        landing = before.fold.drop.point
+        assert [piece.run[n][0] for n in ("x", "y")] == pytest.approx([landing["x"], landing["y"]])
+    assert "closed after 3 slow pieces" in str(van_der_pol)
+
+
+def test_an_orbit_that_settles_does_not_close():
+    system = SlowFastSystem(slow={y: sp.Rational(3, 2) - x}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6})
+    assert not orbit.closes
+    assert orbit.coefficients is None
+    assert np.isnan(orbit.period(0.01))
+    assert "settles" in orbit.message
+
+
+def test_an_orbit_that_escapes_says_so():
+    system = SlowFastSystem(slow={y: sp.Integer(1)}, fast={x: x**2 + y}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": -1, "y": -1})
+    assert "escapes" in orbit.message
+    assert len(orbit.pieces) == 1
+
+
+def test_a_canard_point_is_no_drop():
+    system = SlowFastSystem(slow={y: 1 - x}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6})
+    assert not orbit.closes
+    assert "canard" in orbit.message
+
+
+def test_pieces_are_bounded():
+    system, start = CASES["two slow variables"]
+    orbit = orbit_of(system, start, max_pieces=3)
+    assert len(orbit.pieces) == 3
+    assert "max_pieces" in orbit.message
+
+
+def test_bad_input_is_named():
+    with pytest.raises(DeclarationError, match="begins on a Branch"):
+        singular_orbit(VAN_DER_POL, {"x": 2, "y": 0.6})  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DeclarationError, match="max_pieces"):
+        orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6}, max_pieces=0)
