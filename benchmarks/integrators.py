@@ -233,7 +233,9 @@ def show(cells: dict, results: dict, stiff: set[str]) -> dict:
             f"  {task}: geometric mean {np.exp(np.mean(np.log(every + 1e-18))):.2g}, worst {every.max():.3g} ({worst})"
         )
         for name, values in ratios.items():
-            print(f"      {name:24} mean {np.exp(np.mean(np.log(np.array(values) + 1e-18))):8.2g} worst {max(values):8.3g}")
+            print(
+                f"      {name:24} mean {np.exp(np.mean(np.log(np.array(values) + 1e-18))):8.2g} worst {max(values):8.3g}"
+            )
     return means
 
 

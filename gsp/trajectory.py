@@ -73,6 +73,11 @@ class Trajectory:
         times = np.array(t, dtype=float, order="C")
         if times.ndim > 1:
             raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
+        if len(self._dense) < len(self._times) - 1:
+            raise GspError(
+                "the trajectory holds no values between its steps. It was integrated with dense=False. "
+                "Leave dense out, or name the times as at=..."
+            )
         flat = np.atleast_1d(times)
         low, high = sorted((float(self._times[0]), float(self._times[-1])))
         outside = flat[~((flat >= low) & (flat <= high))]
@@ -155,6 +160,7 @@ def integrate(
     atol: float = 1e-10,
     at: ArrayLike | None = None,
     method: Method | str | None = None,
+    dense: bool = True,
     max_steps: int = 1_000_000,
     progress: Callable[[float], object] | None = None,
 ) -> Trajectory:
@@ -193,6 +199,7 @@ def integrate(
         rtol=rtol,
         atol=atol,
         max_steps=limit,
+        dense=dense,
         progress=progress,
     )
     return _trajectory(flow, epsilon, grid, record)
@@ -204,9 +211,10 @@ def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, reco
         t, y = times, states.T
     else:
         # Steps end on the grid exactly, so that equality is meant here; what was not reached is left out.
-        sign = 1.0 if grid[-1] >= times[0] else -1.0
-        t = grid[: np.searchsorted(sign * grid, sign * times[-1], side="right")]
-        y = _frozen(states[np.searchsorted(sign * times, sign * t)].T)
+        t, ends = (grid, times) if grid[-1] >= times[0] else (-grid, -times)
+        reached = t.searchsorted(ends[-1], side="right")
+        y = _frozen(states[ends.searchsorted(t[:reached])].T)
+        t = grid[:reached]
     return Trajectory(
         flow=flow,
         epsilon=epsilon,

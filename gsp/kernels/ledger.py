@@ -22,11 +22,11 @@ TOO_MANY_STEPS = 3
 NON_FINITE = 4
 SINGULAR_JACOBIAN = 5
 
-# memory: time, the step proposed next, and the last unclipped accepted step with its error.
+# memory: time, the step proposed next, and the last unclipped accepted step with (its error)^(-exponent).
 TIME = 0
 STEP = 1
 PREVIOUS_STEP = 2
-PREVIOUS_ERROR = 3
+PREVIOUS_GROWTH = 3
 MEMORY_SIZE = 4
 
 # counters; the last four are the integrator's own.

@@ -104,8 +104,11 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def accept(t, step, clipped, lands, error, factor, memory, counters):
-    """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told."""
+def accept(t, step, clipped, lands, growth, factor, memory, counters):
+    """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
+
+    `growth`, a power of the step's error, is for the next call of the method's controller.
+    """
     if counters[ledger.JUST_REJECTED] == 1:
         factor = min(factor, 1.0)
     proposal = step * factor
@@ -114,7 +117,7 @@ def accept(t, step, clipped, lands, error, factor, memory, counters):
         proposal = math.copysign(max(abs(proposal), abs(memory[ledger.STEP])), step)
     else:
         memory[ledger.PREVIOUS_STEP] = step
-        memory[ledger.PREVIOUS_ERROR] = error
+        memory[ledger.PREVIOUS_GROWTH] = growth
     memory[ledger.TIME] = t
     memory[ledger.STEP] = proposal
     counters[ledger.STEPS] += 1
