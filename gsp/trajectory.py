@@ -15,12 +15,12 @@ from gsp.integrators import (
     Method,
     Record,
     Stats,
-    advance,
     check_grid,
+    check_method,
     check_span,
     check_step_limit,
     check_tolerances,
-    choose_method,
+    run,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
@@ -187,9 +187,9 @@ def integrate(
     first, last = check_span(span)
     check_tolerances(rtol, atol)
     grid = None if at is None else check_grid(at, first, last)
-    chosen = choose_method(flow, method, rtol)
+    chosen = check_method(method)
     limit = check_step_limit(max_steps)
-    record = advance(
+    record = run(
         compile_flow(flow),
         parameter_vector(flow, epsilon),
         y,

@@ -1,6 +1,7 @@
 """DOP853, the integrator for flows without a fast time scale: explicit, order 8(5,3), dense output of order 7.
 
-Twelve calls of the field a step and three more for the dense output; see `dop853_tableau` for the source. The
+Twelve calls of the field a step and three more for the dense output, where one is recorded; the steps are the same
+but beside the border of the field's domain, where these three must be finite too. See `dop853_tableau` for the source. The
 Jacobian is an argument only because every integrator has the same signature.
 """
 
@@ -164,13 +165,16 @@ def dop853(
         if all_finite(y_new) and all_finite(value):
             failure = ledger.STEP_TOO_SMALL
             error = _error(step, shape, y, y_new, k, rtol, atol)
-            if error <= 1.0:
-                if recorded < dense.shape[0]:
-                    _stage(13, shape, field, p, t, step, y, k, argument, value)
-                    _stage(14, shape, field, p, t, step, y, k, argument, value)
-                    _stage(15, shape, field, p, t, step, y, k, argument, value)
-                    counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
-                    _record_dense(recorded, shape, step, y, y_new, k, dense)
+            if error <= 1.0 and recorded < dense.shape[0]:
+                _stage(13, shape, field, p, t, step, y, k, argument, value)
+                _stage(14, shape, field, p, t, step, y, k, argument, value)
+                _stage(15, shape, field, p, t, step, y, k, argument, value)
+                counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
+                _record_dense(recorded, shape, step, y, y_new, k, dense)
+                for i in range(n):
+                    if not (math.isfinite(dense[recorded, 2, i]) and math.isfinite(dense[recorded, 5, i])):
+                        error = math.inf
+                        failure = ledger.NON_FINITE
 
         if error <= 1.0:
             times[recorded] = t_new

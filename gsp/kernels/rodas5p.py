@@ -28,6 +28,12 @@ MAXIMUM_FACTOR = 6.0
 LARGEST_GROWTH = 1e-2**-EXPONENT
 # No estimate exists when a value is not finite or a pivot is 0; a tenth is RODAS's choice for a bad first step.
 FAILURE_FACTOR = 0.1
+# The largest values on (0, 1) of the factors of the dense output's last two coefficients, x^2 (1-x)^2, x^2 (1-x).
+LAST_TERM = 1.0 / 16.0
+LAST_BUT_ONE = 4.0 / 27.0
+# The series falls off faster than the estimate supposes. With this share the dense output's error, on the nine problems
+# of `benchmarks`, is near the tolerance where one slaved variable decides it, and no step is lost where none does.
+GAP_SHARE = 0.3
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -56,14 +62,26 @@ def _stage(s, shape, field, p, t, h, y, factors, pivots, k, argument, value):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _record_dense(row, shape, k, dense):
+def _interpolate(shape, k, y, y_new, rtol, atol, rows):
+    """Fill `rows` (3, n) of the dense output; return its error, the first term left out, over the tolerance.
+
+    The embedded error says nothing about a fast variable that is slaved: it is damped by the factor 1/(h lambda),
+    and the polynomial's error is not. The terms of the polynomial fall off like a geometric series.
+    """
     _, n = sizes(shape)
-    for m in range(DENSE_ROWS):
-        for i in range(n):
+    largest = 0.0
+    for i in range(n):
+        for m in range(DENSE_ROWS):
             total = 0.0
             for s in range(STAGES):
                 total += DENSE[m, s] * k[s, i]
-            dense[row, m, i] = total
+            rows[m, i] = total
+        last = LAST_TERM * abs(rows[2, i])
+        before = LAST_BUT_ONE * abs(rows[1, i])
+        if last < before:
+            last *= last / before
+        largest = max(largest, last / (atol + rtol * max(abs(y[i]), abs(y_new[i]))))
+    return largest
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -88,6 +106,7 @@ def rodas5p(
     shape = shape_of(dense, shape)
     _, n = sizes(shape)
     k = np.empty((STAGES, n))
+    rows = np.empty((DENSE_ROWS, n))
     value = np.empty(n)
     argument = np.empty(n)
     y_new = np.empty(n)
@@ -152,7 +171,9 @@ def rodas5p(
                 ratio = value[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
                 total += ratio * ratio
             if all_finite(y_new):
-                error = math.sqrt(total / n)
+                error = max(
+                    math.sqrt(total / n), GAP_SHARE * _interpolate(shape, k, y, y_new, rtol, atol, rows)
+                )
                 if error <= 1.0:
                     call(field, t_new, y_new, p, rate_new)
                     counters[ledger.FIELD_CALLS] += 1
@@ -167,7 +188,9 @@ def rodas5p(
             for i in range(n):
                 states[recorded, i] = y_new[i]
             if recorded < dense.shape[0]:
-                _record_dense(recorded, shape, k, dense)
+                for m in range(DENSE_ROWS):
+                    for i in range(n):
+                        dense[recorded, m, i] = rows[m, i]
             recorded += 1
             factor = MAXIMUM_FACTOR
             growth = LARGEST_GROWTH

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from gsp.kernels import ledger
@@ -134,3 +135,19 @@ def reject(step, factor, memory, counters):
     counters[ledger.REJECTED] += 1
     counters[ledger.JUST_REJECTED] = 1
     return abs(h) > smallest_step(memory[ledger.TIME])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def largest_rate(jacobian, t, y, p):
+    """Maximum norm of the Jacobian at `y`, a bound for its spectral radius; NaN or infinite when it is neither."""
+    n = y.shape[0]
+    flat = np.empty(n * n)
+    call(jacobian, t, y, p, flat)
+    largest = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += abs(flat[i * n + j])
+        if not total <= largest:
+            largest = total
+    return largest
