@@ -1,6 +1,6 @@
 """Least time to reach an error: `gsp.integrate` against every installed peer, on nine problems, in one run.
 
-    python benchmarks/integrators.py [--quick] [--json FILE] [--only NAME] [--ours]
+    python benchmarks/integrators.py [--quick] [--compiled] [--ours] [--only NAME] [--json FILE]
 
 Each integrator runs over a ladder of tolerances; the time at a target error is interpolated on its ladder. Errors are
 taken at the end of the span (task "end", no output before it) and over an output grid (task "grid", ours by dense
@@ -168,7 +168,7 @@ def time_at(points: list[tuple[float, float, float]], target: float) -> float | 
     return min(candidates) if candidates else None
 
 
-def solvers_of(problem: Problem, *, quick: bool, alone: bool) -> dict:
+def solvers_of(problem: Problem, *, quick: bool, compiled: bool, alone: bool) -> dict:
     """By name: solve and its rungs."""
     fine, coarse = ladder(halves=not quick), ladder(halves=False)
     methods = [gsp.Method.RODAS5P, gsp.Method.RADAU9, gsp.Method.RADAU13]
@@ -178,7 +178,7 @@ def solvers_of(problem: Problem, *, quick: bool, alone: bool) -> dict:
     if not quick:
         result |= {f"gsp {method.name}": (ours(problem, method), fine) for method in methods}
     for peer in () if alone else PEERS:
-        if peer.version is None or (peer.explicit and problem.is_stiff) or (quick and not peer.quick):
+        if peer.version is None or (peer.explicit and problem.is_stiff) or (compiled and not peer.quick):
             continue
         try:
             result[peer.name] = (peer.build(problem), fine if peer.quick else coarse)
@@ -253,6 +253,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="three problems, whole decades, compiled peers")
     parser.add_argument("--json", type=Path, help="write everything measured")
     parser.add_argument("--only", help="problems whose names contain this")
+    parser.add_argument("--compiled", action="store_true", help="only peers without Python in their loop")
     parser.add_argument("--ours", action="store_true", help="no peers")
     options = parser.parse_args()
     warnings.filterwarnings("ignore")
@@ -272,7 +273,12 @@ def main() -> None:
     results, references, accurate, begun = {}, {}, {}, time.perf_counter()
     for problem in chosen:
         exact, doubt = reference(problem)
-        solvers = solvers_of(problem, quick=options.quick, alone=options.ours)
+        solvers = solvers_of(
+            problem,
+            quick=options.quick,
+            compiled=options.quick or options.compiled,
+            alone=options.ours,
+        )
         results[problem.name] = measure(problem, exact, solvers, 2 if options.quick else 4)
         references[problem.name] = doubt
         accurate[problem.name] = accuracy(problem, exact)

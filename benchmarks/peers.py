@@ -66,14 +66,13 @@ class Problem:
 
 @dataclass(frozen=True)
 class Peer:
-    """One integrator of one package. `cost` is "quick" (compiled throughout) or "slow" (Python in its loop)."""
+    """One integrator of one package; `quick` when no Python runs in its loop."""
 
     name: str
     package: str
     build: Callable[[Problem], Solve]
     explicit: bool = False
     quick: bool = True
-    warm: bool = True
 
     @property
     def version(self) -> str | None:

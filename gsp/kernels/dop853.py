@@ -1,7 +1,7 @@
 """DOP853, the integrator for flows without a fast time scale: explicit, order 8(5,3), dense output of order 7.
 
-Twelve calls of the field a step and three more for the dense output, where one is recorded; the steps are the same
-but beside the border of the field's domain, where these three must be finite too. See `dop853_tableau` for the source. The
+Twelve calls of the field a step, and three more where a dense output is recorded; the steps are the same, but beside
+the border of the field's domain, where these three must be finite too. See `dop853_tableau` for the source. The
 Jacobian is an argument only because every integrator has the same signature.
 """
 
