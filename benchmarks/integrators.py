@@ -32,7 +32,7 @@ TARGETS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 GOALS = {1e-3: 2.5, 1e-5: 2.5, 1e-7: 3.0, 1e-9: 4.0}
 OURS = "gsp"
 # A peer's ladder ends where one solve takes longer.
-PATIENCE = 0.4
+PATIENCE = 0.2
 ENOUGH = 300e-6
 
 

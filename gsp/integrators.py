@@ -273,9 +273,11 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
         raise DeclarationError(f"at is a sequence of times. Got {at!r}.") from None
     if grid.ndim != 1 or grid.size == 0:
         raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
-    sign = 1.0 if last > first else -1.0
-    steps = sign * (grid[1:] - grid[:-1])
-    inside = sign * (grid[0] - first) >= 0.0 and sign * (last - grid[-1]) >= 0.0
+    start, end = float(grid[0]), float(grid[-1])
+    if last > first:
+        steps, inside = grid[1:] - grid[:-1], first <= start and end <= last
+    else:
+        steps, inside = grid[:-1] - grid[1:], first >= start and end >= last
     if inside and (steps.size == 0 or steps.min() > 0.0):
         # Sorted, so that the ends decide for all; NaN fails one comparison or the other.
         return grid

@@ -174,8 +174,8 @@ def integrate(
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-7,
     RADAU9 down to 5e-9, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
-    some hundred fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for speed;
-    `.at` is then refused. `max_steps` bounds the attempted steps. `progress` is called now and then with the
+    some hundred fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for
+    speed; `.at` is then refused. `max_steps` bounds the attempted steps. `progress` is called now and then with the
     fraction done.
 
     A computation that stops early, also by Ctrl-C, returns what it reached, with a `status`. Raises
@@ -216,9 +216,11 @@ def _trajectory(flow: Flow, epsilon: float | None, grid: np.ndarray | None, reco
     else:
         # Steps end on the grid exactly, so that equality is meant here; what was not reached is left out.
         t, ends = (grid, times) if grid[-1] >= times[0] else (-grid, -times)
-        reached = t.searchsorted(ends[-1], side="right")
-        y = _frozen(states[ends.searchsorted(t[:reached])].T)
-        t = grid[:reached]
+        if not record.status.ok:
+            reached = t.searchsorted(ends[-1], side="right")
+            t, grid = t[:reached], grid[:reached]
+        y = _frozen(states[ends.searchsorted(t)].T)
+        t = grid
     return Trajectory(
         flow=flow,
         epsilon=epsilon,
