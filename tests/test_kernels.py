@@ -337,6 +337,14 @@ def test_machine_code_for_one_size_gives_the_same_bits(method, swing):
     assert np.array_equal(free.counters, fixed.counters)
 
 
+def test_as_many_states_as_rows():
+    """Two tuples of one length have a type of their own."""
+    compiled = compile_flow(VectorField({x: -x, y: x - y, z: y - z}, epsilon=None))
+    run = Run("rodas5p", compiled, (1.0, 0.0, 0.0), [0.0, 1.0], fixed=True)
+    assert run.advance() == ledger.FINISHED
+    assert run.y == pytest.approx(np.array([1.0, 1.0, 0.5]) / math.e, rel=1e-7)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_record_without_dense_output_has_the_same_states(method, swing):
     whole, bare = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], rtol=1e-6) for _ in range(2))

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import literally, njit
+from numba import njit
+from numba.misc.special import literally
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from numba import types
 from numba.extending import overload
 
 
-def shape_of(dense, shape):
+def shape_of(dense, shape) -> Any:
     """What `sizes` takes: the tuples of `shape`, or for `None` two numbers from the record's array `dense`."""
     raise NotImplementedError("for compiled code only")
 
 
-def sizes(shape):
+def sizes(shape) -> tuple[int, int]:
     """(rows, n) of one step's dense output, from what `shape_of` gave.
 
     Two tuples of these lengths carry them in their type: they are constants to the compiler, which unrolls the
@@ -29,6 +31,7 @@ def _shape_of(dense, shape):
 
 @overload(sizes)
 def _sizes(shape):
-    if isinstance(shape, types.BaseTuple) and isinstance(shape[0], types.BaseTuple):
+    first: Any = shape.types[0]
+    if isinstance(first, types.BaseTuple):
         return lambda shape: (len(shape[0]), len(shape[1]))
     return lambda shape: shape
