@@ -14,11 +14,14 @@ from numpy.typing import ArrayLike
 from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow
 from gsp.integrators import (
+    EXPLICIT_ATTEMPTS,
     KERNELS,
+    MILD,
     STATUS,
     Method,
     Stats,
     check_grid,
+    check_method,
     check_span,
     check_step_limit,
     check_tolerances,
@@ -26,8 +29,8 @@ from gsp.integrators import (
     remedy_of,
     stops_of,
 )
+from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels import ensemble as kernels
-from gsp.kernels import ledger
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import memory_size, radau
 from gsp.kernels.rodas5p import rodas5p
@@ -120,6 +123,7 @@ class Ensemble:
     reached: np.ndarray
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
+    _explicit: np.ndarray = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -166,7 +170,15 @@ class Ensemble:
             last=dict(zip(states, self.last[i].tolist())),
             t=self.t,
             y=self.y[i],
-            stats=Stats(self.method, steps, rejected, field_calls, jacobian_calls, decompositions, bool(stiff)),
+            stats=Stats(
+                Method.DOP853 if self._explicit[i] else self.method,
+                steps,
+                rejected,
+                field_calls,
+                jacobian_calls,
+                decompositions,
+                bool(stiff),
+            ),
         )
 
     @property
@@ -277,19 +289,23 @@ def integrate_many(
     first, last = check_span(span)
     check_tolerances(rtol, atol)
     grid = None if at is None else check_grid(at, first, last)
-    chosen = choose_method(flow, method, rtol)
+    asked = check_method(method)
+    chosen = asked or choose_method(flow, rtol)
     limit = check_step_limit(max_steps)
     count = check_threads(threads)
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows = KERNELS[chosen]
+    kernel, rows, _ = KERNELS[chosen]
+    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
+    border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
     compiled = compile_flow(flow)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
         _INDEX[kernel], compiled.field, 0 if chosen is Method.DOP853 else compiled.jacobian,
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
+        (border, EXPLICIT_ATTEMPTS),
     )  # fmt: skip
     ends = members.starts.copy()
     reached = np.full(m, first)
@@ -298,15 +314,32 @@ def integrate_many(
         kept[:, 0] = ends
     counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
     codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
+    explicit = np.zeros(m, dtype=np.bool_)
 
     def worker() -> Work:
         memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
-        record = (np.empty(_RECORD), np.empty((_RECORD, n)), np.empty((_RECORD, rows, n)))
+        times, states = np.empty(_RECORD), np.empty((_RECORD, n))
+        # The explicit kernel computes its dense output, as `integrate` does, since that can fail by itself.
+        explicit_record = (times, states, np.empty((_RECORD, dop853_tableau.DENSE_ROWS, n)))
+        record = explicit_record if chosen is Method.DOP853 else (times, states, np.empty((0, rows, n)))
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
             kernels.run_members(
-                *shared, low, high, halt, ends, reached, kept, counters, codes, rate, memory, record
+                *shared,
+                low,
+                high,
+                halt,
+                ends,
+                reached,
+                kept,
+                counters,
+                codes,
+                explicit,
+                rate,
+                memory,
+                record,
+                explicit_record,
             )
 
         return work
@@ -323,6 +356,7 @@ def integrate_many(
         reached=_frozen(reached),
         last=_frozen(ends),
         _counters=_frozen(counters[:, : ledger.STIFF + 1].copy()),
+        _explicit=_frozen(explicit),
     )
 
 

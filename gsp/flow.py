@@ -7,6 +7,7 @@ A flow is autonomous; a system that depends on time declares a state t with t' =
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 import numpy as np
 import sympy as sp
@@ -61,6 +62,11 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     """Values in the order of `states` of a point that names every state and nothing else."""
     given = named(point, what=what)
     names = [state.name for state in states]
+    if len(given) == len(names):
+        try:
+            return tuple([given[name] for name in names])
+        except KeyError:
+            pass
     for name in given:
         if name not in names:
             raise DeclarationError(
@@ -81,8 +87,9 @@ def named(values: Point, *, what: str) -> dict[str, float]:
         raise DeclarationError(f"{what} is a mapping of names to numbers. Got {values!r}.")
     result: dict[str, float] = {}
     for key, value in values.items():
-        name = key.name if isinstance(key, sp.Symbol) else key
-        if not isinstance(name, str):
+        # Text first: it is the usual key, and isinstance with a class of SymPy's is slow.
+        name = key if isinstance(key, str) else key.name if isinstance(key, sp.Symbol) else None
+        if name is None:
             raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {key!r}.")
         if name in result:
             raise DeclarationError(f'{what} gives "{name}" twice. Give each name one value.')
@@ -92,7 +99,7 @@ def named(values: Point, *, what: str) -> dict[str, float]:
             raise DeclarationError(
                 f"{what} gives {name} the value {value!r}, which is no real number."
             ) from None
-        if number != number or number in (float("inf"), float("-inf")):
+        if not isfinite(number):
             raise DeclarationError(f"{what} gives {name} the value {number}. Give a finite number.")
         result[name] = number
     return result

@@ -138,6 +138,10 @@ class SlowFastSystem(Flow):
         return isinstance(other, SlowFastSystem) and self._key() == other._key()
 
     def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
         return hash(self._key())
 
 
@@ -228,6 +232,10 @@ class VectorField(Flow):
         return isinstance(other, VectorField) and self._key() == other._key()
 
     def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
         return hash(self._key())
 
 

@@ -17,16 +17,19 @@ from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
 from gsp.flow import Flow, Point
 from gsp.integrators import (
+    EXPLICIT_ATTEMPTS,
     RECORD,
     Method,
     Record,
     Stats,
-    advance,
     check_grid,
+    check_method,
     check_span,
     check_step_limit,
     check_tolerances,
     choose_method,
+    is_mild,
+    run,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
@@ -77,13 +80,20 @@ class Trajectory:
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
 
-        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13.
+        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13. The implicit
+        methods choose their steps so that its error stays near the tolerance in slaved fast variables too; where
+        these carry a time scale of their own, RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
 
         Raises `GspError` outside the interval covered.
         """
         times = np.array(t, dtype=float, order="C")
         if times.ndim > 1:
             raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
+        if len(self._dense) < len(self._times) - 1:
+            raise GspError(
+                "the trajectory holds no values between its steps. It was integrated with dense=False. "
+                "Leave dense out, or name the times as at=..."
+            )
         flat = np.atleast_1d(times)
         low, high = sorted((float(self._times[0]), float(self._times[-1])))
         outside = flat[~((flat >= low) & (flat <= high))]
@@ -152,6 +162,7 @@ def integrate(
     atol: float = 1e-10,
     at: ArrayLike | None = None,
     method: Method | str | None = None,
+    dense: bool = True,
     max_steps: int = 1_000_000,
     events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
@@ -163,8 +174,10 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-7,
-    RADAU9 down to 5e-9, RADAU13 below. `max_steps` bounds the attempted steps. `events` are zeros to be found along
-    the run, which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
+    RADAU9 down to 5e-9, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
+    some sixty fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for
+    speed; `.at` is then refused. `max_steps` bounds the attempted steps. `events` are zeros to be found along the run,
+    which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
 
     A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
     series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
@@ -181,21 +194,30 @@ def integrate(
     first, last = check_span(span)
     check_tolerances(rtol, atol)
     grid = None if at is None else check_grid(at, first, last)
-    chosen = choose_method(flow, method, rtol)
+    chosen = check_method(method)
     limit = check_step_limit(max_steps)
     compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
     asked = None if events == () else compile_events(flow, events, p)
     search = ending = begun = None
+    if asked is not None and chosen is None and is_mild(compiled, p, y, first, last):
+        # A step is gone over again by the method that made it, so that a watched run keeps to one.
+        found = integrate(
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.DOP853,
+            max_steps=min(EXPLICIT_ATTEMPTS, limit), events=events, progress=progress,
+        )  # fmt: skip
+        if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
+            return found
     if asked is not None or isinstance(flow, ReducedFlow):
+        chosen = chosen or choose_method(flow, rtol)
         stepper = Stepper(compiled, p, chosen, rtol, atol)
         if isinstance(flow, ReducedFlow):
             ending = Ending(flow, stepper, (first, last), y)
             begun = ending.at_start(first, y)
         search = _search(asked, ending, stepper, (first, last), y)
     if begun is not None:
-        record = _standing(first, y, begun, chosen)
+        record = _standing(first, y, begun, chosen or choose_method(flow, rtol))
     else:
-        record = advance(
+        record = run(
             compiled,
             p,
             y,
@@ -205,6 +227,7 @@ def integrate(
             rtol=rtol,
             atol=atol,
             max_steps=limit,
+            dense=dense or search is not None,
             progress=progress,
             watch=search,
             rows_kept=LOOK if search is not None and search.can_end else RECORD,
@@ -285,9 +308,12 @@ def _trajectory(
         t, y = times, states.T
     else:
         # Steps end on the grid exactly, so that equality is meant here; what was not reached is left out.
-        sign = 1.0 if grid[-1] >= times[0] else -1.0
-        t = grid[: np.searchsorted(sign * grid, sign * times[-1], side="right")]
-        y = _frozen(states[np.searchsorted(sign * times, sign * t)].T)
+        t, ends = (grid, times) if grid[-1] >= times[0] else (-grid, -times)
+        if not record.status.ok:
+            reached = t.searchsorted(ends[-1], side="right")
+            t, grid = t[:reached], grid[:reached]
+        y = _frozen(states[ends.searchsorted(t)].T)
+        t = grid
     return Trajectory(
         flow=flow,
         epsilon=epsilon,

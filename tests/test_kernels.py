@@ -35,7 +35,18 @@ x, y, z = sp.symbols("x y z")
 class Run:
     """One integration by hand: the caller's side of the ledger."""
 
-    def __init__(self, method, compiled: CompiledFlow, start, stops, *, rtol=1e-8, atol=1e-10, capacity=10_000):
+    def __init__(
+        self,
+        method,
+        compiled: CompiledFlow,
+        start,
+        stops,
+        *,
+        rtol=1e-8,
+        atol=1e-10,
+        capacity=10_000,
+        fixed=False,
+    ):
         self.kernel, self.rows = METHODS[method]
         self.compiled = compiled
         self.stops = np.array(stops[1:], dtype=float)
@@ -46,6 +57,8 @@ class Run:
         self.memory[ledger.TIME] = stops[0]
         self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
+        self.keeps_dense = True
+        self.shape = ((0,) * self.rows, (0,) * self.y.size) if fixed else None
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
         self.dense = [np.empty((0, self.rows, self.y.size))]
 
@@ -58,7 +71,7 @@ class Run:
     def advance(self, max_steps: int = 10**9) -> int:
         n = self.y.size
         times, states = np.empty(self.capacity), np.empty((self.capacity, n))
-        dense = np.empty((self.capacity, self.rows, n))
+        dense = np.empty((self.capacity if self.keeps_dense else 0, self.rows, n))
         before = self.counters[ledger.STEPS]
         code = self.kernel(
             self.compiled.field,
@@ -74,6 +87,7 @@ class Run:
             times,
             states,
             dense,
+            self.shape,
         )
         new = self.counters[ledger.STEPS] - before
         self.times.append(times[:new])
@@ -312,6 +326,34 @@ def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
     assert np.array_equal(np.concatenate(whole.states), np.concatenate(pieces.states))
     assert np.array_equal(np.concatenate(whole.dense), np.concatenate(pieces.dense))
     assert np.array_equal(whole.counters, pieces.counters)
+
+
+@pytest.mark.parametrize("method", ["rodas5p", "radau9", "radau13", "dop853"])
+def test_machine_code_for_one_size_gives_the_same_bits(method, swing):
+    free, fixed = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], fixed=which) for which in (False, True))
+    assert free.advance() == fixed.advance() == ledger.FINISHED
+    for one, other in ((free.times, fixed.times), (free.states, fixed.states), (free.dense, fixed.dense)):
+        assert np.array_equal(np.concatenate(one), np.concatenate(other))
+    assert np.array_equal(free.counters, fixed.counters)
+
+
+def test_as_many_states_as_rows():
+    """Two tuples of one length have a type of their own."""
+    compiled = compile_flow(VectorField({x: -x, y: x - y, z: y - z}, epsilon=None))
+    run = Run("rodas5p", compiled, (1.0, 0.0, 0.0), [0.0, 1.0], fixed=True)
+    assert run.advance() == ledger.FINISHED
+    assert run.y == pytest.approx(np.array([1.0, 1.0, 0.5]) / math.e, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_record_without_dense_output_has_the_same_states(method, swing):
+    whole, bare = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], rtol=1e-6) for _ in range(2))
+    bare.keeps_dense = False
+    assert whole.advance() == bare.advance() == ledger.FINISHED
+    assert np.array_equal(np.concatenate(whole.states), np.concatenate(bare.states))
+    assert np.array_equal(np.concatenate(whole.times), np.concatenate(bare.times))
+    spared = 3 * whole.counters[ledger.STEPS] if method == "dop853" else 0
+    assert bare.counters[ledger.FIELD_CALLS] == whole.counters[ledger.FIELD_CALLS] - spared
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -175,12 +175,43 @@ def test_the_method_follows_the_flow_unless_given():
     class Reduced(VectorField):
         is_stiff = False
 
-    assert oscillate(rtol=1e-6).stats.method is Method.RODAS5P
-    assert oscillate(rtol=1e-8).stats.method is Method.RADAU9
-    assert oscillate(rtol=1e-10).stats.method is Method.RADAU13
+    stiff = {"start": {"s": 1, "c": 0}, "span": (0, 10), "epsilon": 1e-4}
+    assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RODAS5P
+    assert integrate(ENZYME, rtol=1e-8, **stiff).stats.method is Method.RADAU9
+    assert integrate(ENZYME, rtol=1e-11, **stiff).stats.method is Method.RADAU13
+    # Declared stiff, and measured not to be.
+    assert oscillate().stats.method is Method.DOP853
+    assert integrate(ENZYME, **{**stiff, "epsilon": 1.0}).stats.method is Method.DOP853
     reduced = Reduced({x: -x}, epsilon=None)
     assert integrate(reduced, start={x: 1}, span=(0, 1)).stats.method is Method.DOP853
     assert oscillate(method="dop853").stats.method is Method.DOP853
+
+
+@pytest.mark.parametrize("at", [None, [0.5, 2.0, 39.0]])
+def test_a_flow_that_turns_stiff_is_handed_over(at):
+    """Robertson's start looks harmless: |J| t = 1.6 at t = 40, and 1e5 once there is some y."""
+    u, v, w = sp.symbols("u v w")
+    slow, fast = u / 25 - 10**4 * v * w, 3 * 10**7 * v**2
+    field = VectorField({u: -slow, v: slow - fast, w: fast}, epsilon=None)
+    options = {"start": {"u": 1, "v": 0, "w": 0}, "span": (0, 40), "rtol": 1e-8, "atol": 1e-13, "at": at}
+    chosen, given = integrate(field, **options), integrate(field, method=Method.RADAU9, **options)
+    assert chosen.status is Status.SUCCESS
+    assert chosen.stats.method is given.stats.method
+    assert 120 <= chosen.stats.steps + chosen.stats.rejected < 300
+    assert chosen.y[:, -1] == pytest.approx(given.y[:, -1], rel=1e-7)
+    t = np.linspace(0.1, 40, 77)
+    assert chosen.at(t) == pytest.approx(given.at(t), rel=1e-7)
+    short = integrate(field, max_steps=50, **options)
+    assert short.status is Status.TOO_MANY_STEPS
+    assert short.stats.steps + short.stats.rejected == 50
+
+
+@BOTH
+def test_a_run_without_dense_output_has_the_same_states(method):
+    bare, whole = (oscillate(method=method, at=[3.0, 7.0], dense=which) for which in (False, True))
+    assert np.array_equal(bare.y, whole.y)
+    with pytest.raises(GspError, match="no values between its steps"):
+        bare.at(5.0)
 
 
 def test_how_it_shows():

@@ -1,6 +1,7 @@
 """DOP853, the integrator for flows without a fast time scale: explicit, order 8(5,3), dense output of order 7.
 
-Twelve calls of the field a step and three more for the dense output; see `dop853_tableau` for the source. The
+Twelve calls of the field a step, and three more where a dense output is recorded; the steps are the same, but beside
+the border of the field's domain, where these three must be finite too. See `dop853_tableau` for the source. The
 Jacobian is an argument only because every integrator has the same signature.
 """
 
@@ -10,10 +11,12 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.misc.special import literally
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
+from gsp.kernels.shape import shape_of, sizes
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in DOP853: safety 0.9, change between 1/3 and 6.
@@ -24,6 +27,7 @@ MAXIMUM_FACTOR = 6.0
 BETA = 0.04
 EXPONENT = 1.0 / 8.0 - 0.2 * BETA
 ERROR_FLOOR = 1e-4
+LARGEST_GROWTH = ERROR_FLOOR**-BETA
 FAILURE_FACTOR = 0.1
 # |h lambda| at the border of stability; how many signs make or clear a suspicion (DOP853; II, section IV.2).
 STABILITY_BORDER = 6.1
@@ -31,20 +35,27 @@ STIFF_SIGNS = 15
 NON_STIFF_SIGNS = 6
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _stage(field, p, s, t, h, y, k, argument):
-    for i in range(y.shape[0]):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _stage(s, shape, field, p, t, h, y, k, argument, value):
+    """Rate s, the row k[s] of `k` (16, n), at `argument`. A literal `s` unrolls the sum."""
+    literally(s)
+    _, n = sizes(shape)
+    for i in range(n):
         total = 0.0
         for q in range(s):
-            total += A[s, q] * k[q, i]
+            # Half of the tableau is 0; known when this is compiled.
+            if A[s, q] != 0.0:
+                total += A[s, q] * k[q, i]
         argument[i] = y[i] + h * total
-    call(field, t + C[s] * h, argument, p, k[s])
+    call(field, t + C[s] * h, argument, p, value)
+    for i in range(n):
+        k[s, i] = value[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _error(h, y, y_new, k, rtol, atol):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _error(h, shape, y, y_new, k, rtol, atol):
     """Norm of the error, the estimate of order 5 damped by that of order 3; section II.10."""
-    n = y.shape[0]
+    _, n = sizes(shape)
     fifth = 0.0
     third = 0.0
     for i in range(n):
@@ -62,39 +73,59 @@ def _error(h, y, y_new, k, rtol, atol):
     return abs(h) * fifth / math.sqrt(n * together)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _dense(h, y, y_new, k, out):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _record_dense(row, shape, h, y, y_new, k, dense):
     """Coefficients of the dense output in the nesting of `interpolate_many`; section II.6."""
-    for i in range(y.shape[0]):
+    _, n = sizes(shape)
+    for i in range(n):
         rise = y_new[i] - y[i]
-        out[0, i] = h * k[0, i] - rise
-        out[1, i] = 2.0 * rise - h * (k[STAGES, i] + k[0, i])
+        dense[row, 0, i] = h * k[0, i] - rise
+        dense[row, 1, i] = 2.0 * rise - h * (k[STAGES, i] + k[0, i])
         for m in range(4):
             total = 0.0
             for q in range(EXTENDED_STAGES):
                 total += DENSE[m, q] * k[q, i]
-            out[2 + m, i] = h * total
+            dense[row, 2 + m, i] = h * total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _looks_stiff(h, y_new, last_argument, k):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _looks_stiff(h, shape, y_new, last_argument, k):
     """Hairer's test: h times a Lipschitz quotient between the two points at t + h is beyond the border."""
+    _, n = sizes(shape)
     rise = 0.0
     run = 0.0
-    for i in range(y_new.shape[0]):
+    for i in range(n):
         rise += (k[STAGES, i] - k[STAGES - 1, i]) ** 2
         run += (y_new[i] - last_argument[i]) ** 2
     return run > 0.0 and abs(h) * math.sqrt(rise / run) > STABILITY_BORDER
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def dop853(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+def dop853(
+    field,
+    jacobian,
+    p,
+    stops,
+    rtol,
+    atol,
+    max_steps,
+    y,
+    rate,
+    memory,
+    counters,
+    times,
+    states,
+    dense,
+    shape=None,
+):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    n = y.shape[0]
+    shape = shape_of(dense, shape)
+    _, n = sizes(shape)
     k = np.empty((EXTENDED_STAGES, n))
     argument = np.empty(n)
     last_argument = np.empty(n)
     y_new = np.empty(n)
+    value = np.empty(n)
     if not begin(field, p, y, rate, stops[-1], rtol, atol, 8, argument, y_new, memory, counters):
         return ledger.NON_FINITE
     recorded = 0
@@ -116,31 +147,42 @@ def dop853(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, co
 
         for i in range(n):
             k[0, i] = rate[i]
-        for s in range(1, STAGES):
-            _stage(field, p, s, t, step, y, k, last_argument)
+        _stage(1, shape, field, p, t, step, y, k, argument, value)
+        _stage(2, shape, field, p, t, step, y, k, argument, value)
+        _stage(3, shape, field, p, t, step, y, k, argument, value)
+        _stage(4, shape, field, p, t, step, y, k, argument, value)
+        _stage(5, shape, field, p, t, step, y, k, argument, value)
+        _stage(6, shape, field, p, t, step, y, k, argument, value)
+        _stage(7, shape, field, p, t, step, y, k, argument, value)
+        _stage(8, shape, field, p, t, step, y, k, argument, value)
+        _stage(9, shape, field, p, t, step, y, k, argument, value)
+        _stage(10, shape, field, p, t, step, y, k, argument, value)
+        _stage(11, shape, field, p, t, step, y, k, last_argument, value)
         # Row 13 of the tableau is the solution itself.
-        _stage(field, p, STAGES, t, step, y, k, y_new)
+        _stage(12, shape, field, p, t, step, y, k, y_new, value)
         counters[ledger.FIELD_CALLS] += STAGES
         error = math.inf
         failure = ledger.NON_FINITE
-        if all_finite(y_new) and all_finite(k[STAGES]):
+        if all_finite(y_new) and all_finite(value):
             failure = ledger.STEP_TOO_SMALL
-            error = _error(step, y, y_new, k, rtol, atol)
-            if error <= 1.0:
-                for s in range(STAGES + 1, EXTENDED_STAGES):
-                    _stage(field, p, s, t, step, y, k, argument)
+            error = _error(step, shape, y, y_new, k, rtol, atol)
+            if error <= 1.0 and recorded < dense.shape[0]:
+                _stage(13, shape, field, p, t, step, y, k, argument, value)
+                _stage(14, shape, field, p, t, step, y, k, argument, value)
+                _stage(15, shape, field, p, t, step, y, k, argument, value)
                 counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
-                _dense(step, y, y_new, k, dense[recorded])
-                if not (all_finite(dense[recorded, 2]) and all_finite(dense[recorded, 5])):
-                    error = math.inf
-                    failure = ledger.NON_FINITE
+                _record_dense(recorded, shape, step, y, y_new, k, dense)
+                for i in range(n):
+                    if not (math.isfinite(dense[recorded, 2, i]) and math.isfinite(dense[recorded, 5, i])):
+                        error = math.inf
+                        failure = ledger.NON_FINITE
 
         if error <= 1.0:
             times[recorded] = t_new
             for i in range(n):
                 states[recorded, i] = y_new[i]
             recorded += 1
-            if _looks_stiff(step, y_new, last_argument, k):
+            if _looks_stiff(step, shape, y_new, last_argument, k):
                 counters[ledger.NON_STIFF_SIGNS] = 0
                 counters[ledger.STIFF_SIGNS] += 1
                 if counters[ledger.STIFF_SIGNS] == STIFF_SIGNS:
@@ -150,12 +192,13 @@ def dop853(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, co
                 if counters[ledger.NON_STIFF_SIGNS] == NON_STIFF_SIGNS:
                     counters[ledger.STIFF_SIGNS] = 0
             factor = MAXIMUM_FACTOR
+            # The code starts its memory at the floor.
+            growth = max(error, ERROR_FLOOR) ** -BETA
             if error > 0.0:
-                # The code starts its memory at the floor.
-                previous = max(memory[ledger.PREVIOUS_ERROR], ERROR_FLOOR)
-                factor = SAFETY * previous**BETA * error**-EXPONENT
+                previous = memory[ledger.PREVIOUS_GROWTH]
+                factor = SAFETY / (previous if previous > 0.0 else LARGEST_GROWTH) * error**-EXPONENT
                 factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
-            accept(t_new, step, clipped, lands, error, factor, memory, counters)
+            accept(t_new, step, clipped, lands, growth, factor, memory, counters)
             for i in range(n):
                 y[i] = y_new[i]
                 rate[i] = k[STAGES, i]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from gsp.kernels import ledger
@@ -9,6 +10,7 @@ from gsp.kernels.call import call
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.step_control import largest_rate
 
 # Which kernel runs.
 RODAS5P = 0
@@ -37,51 +39,82 @@ def _advance(kernel, field, jacobian, p, stops, control, y, rate, memory, counte
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _run_member(
+    kernel, field, jacobian, p, stops, before, control, halt, y, kept, counters, rate, memory, record
+):
+    """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
+    times, states, _ = record
+    columns, n = kept.shape
+    code = ledger.RECORD_FULL
+    while code == ledger.RECORD_FULL and halt[0] == 0:
+        begun = counters[ledger.STEPS]
+        stop = counters[ledger.NEXT_STOP]
+        code = _advance(kernel, field, jacobian, p, stops, control, y, rate, memory, counters, record)
+        for row in range(counters[ledger.STEPS] - begun):
+            # Steps end on the stops exactly, so that equality is meant here.
+            if stop < stops.shape[0] and times[row] == stops[stop]:
+                if before + stop < columns:
+                    for j in range(n):
+                        kept[before + stop, j] = states[row, j]
+                stop += 1
+    return code
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def run_members(
-    kernel, field, jacobian, constants, first, stops, before, control, low, high, halt,
-    ends, reached, kept, counters, codes, rate, memory, record,
+    kernel, field, jacobian, constants, first, stops, before, control, mild, low, high, halt,
+    ends, reached, kept, counters, codes, explicit, rate, memory, record, explicit_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
-    Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached` and `codes` (members,) is member i's:
-    p, its state (the start, then what was reached), the ledger's counters, the time reached and the code. Column
-    before + q of `kept` (members, times, n) receives the state at stops[q], if there is such a column. `control` is
-    (rtol, atol, max_steps). `rate` (n,), `memory` and `record` = (times, states, dense) are scratch of this call. No
-    step is begun with a fresh record once `halt` (1,) is not 0.
+    Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached`, `codes` and `explicit` (members,) is
+    member i's: p, its state (the start, then what was reached), the ledger's counters, the time reached, the code,
+    and whether DOP853 went all the way. Column before + q of `kept` (members, times, n) receives the state at
+    stops[q], if there is such a column. `control` is (rtol, atol, max_steps). `mild` is (border, attempts): where |J|
+    times the span is at most the border at the start, DOP853 has that many attempts first, as in `integrators.run`.
+    `rate` (n,), `memory` and the records (times, states, dense) are scratch of this call. No step is begun with a
+    fresh record once `halt` (1,) is not 0.
     """
-    times, states, _ = record
-    columns = kept.shape[1]
-    n = ends.shape[1]
+    rtol, atol, max_steps = control
+    border, attempts = mild
+    spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     for i in range(low, high):
         if halt[0] != 0:
             return
         memory[:] = 0.0
         memory[ledger.TIME] = first
         rate[:] = 0.0
+        spent[:] = 0
         code = ledger.RECORD_FULL
-        while code == ledger.RECORD_FULL and halt[0] == 0:
-            begun = counters[i, ledger.STEPS]
-            stop = counters[i, ledger.NEXT_STOP]
-            code = _advance(
-                kernel,
-                field,
-                jacobian,
-                constants[i],
-                stops,
-                control,
-                ends[i],
-                rate,
-                memory,
-                counters[i],
-                record,
-            )
-            for row in range(counters[i, ledger.STEPS] - begun):
-                # Steps end on the stops exactly, so that equality is meant here.
-                if stop < stops.shape[0] and times[row] == stops[stop]:
-                    if before + stop < columns:
-                        for j in range(n):
-                            kept[i, before + stop, j] = states[row, j]
-                    stop += 1
+        explicit[i] = kernel == DOP853
+        if kernel != DOP853 and border > 0.0:
+            begins = largest_rate(jacobian, first, ends[i], constants[i]) * abs(stops[-1] - first) <= border
+            if begins:
+                limited = (rtol, atol, min(attempts, max_steps))
+                code = _run_member(
+                    DOP853, field, jacobian, constants[i], stops, before, limited, halt,
+                    ends[i], kept[i], counters[i], rate, memory, explicit_record,
+                )  # fmt: skip
+                used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
+                explicit[i] = code == ledger.FINISHED or halt[0] != 0 or used >= max_steps
+                if not explicit[i]:
+                    # The implicit method goes on from here, as one that begins.
+                    spent[:] = counters[i]
+                    counters[i] = 0
+                    counters[i, ledger.NEXT_STOP] = spent[ledger.NEXT_STOP]
+                    here = memory[ledger.TIME]
+                    memory[:] = 0.0
+                    memory[ledger.TIME] = here
+                    rate[:] = 0.0
+        if not (explicit[i] and kernel != DOP853):
+            left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
+            code = _run_member(
+                kernel, field, jacobian, constants[i], stops, before, left, halt,
+                ends[i], kept[i], counters[i], rate, memory, record,
+            )  # fmt: skip
+            for k in range(ledger.STIFF):
+                counters[i, k] += spent[k]
+            counters[i, ledger.STIFF] = max(counters[i, ledger.STIFF], spent[ledger.STIFF])
         reached[i] = memory[ledger.TIME]
         codes[i] = code
 

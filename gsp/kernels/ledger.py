@@ -2,14 +2,17 @@
 
 An integrator is resumable: all it knows lies in arrays of the caller's. Each one has the signature
 
-    method(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
+    method(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
+           shape=None)
 
 and advances `y` (n,), its rate `rate` (n,), `memory` (MEMORY_SIZE,) and `counters` (COUNTERS_SIZE,) in place.
 Every accepted step fills one row of the record: its end in `times` (k,), its state in `states` (k, n), the
-coefficients of its dense output in `dense` (k, rows, n). The record starts afresh at each call; a step starts
-at the row before it. `stops` (s,) are monotone, ahead of the start, and hit exactly; the last one is the end.
+coefficients of its dense output in `dense` (k, rows, n), or nothing there when that has the shape (0, rows, n).
+The record starts afresh at each call; a step starts at the row before it. `stops` (s,) are monotone, ahead of the
+start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
-else is 0. A method may keep more in a longer `memory`, as `radau.memory_size` says for the Radau methods.
+else is 0. `shape`, two tuples ((0,) * rows, (0,) * n), makes the kernel compile for this size; the results are the
+same to the last bit. A method may keep more in a longer `memory`, as `radau.memory_size` says for the Radau methods.
 """
 
 from __future__ import annotations
@@ -22,11 +25,11 @@ TOO_MANY_STEPS = 3
 NON_FINITE = 4
 SINGULAR_JACOBIAN = 5
 
-# memory: time, the step proposed next, and the last unclipped accepted step with its error.
+# memory: time, the step proposed next, and the last unclipped accepted step with (its error)^(-exponent).
 TIME = 0
 STEP = 1
 PREVIOUS_STEP = 2
-PREVIOUS_ERROR = 3
+PREVIOUS_GROWTH = 3
 MEMORY_SIZE = 4
 
 # counters; the last four are the integrator's own.

@@ -17,7 +17,7 @@ from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.linear_algebra import factorise_inline, solve_inline
 from gsp.kernels.radau_tableau import (
     A_COLUMNS,
     DEFECT,
@@ -29,6 +29,7 @@ from gsp.kernels.radau_tableau import (
     T_INVERSE_COLUMNS,
     WIDTH,
 )
+from gsp.kernels.shape import shape_of, sizes
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in RADAU: safety 0.9, change between 1/5 and 8, estimate of local order stages + 1.
@@ -54,6 +55,16 @@ ROUNDING = 10 * 2.0**-52
 # 0.1 rtol^((s+1)/(2s)) cares for the end alone. A factor of 0.3 before the power gained nothing at equal cost.
 TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
 
+# The largest values on (0, 1) of the factors of the polynomial's last two coefficients, x^a (1-x)^b with a + b =
+# stages - 1 and stages, a = b or b + 1: they come at x = a/(a+b).
+LARGEST_FACTORS = np.array(
+    [[(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m, m), (m + 1, m))] for m in (1, 2, 3)]
+)
+# The series falls off faster than the estimate supposes. On the nine problems of `benchmarks`, for rtol 1e-5 to 1e-11,
+# the dense output was up to 47 times as bad as the tolerance without it, 50 times as good with a share of 1, and never
+# 3 times as bad with these.
+GAP_SHARE = np.array([0.02, 0.02, 0.008])
+
 # Tail of memory: the iteration's last theta/(1 - theta), the length of the last step, its dense output, its rise.
 CONTRACTION = ledger.MEMORY_SIZE
 LENGTH = CONTRACTION + 1
@@ -74,13 +85,13 @@ def _size(z):
     return abs(z.real) + abs(z.imag)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _factorise_complex(matrices, m, pivots):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _factorise_complex(matrices, m, pivots, shape):
     """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
 
     Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
     """
-    n = matrices.shape[1]
+    _, n = sizes(shape)
     for k in range(n):
         row = k
         largest = _size(matrices[m, k, k])
@@ -106,10 +117,10 @@ def _factorise_complex(matrices, m, pivots):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _solve_complex(factors, m, pivots, b):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _solve_complex(factors, m, pivots, b, shape):
     """`solve` with what `_factorise_complex` left."""
-    n = b.shape[0]
+    _, n = sizes(shape)
     for k in range(n):
         row = pivots[m, k]
         b[k], b[row] = b[row], b[k]
@@ -125,10 +136,12 @@ def _solve_complex(factors, m, pivots, b):
         b[i] = total * factors[m, i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _multiply(columns, family, stages, x, out):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _multiply(columns, shape, x, out):
     """`out` (WIDTH, n) = M `x` for the family's M (WIDTH, stages); the eight sums stay in vector registers."""
-    for i in range(x.shape[1]):
+    stages, n = sizes(shape)
+    family = (stages - 3) // 2
+    for i in range(n):
         a = b = c = d = e = f = g = h = 0.0
         for q in range(stages):
             value = x[q, i]
@@ -151,31 +164,33 @@ def _multiply(columns, family, stages, x, out):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _decompose(jacobian_flat, step, family, system):
+def _decompose(jacobian_flat, step, shape, system):
     """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
+    stages, n = sizes(shape)
+    family = (stages - 3) // 2
     real, complexes, pivots, complex_pivots = system
-    n = real.shape[0]
+    pairs = stages // 2
     for i in range(n):
         for j in range(n):
             entry = -jacobian_flat[i * n + j]
             real[i, j] = entry
-            for m in range(complexes.shape[0]):
+            for m in range(pairs):
                 complexes[m, i, j] = entry
         real[i, i] += EIGENVALUES[family, 0].real / step
-        for m in range(complexes.shape[0]):
+        for m in range(pairs):
             complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
-    if not factorise(real, pivots):
+    if not factorise_inline(real, pivots, shape):
         return False
-    for m in range(complexes.shape[0]):  # noqa: SIM110 - a generator does not compile
-        if not _factorise_complex(complexes, m, complex_pivots):
+    for m in range(pairs):  # noqa: SIM110 - a generator does not compile
+        if not _factorise_complex(complexes, m, complex_pivots, shape):
             return False
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _guess(memory, step, stages, z):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _guess(memory, step, shape, z):
     """First guess of the rises `z` (WIDTH, n): the last step's dense output, continued; 0 where there is none."""
-    n = z.shape[1]
+    stages, n = sizes(shape)
     length = memory[LENGTH]
     if length == 0.0:
         z[:] = 0.0
@@ -191,16 +206,17 @@ def _guess(memory, step, stages, z):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _iterate(field, p, t, step, y, weight, tolerance, stages, system, work, memory):
+def _iterate(field, p, t, step, y, weight, tolerance, shape, system, work, memory):
     """Simplified Newton iteration for Z = h A F(Z); (outcome, rounds, factor for the next attempt).
 
     The residual is taken in this form, not multiplied by A^-1: the rises are then exact to rounding.
     """
+    stages, n = sizes(shape)
     real, complexes, pivots, complex_pivots = system
     z, f, w, b, twist, argument, value = work
-    n = y.shape[0]
+    pairs = stages // 2
     family = (stages - 3) // 2
-    for m in range(1 + complexes.shape[0]):
+    for m in range(1 + pairs):
         twist[m] = EIGENVALUES[family, m] * (1.0 / step)
     most = 7 + 5 * (stages - 3) // 2
     contraction = max(memory[CONTRACTION], 2.0**-52) ** 0.8
@@ -213,20 +229,20 @@ def _iterate(field, p, t, step, y, weight, tolerance, stages, system, work, memo
             call(field, t + NODES[family, a] * step, argument, p, value)
             for i in range(n):
                 f[a, i] = value[i]
-        _multiply(A_COLUMNS, family, stages, f, w)
+        _multiply(A_COLUMNS, shape, f, w)
         for a in range(stages):
             for i in range(n):
                 w[a, i] = step * w[a, i] - z[a, i]
-        _multiply(T_INVERSE_COLUMNS, family, stages, w, f)
+        _multiply(T_INVERSE_COLUMNS, shape, w, f)
         for i in range(n):
             value[i] = f[0, i] * twist[0].real
-        solve(real, pivots, value)
+        solve_inline(real, pivots, value, shape)
         for i in range(n):
             f[0, i] = value[i]
-        for m in range(complexes.shape[0]):
+        for m in range(pairs):
             for i in range(n):
                 b[i] = twist[m + 1] * complex(f[2 * m + 1, i], f[2 * m + 2, i])
-            _solve_complex(complexes, m, complex_pivots, b)
+            _solve_complex(complexes, m, complex_pivots, b, shape)
             for i in range(n):
                 f[2 * m + 1, i] = b[i].real
                 f[2 * m + 2, i] = b[i].imag
@@ -250,7 +266,7 @@ def _iterate(field, p, t, step, y, weight, tolerance, stages, system, work, memo
             if expected >= 1.0 and k < most:
                 # Too slow to be done in time: a step for which it would be.
                 return DIVERGED, k, 0.8 * min(20.0, expected) ** (-1.0 / (4 + left))
-        _multiply(T_COLUMNS, family, stages, f, w)
+        _multiply(T_COLUMNS, shape, f, w)
         for a in range(stages):
             for i in range(n):
                 z[a, i] += w[a, i]
@@ -260,33 +276,75 @@ def _iterate(field, p, t, step, y, weight, tolerance, stages, system, work, memo
     return DIVERGED, most, DIVERGENCE_FACTOR
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _norm(values, y, y_new, rtol, atol):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _norm(values, y, y_new, rtol, atol, shape):
+    _, n = sizes(shape)
     total = 0.0
-    for i in range(values.shape[0]):
+    for i in range(n):
         total += (values[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))) ** 2
-    return math.sqrt(total / values.shape[0])
+    return math.sqrt(total / n)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _record(row, z, defect, family, w, dense):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _gap(z, y, y_new, rtol, atol, shape):
+    """Error of the collocation polynomial within the step, the first term left out, over the tolerance.
+
+    The estimate (8.19) is damped in the fast variables, by the factor 1/(h lambda), and the polynomial's error in one
+    that is slaved is not. The terms of the polynomial fall off like a geometric series.
+    """
+    stages, n = sizes(shape)
+    family = (stages - 3) // 2
+    largest = 0.0
+    for i in range(n):
+        last = 0.0
+        before = 0.0
+        for a in range(stages):
+            last += DENSE[family, stages - 2, a] * z[a, i]
+            before += DENSE[family, stages - 3, a] * z[a, i]
+        last = LARGEST_FACTORS[family, 1] * abs(last)
+        before = LARGEST_FACTORS[family, 0] * abs(before)
+        if last < before:
+            last *= last / before
+        largest = max(largest, last / (atol + rtol * max(abs(y[i]), abs(y_new[i]))))
+    return largest
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _piece(z, defect, shape, w, memory):
     """Coefficients of the dense output: collocation polynomial and its leading error, filtered as the estimate is.
 
     y - u = gamma e K(theta) in the notation of the tableau, for the estimate e = h (f0 - u'(0))/gamma.
     """
-    _, stages, n = dense.shape
-    _multiply(DENSE_COLUMNS, family, stages, z, w)
+    stages, n = sizes(shape)
+    family = (stages - 3) // 2
+    _multiply(DENSE_COLUMNS, shape, z, w)
     for k in range(stages):
         weight = EIGENVALUES[family, 0].real * DEFECT[family, k]
         for i in range(n):
-            dense[row, k, i] = w[k, i] + weight * defect[i]
+            memory[PIECE + k * n + i] = w[k, i] + weight * defect[i]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+def radau(
+    field,
+    jacobian,
+    p,
+    stops,
+    rtol,
+    atol,
+    max_steps,
+    y,
+    rate,
+    memory,
+    counters,
+    times,
+    states,
+    dense,
+    shape=None,
+):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    n = y.shape[0]
-    stages = dense.shape[1]
+    shape = shape_of(dense, shape)
+    stages, n = sizes(shape)
     family = (stages - 3) // 2
     z = np.empty((WIDTH, n))
     f = np.empty((WIDTH, n))
@@ -312,8 +370,10 @@ def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, cou
     # The iteration ends where its error is lost beside the tolerance asked for, or in rounding.
     tolerance = max(ROUNDING / controlled, min(LOOSEST_ITERATION, ITERATION_SHARE * rtol / controlled))
     atol *= controlled / rtol
+    gap_share = GAP_SHARE[family] * controlled / rtol
     rtol = controlled
     exponent = -1.0 / (stages + 1)
+    largest_growth = ERROR_FLOOR**exponent
     if not begin(field, p, y, rate, stops[-1], rtol, atol, stages, argument, rate_new, memory, counters):
         return ledger.NON_FINITE
     if counters[ledger.STEPS] + counters[ledger.REJECTED] == 0:
@@ -350,12 +410,12 @@ def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, cou
         factor = FAILURE_FACTOR
         safety = SAFETY
         failure = ledger.STEP_TOO_SMALL
-        if not _decompose(jacobian_flat, step, family, system):
+        if not _decompose(jacobian_flat, step, shape, system):
             failure = ledger.SINGULAR_JACOBIAN
         else:
-            _guess(memory, step, stages, z)
+            _guess(memory, step, shape, z)
             outcome, rounds, factor = _iterate(
-                field, p, t, step, y, weight, tolerance, stages, system, work, memory
+                field, p, t, step, y, weight, tolerance, shape, system, work, memory
             )
             counters[ledger.FIELD_CALLS] += rounds * stages
             most = 7 + 5 * (stages - 3) // 2
@@ -371,8 +431,8 @@ def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, cou
                         total += DENSE[family, 0, a] * z[a, i]
                     slope[i] = total / step
                     defect[i] = rate[i] - slope[i]
-                solve(real, pivots, defect)
-                error = _norm(defect, y, y_new, rtol, atol)
+                solve_inline(real, pivots, defect, shape)
+                error = _norm(defect, y, y_new, rtol, atol, shape)
                 if error >= 1.0 and (counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1):
                     # (8.20), for a start off the slow manifold.
                     for i in range(n):
@@ -381,8 +441,10 @@ def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, cou
                     counters[ledger.FIELD_CALLS] += 1
                     for i in range(n):
                         defect[i] -= slope[i]
-                    solve(real, pivots, defect)
-                    error = _norm(defect, y, y_new, rtol, atol)
+                    solve_inline(real, pivots, defect, shape)
+                    error = _norm(defect, y, y_new, rtol, atol, shape)
+                # The gap counts in units of the tolerance asked for.
+                error = max(error, gap_share * _gap(z, y, y_new, rtol, atol, shape))
                 if not math.isfinite(error):
                     error = math.inf
                     factor = FAILURE_FACTOR
@@ -396,27 +458,31 @@ def radau(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, cou
                         failure = ledger.NON_FINITE
 
         if error <= 1.0:
-            _record(recorded, z, defect, family, w, dense)
+            _piece(z, defect, shape, w, memory)
             times[recorded] = t_new
             memory[LENGTH] = step
             for i in range(n):
-                for k in range(stages):
-                    memory[PIECE + k * n + i] = dense[recorded, k, i]
                 memory[PIECE + stages * n + i] = z[stages - 1, i]
                 states[recorded, i] = y_new[i]
                 y[i] = y_new[i]
                 rate[i] = rate_new[i]
+            if recorded < dense.shape[0]:
+                for k in range(stages):
+                    for i in range(n):
+                        dense[recorded, k, i] = memory[PIECE + k * n + i]
             recorded += 1
             factor = MAXIMUM_FACTOR
+            growth = largest_growth
             if error > 0.0:
-                factor = safety * error**exponent
+                growth = error**exponent
+                factor = safety * growth
                 previous = memory[ledger.PREVIOUS_STEP]
                 if previous != 0.0 and not clipped:
                     # Gustafsson's predictive controller, (8.25).
-                    trend = (error / memory[ledger.PREVIOUS_ERROR]) ** exponent
-                    factor = min(factor, SAFETY * error**exponent * (step / previous) * trend)
+                    trend = growth / memory[ledger.PREVIOUS_GROWTH]
+                    factor = min(factor, SAFETY * growth * (step / previous) * trend)
                 factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
-            accept(t_new, step, clipped, lands, max(error, ERROR_FLOOR), factor, memory, counters)
+            accept(t_new, step, clipped, lands, min(growth, largest_growth), factor, memory, counters)
             have_jacobian = False
             if counters[ledger.NEXT_STOP] == stops.shape[0]:
                 return ledger.FINISHED

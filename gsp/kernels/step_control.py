@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from gsp.kernels import ledger
@@ -104,8 +105,11 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def accept(t, step, clipped, lands, error, factor, memory, counters):
-    """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told."""
+def accept(t, step, clipped, lands, growth, factor, memory, counters):
+    """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
+
+    `growth`, a power of the step's error, is for the next call of the method's controller.
+    """
     if counters[ledger.JUST_REJECTED] == 1:
         factor = min(factor, 1.0)
     proposal = step * factor
@@ -114,7 +118,7 @@ def accept(t, step, clipped, lands, error, factor, memory, counters):
         proposal = math.copysign(max(abs(proposal), abs(memory[ledger.STEP])), step)
     else:
         memory[ledger.PREVIOUS_STEP] = step
-        memory[ledger.PREVIOUS_ERROR] = error
+        memory[ledger.PREVIOUS_GROWTH] = growth
     memory[ledger.TIME] = t
     memory[ledger.STEP] = proposal
     counters[ledger.STEPS] += 1
@@ -131,3 +135,19 @@ def reject(step, factor, memory, counters):
     counters[ledger.REJECTED] += 1
     counters[ledger.JUST_REJECTED] = 1
     return abs(h) > smallest_step(memory[ledger.TIME])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def largest_rate(jacobian, t, y, p):
+    """Maximum norm of the Jacobian at `y`, a bound for its spectral radius; NaN or infinite when it is neither."""
+    n = y.shape[0]
+    flat = np.empty(n * n)
+    call(jacobian, t, y, p, flat)
+    largest = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += abs(flat[i * n + j])
+        if not total <= largest:
+            largest = total
+    return largest
