@@ -51,6 +51,7 @@ LAYERS = [
     "reduced",
     "integrators",
     "trajectory",
+    "canard_orbits",
     "exponentials",
     "decaying",
     "landing",

@@ -100,7 +100,9 @@ class Canard:
 
     def __repr__(self) -> str:
         place = ", ".join(f"{name} = {value:.8g}" for name, value in self.point.items())
-        turns = "" if self.half_turns is None else f", {self.half_turns} half-turn" + "s" * (self.half_turns > 1)
+        turns = (
+            "" if self.half_turns is None else f", {self.half_turns} half-turn" + "s" * (self.half_turns > 1)
+        )
         return f"Canard({self.name} at {place}{turns})"
 
 
@@ -115,9 +117,7 @@ class CanardSolver:
     def conditions(self, orbit: OrbitSegment) -> Conditions:
         """Both ends on M0 and on their lines: four rows."""
         left, right, wanted = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
-        for rows, matrix, z, line in zip(
-            ((0, 1), (2, 3)), (left, right), (orbit.start, orbit.end), self.lines
-        ):
+        for rows, matrix, z, line in zip(((0, 1), (2, 3)), (left, right), (orbit.start, orbit.end), self.lines):
             matrix[rows[0]], wanted[rows[0]] = self.frame.gradient(z), -self.frame.g(z)
             matrix[rows[1], line.index], wanted[rows[1]] = 1.0, line.value - z[line.index]
         return Conditions(left, right, np.zeros((4, 1)), wanted)
@@ -202,13 +202,10 @@ def _hermite(sheet: Sheet, i: int, s: float) -> tuple[np.ndarray, np.ndarray]:
     h = sheet.lengths[i]
     p, q = sheet.ends[i], sheet.ends[i + 1]
     u, v = h * sheet.slopes[i, 0], h * sheet.slopes[i, 1]
-    place = p * (1 + 2 * s) * (1 - s) ** 2 + u * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + v * s * s * (s - 1)
-    slope = (
-        6 * s * (s - 1) * p
-        + u * (1 - s) * (1 - 3 * s)
-        + 6 * s * (1 - s) * q
-        + v * s * (3 * s - 2)
+    place = (
+        p * (1 + 2 * s) * (1 - s) ** 2 + u * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + v * s * s * (s - 1)
     )
+    slope = 6 * s * (s - 1) * p + u * (1 - s) * (1 - 3 * s) + 6 * s * (1 - s) * q + v * s * (3 * s - 2)
     return place, slope
 
 
@@ -278,7 +275,9 @@ def half_turns(
     return counts.pop() if len(counts) == 1 else None
 
 
-def deviation(orbit: OrbitSegment, share: float, axis: tuple[OrbitSegment, OrbitSegment], section: Plane, reach: float):
+def deviation(
+    orbit: OrbitSegment, share: float, axis: tuple[OrbitSegment, OrbitSegment], section: Plane, reach: float
+):
     """Largest distance in the fast variable between an orbit and the axis within `reach` of the section."""
     sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
     states = orbit.at(sigma)
@@ -312,9 +311,7 @@ def split(orbit: OrbitSegment, share: float) -> tuple[OrbitSegment, OrbitSegment
         inside = orbit.mesh[(orbit.mesh > low) & (orbit.mesh < high)]
         mesh = np.concatenate([[low], inside, [high]])
         piece = orbit.on(mesh)
-        parts.append(
-            replace(piece, mesh=(mesh - low) / (high - low), time=orbit.time * (high - low))
-        )
+        parts.append(replace(piece, mesh=(mesh - low) / (high - low), time=orbit.time * (high - low)))
     return parts[0], parts[1]
 
 

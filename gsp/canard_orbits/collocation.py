@@ -12,6 +12,7 @@ from gsp.differentiation import derivative
 from gsp.kernels.boundary_values import newton_step
 from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.system import SlowFastSystem
+from gsp.trajectory import Trajectory
 
 # Gauss points an element: order 10 at the elements' ends. No pedigree; 4 and 6 cost about the same.
 STAGES = 5
@@ -83,7 +84,7 @@ class OrbitSegment:
         )
 
     def monitor(self) -> np.ndarray:
-        """How much of the discretisation's error lies on each element (m,): de Boor's monitor, h |z^(s+1)|^(1/(s+1))."""
+        """De Boor's monitor of the discretisation's error on each element (m,), h |z^(s+1)|^(1/(s+1))."""
         nodes = np.concatenate([self.states[:-1, None], self.stages], axis=1)
         h = np.diff(self.mesh)
         scale = np.maximum(np.ptp(self.states, axis=0), 1e-8)
@@ -156,9 +157,13 @@ class Collocation:
         """Newton's step at `orbit`, or with `share` 0 the tangent that the conditions pick; None when singular."""
         q = np.array([orbit.time, orbit.epsilon] if self.epsilon_free else [orbit.time])
         step = Step(np.empty_like(orbit.states), np.empty_like(orbit.stages), np.empty_like(q))
-        solved = orbit.epsilon > 0.0 and newton_step(
+        if not orbit.epsilon > 0.0:
+            return None
+        parts = (conditions.left, conditions.right, conditions.across, conditions.wanted)
+        left, right, across, wanted = (np.ascontiguousarray(part, dtype=float) for part in parts)
+        solved = newton_step(
             self.flow.field, self.flow.jacobian, self.sensitivity.address, parameter_vector(self.system, orbit.epsilon),
-            q, orbit.mesh, _A, _B, orbit.states, orbit.stages, *_arrays(conditions), share,
+            q, orbit.mesh, _A, _B, orbit.states, orbit.stages, left, right, across, wanted, share,
             step.states, step.stages, step.parameters,
         )  # fmt: skip
         finite = solved and np.isfinite(step.states).all() and np.isfinite(step.parameters).all()
@@ -203,21 +208,21 @@ class Collocation:
         return float((np.abs(rate - field) / size).max())
 
 
-def sampled(
-    states: Callable[[np.ndarray], np.ndarray],
-    *,
-    times: np.ndarray,
-    time: float,
-    epsilon: float,
-    elements: int,
-) -> OrbitSegment:
-    """An orbit on `elements` elements from states(t) -> (k, n) over 0 <= t <= time; `times` are an integrator's steps."""
-    share = np.linspace(0.0, 1.0, len(times))
-    mesh = np.interp(np.linspace(0.0, 1.0, elements + 1), share, times / time)
+def sampled(run: Trajectory, steps: np.ndarray, *, elements: int) -> OrbitSegment:
+    """The orbit that `run` has between steps[0] and steps[-1], on elements spread as its steps (k,) are."""
+    first, last = float(steps[0]), float(steps[-1])
+    mesh = np.interp(
+        np.linspace(0.0, 1.0, elements + 1), np.linspace(0.0, 1.0, len(steps)), (steps - first) / (last - first)
+    )
     mesh[0], mesh[-1] = 0.0, 1.0
     inside = mesh[:-1, None] + np.diff(mesh)[:, None] * _C
-    stages = states(time * inside.ravel()).reshape(elements, STAGES, -1)
-    return OrbitSegment(mesh, states(time * mesh), np.ascontiguousarray(stages), time, epsilon)
+
+    def states(share: np.ndarray) -> np.ndarray:
+        return run.at(np.clip(first + share * (last - first), min(first, last), max(first, last))).T
+
+    stages = states(inside.ravel()).reshape(elements, STAGES, -1)
+    assert run.epsilon is not None
+    return OrbitSegment(mesh, states(mesh), np.ascontiguousarray(stages), last - first, run.epsilon)
 
 
 def joined(first: OrbitSegment, second: OrbitSegment) -> OrbitSegment:
@@ -227,11 +232,6 @@ def joined(first: OrbitSegment, second: OrbitSegment) -> OrbitSegment:
     mesh = np.concatenate([share * first.mesh, share + (1.0 - share) * second.mesh[1:]])
     states = np.concatenate([first.states, second.states[1:]])
     return OrbitSegment(mesh, states, np.concatenate([first.stages, second.stages]), time, first.epsilon)
-
-
-def _arrays(conditions: Conditions) -> tuple[np.ndarray, ...]:
-    parts = (conditions.left, conditions.right, conditions.across, conditions.wanted)
-    return tuple(np.ascontiguousarray(part, dtype=float) for part in parts)
 
 
 def _tableau() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

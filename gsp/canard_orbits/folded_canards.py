@@ -23,7 +23,8 @@ from gsp.canard_orbits.canard import (
 )
 from gsp.canard_orbits.collocation import OrbitSegment
 from gsp.canard_orbits.frame import Frame, Plane, frame_at, line_of, section_of
-from gsp.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd, SheetNotFound
+from gsp.canard_orbits.line import SheetNotFound
+from gsp.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.flow import check_epsilon
 from gsp.singularities import FoldedSingularity
@@ -98,8 +99,10 @@ class CanardOrbits:
         if outer:
             names = _name(outer[0]) if len(outer) == 1 else f"{_name(outer[0])} to {_name(outer[-1])}"
             text += f"; {names} do{'es' if len(outer) == 1 else ''} not cross the section at {epsilon}"
-            text += ": followed in epsilon they turn back below it, or they leave the window"
-        inner = [name for k, name in ((k, _name(k)) for k in range(self.expected + 1)) if found and k > max(found)]
+            text += " between the lines, or only outside the window"
+        inner = [
+            name for k, name in ((k, _name(k)) for k in range(self.expected + 1)) if found and k > max(found)
+        ]
         if inner:
             text += f"; {', '.join(inner)}: within rounding of the weak canard, or none at {epsilon}"
         between = [_name(k) for k in range(min(found, default=0), max(found, default=0)) if k not in found]
@@ -112,7 +115,9 @@ class CanardOrbits:
         for sheet in (self.attracting, self.repelling):
             if sheet.contraction < LITTLE:
                 side = "attracting" if sheet.attracting else "repelling"
-                text += f"; the line on the {side} sheet counts: orbits beside the strong canard come nearer by "
+                text += (
+                    f"; the line on the {side} sheet counts: orbits beside the strong canard come nearer by "
+                )
                 text += f"{sheet.contraction:.1f} powers of e only"
             if not sheet.status.ok:
                 bad = [end for end in (sheet.inner, sheet.outer) if not end.status.ok]

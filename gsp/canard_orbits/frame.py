@@ -45,8 +45,9 @@ class Frame:
     - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
       one unit of `unit` long each; `mu` is the ratio of their eigenvalues `rates`;
     - `width` is the local scale of the fast variable, (epsilon |T|)^(1/2)/|g_yy|, with T of
-      `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables along
-      the fold, |f| times `time` = (epsilon/|T|)^(1/2), that of slow time: in these the system near the node does not depend on epsilon to leading order.
+      `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables
+      along the fold, |f| times `time` = (epsilon/|T|)^(1/2), that of slow time. In these the system near the
+      node does not depend on epsilon to leading order.
     """
 
     system: SlowFastSystem
@@ -152,9 +153,7 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     contraction = sp.Dummy("contraction")
     states = {s: flow.rates[s] for s in system.states}
     desingularised = VectorField(states={**states, contraction: -(flow.fold**2)}, epsilon=None)
-    critical = compile_function(
-        [flow.g, *slope, flow.fold], arguments=(*x, y), epsilon=None, parameters=[]
-    )
+    critical = compile_function([flow.g, *slope, flow.fold], arguments=(*x, y), epsilon=None, parameters=[])
     return Frame(
         system=system,
         singularity=singularity,

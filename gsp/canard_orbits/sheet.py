@@ -13,12 +13,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from gsp.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, Problem, sampled
-from gsp.canard_orbits.frame import DEPARTURE, Frame, Plane
+from gsp.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, sampled
+from gsp.canard_orbits.frame import Frame, Plane
+from gsp.canard_orbits.line import Line, SheetNotFound, crossing_times
 from gsp.errors import Status
 from gsp.integrators import Method
-from gsp.lowering import compile_flow
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import integrate
 
 # Elements of a segment to begin with, and at most.
 ELEMENTS, MOST_ELEMENTS = 40, 480
@@ -36,13 +36,8 @@ RESOLUTION, STILL = 1e-8, 3
 SEGMENTS = 1500
 # A segment this short, in local units of time, ends the curve.
 SHRUNK = 0.05
-# A first segment is sought at points of the line one local unit apart and then this much more each, so often.
-LADDER, RUNGS = 1.3, 24
-# It is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
+# A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
 NEAR, FURTHEST = 0.3, 1.5
-# How many powers of e orbits come nearer to M_epsilon between a default line and the node.
-DECAY = 40.0
-_NOTHING = [float("nan")]
 
 
 class SheetEnd(StrEnum):
@@ -116,10 +111,8 @@ class SheetBuilder:
         self.side = 1 if attracting else -1
         self.other = 1 - section.index
         self.solver = Collocation(frame.system)
-        self.desingularised = compile_flow(frame.desingularised)
-        strong = frame.singular_canard(self.side, weak=False)
-        self.line = self._default_line(strong) if line is None else line
-        self.contraction = self._contraction(strong)
+        self.start = Line(frame, self.side, line)
+        self.line = self.start.plane
         # In the section the other slow variable varies as g does.
         across = frame.depth / abs(frame.gradient(frame.point)[self.other])
         scale = np.array([frame.unit, frame.unit, frame.width])
@@ -133,9 +126,8 @@ class SheetBuilder:
         first = self._first()
         if first is None:
             raise SheetNotFound(
-                f"no orbit from the line {self._named(self.line)} on the "
-                f"{'attracting' if self.attracting else 'repelling'} sheet meets the section near the folded node at "
-                f"{self.frame.system.epsilon} = {self.frame.epsilon:g}."
+                f"no orbit from {self.start.named()} on the {self.start.kind} sheet meets the section near the folded "
+                f"node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
             )
         inner, outer = self._trace(first, inwards=True), self._trace(first, inwards=False)
         segments = [*inner.segments[:0:-1], *outer.segments]
@@ -147,7 +139,7 @@ class SheetBuilder:
             attracting=self.attracting,
             line=self.line,
             section=self.section,
-            contraction=self.contraction,
+            contraction=self.start.contraction,
             segments=tuple(segments),
             ends=ends,
             lengths=np.array(steps),
@@ -156,56 +148,18 @@ class SheetBuilder:
             outer=outer.ending,
         )
 
-    # -- where the line is -------------------------------------------------------------------------
-
-    def _default_line(self, strong: Trajectory) -> Plane:
-        """The level of the fast variable where the strong singular canard has contracted by DECAY powers of e.
-
-        Where it nears the next fold before, the level where |g_y| is largest.
-        """
-        times = np.linspace(0.0, strong._times[-1], 4000)
-        states = strong.at(times).T
-        fold = -self.side * self.frame.critical(states[:, :3], _NOTHING)[:, 4]
-        turned = np.flatnonzero(~(fold > 0.0))
-        last = int(turned[0]) if turned.size else len(times)
-        enough = np.flatnonzero(states[:last, 3] >= DECAY * self.frame.epsilon)
-        place = int(enough[0]) if enough.size else int(np.argmax(fold[:last]))
-        if not turned.size and not enough.size:
-            place = last - 1
-        return Plane(2, float(states[place, 2]))
-
-    def _contraction(self, strong: Trajectory) -> float:
-        crossing = _crossing(strong, self.line)
-        return float("nan") if crossing is None else float(strong.at(crossing)[3] / self.frame.epsilon)
-
-    def _named(self, plane: Plane) -> str:
-        return f"{self.frame.system.states[plane.index].name} = {plane.value:.6g}"
-
     # -- the first segment -------------------------------------------------------------------------
 
     def _first(self) -> OrbitSegment | None:
-        """A segment inside the funnel: along the line, away from the strong canard, until one comes by the node."""
-        frame = self.frame
-        strong = frame.singular_canard(self.side, weak=False)
-        funnel = frame.outwards(frame.point + self.side * DEPARTURE * (frame.strong + frame.weak), -strong._times[-1])
-        crossings = [_crossing(path, self.line) for path in (strong, funnel)]
-        if None in crossings:
-            return None
-        start, beside = (path.at(t)[:3] for path, t in zip((strong, funnel), crossings))
-        along, distance = self._along_line(start, beside - start), frame.unit
+        """A segment inside the funnel, from the line to a section point near the node."""
         found, best = None, FURTHEST
-        for _ in range(RUNGS):
-            start = self._on_line(start + distance * along)
-            if self.side * frame.critical(start, _NOTHING)[4] >= 0.0:
-                break
-            along = self._along_line(start, along)
-            guess = self._shoot(start, self._duration(start))
+        for z, time in self.start.starts():
+            guess = self._shoot(z, time)
             if guess is not None and self._away(guess) < best:
                 segment = self.polished(guess)
                 found, best = (found, best) if segment is None else (segment, self._away(segment))
             if best <= NEAR:
                 break
-            distance *= LADDER
         return found
 
     def _away(self, orbit: OrbitSegment) -> float:
@@ -213,64 +167,18 @@ class SheetBuilder:
         off = (self._free_end(orbit) - self.frame.point)[[self.other, 2]]
         return float(np.abs(off / self.scale).max())
 
-    def _along_line(self, z: np.ndarray, towards: np.ndarray) -> np.ndarray:
-        """Unit tangent at z of the line on M0."""
-        across = np.zeros(3)
-        across[self.line.index] = 1.0
-        tangent = np.cross(self.frame.gradient(z), across)
-        return tangent / np.linalg.norm(tangent) * np.sign(tangent @ towards)
-
-    def _on_line(self, z: np.ndarray) -> np.ndarray:
-        """The point of the line on M0 next to z."""
-        z = z.copy()
-        z[self.line.index] = self.line.value
-        for _ in range(30):
-            slope = self.frame.gradient(z)
-            slope[self.line.index] = 0.0
-            step = self.frame.g(z) * slope / (slope @ slope)
-            z -= step
-            if np.abs(step).max() <= 1e-14 * (1.0 + np.abs(z).max()):
-                break
-        return z
-
-    def _duration(self, z: np.ndarray) -> float:
-        """Slow time that the reduced flow takes from z into the node, dt = -g_y ds; infinite when it leaves."""
-        run = self.frame.inwards(z)
-        if not np.linalg.norm(run._states[-1, :2] - self.frame.point[:2]) < self.frame.unit:
-            return float("inf")
-        fold = np.abs(self.frame.critical(run._states[:, :3], _NOTHING)[:, 4])
-        return float(np.sum(0.5 * (fold[1:] + fold[:-1]) * np.abs(np.diff(run._times))))
-
     def _shoot(self, z: np.ndarray, time: float) -> OrbitSegment | None:
         """The orbit of the full flow from z to where it first crosses the section near the node."""
-        frame, section = self.frame, self.section
-        if not np.isfinite(time):
-            return None
-        names = [s.name for s in frame.system.states]
+        frame = self.frame
         run = integrate(
-            frame.system, start=dict(zip(names, z)), span=(0.0, self.side * (2.0 * time + 4.0 * self.frame.time)),
+            frame.system, start=dict(zip([s.name for s in frame.system.states], z)),
+            span=(0.0, self.side * (2.0 * time + 4.0 * frame.time)),
             epsilon=frame.epsilon, rtol=1e-9, atol=1e-11, method=Method.RADAU9,
         )  # fmt: skip
-        times, values = run._times, run._states[:, section.index] - section.value
-        for k in np.flatnonzero(values[:-1] * values[1:] <= 0.0):
-            low, high = float(times[k]), float(times[k + 1])
-            for _ in range(60):
-                middle = 0.5 * (low + high)
-                here = run.at(middle)[section.index] - section.value
-                low, high = (middle, high) if here * values[k] > 0.0 else (low, middle)
-            end = run.at(high)
-            if abs(end[2] - frame.point[2]) > FURTHEST * frame.width:
-                continue
-            steps = np.append(times[: k + 1], high)
-            if self.attracting:
-                return sampled(
-                    lambda t: run.at(np.minimum(t, high)).T,
-                    times=steps, time=high, epsilon=frame.epsilon, elements=ELEMENTS,
-                )  # fmt: skip
-            return sampled(
-                lambda t: run.at(np.minimum(t + high, 0.0)).T,
-                times=steps[::-1] - high, time=-high, epsilon=frame.epsilon, elements=ELEMENTS,
-            )  # fmt: skip
+        for k, end in crossing_times(run, self.section):
+            if abs(run.at(end)[2] - frame.point[2]) <= FURTHEST * frame.width:
+                steps = np.append(run.t[: k + 1], end)
+                return sampled(run, steps if self.attracting else steps[::-1], elements=ELEMENTS)
         return None
 
     def polished(self, guess: OrbitSegment, *, precision: float = PRECISION) -> OrbitSegment | None:
@@ -309,7 +217,9 @@ class SheetBuilder:
 
     def _across(self, conditions: Conditions, normal: np.ndarray, value: float) -> Conditions:
         """The last row: a step along `normal` (7,) of length `value`, in the weights of arclength."""
-        near, far = (conditions.left, conditions.right) if self.attracting else (conditions.right, conditions.left)
+        near, far = (
+            (conditions.left, conditions.right) if self.attracting else (conditions.right, conditions.left)
+        )
         row = normal * self.weights
         near[3], far[3], conditions.across[3, 0], conditions.wanted[3] = row[:3], row[3:6], row[6], value
         return conditions
@@ -328,7 +238,7 @@ class SheetBuilder:
             return trace
         if (normal[6] > 0.0) != inwards:
             normal, tangent = -normal, tangent.times(-1.0)
-        step, still, heading = FIRST, 0, self._heading(self._line_end(first))
+        step, still, heading = FIRST, 0, self.start.heading(self._line_end(first))
         while len(trace.segments) < SEGMENTS:
             here = trace.segments[-1]
             taken = self._advance(here, normal, tangent, step)
@@ -369,11 +279,7 @@ class SheetBuilder:
             return SheetEnd.WINDOW
         if orbit.time < SHRUNK * self.frame.time:
             return SheetEnd.LINE
-        return SheetEnd.PASSED if self._heading(self._line_end(orbit)) * heading <= 0.0 else None
-
-    def _heading(self, z: np.ndarray) -> float:
-        """In which direction the desingularised reduced flow crosses the line at z; it stands still on the fold."""
-        return float(self.desingularised.rates([*z, 0.0], _NOTHING)[self.line.index])
+        return SheetEnd.PASSED if self.start.heading(self._line_end(orbit)) * heading <= 0.0 else None
 
     def _tangent(self, orbit: OrbitSegment, along: np.ndarray | None):
         """Unit tangent of the family (7,) and the change of the whole orbit along it."""
@@ -389,14 +295,14 @@ class SheetBuilder:
         ends = (step.states[0], step.states[-1]) if self.attracting else (step.states[-1], step.states[0])
         vector = np.concatenate([*ends, step.parameters])
         size = np.sqrt(vector @ (self.weights * vector))
-        return vector / size, step.times(1.0 / size)
+        return vector / size, step.times(1.0 / float(size))
 
     def _advance(self, here: OrbitSegment, normal: np.ndarray, tangent, step: float) -> OrbitSegment | None:
         anchor = self._coordinates(here)
 
         def problem(orbit: OrbitSegment) -> Conditions:
             gone = (self.weights * normal) @ (self._coordinates(orbit) - anchor)
-            return self._across(self._base(orbit), normal, step - gone)
+            return self._across(self._base(orbit), normal, step - float(gone))
 
         guess = here.moved(tangent, step)
         found = self.solver.solve(guess, problem, limit=8) if guess.time > 0.0 else None
@@ -404,22 +310,3 @@ class SheetBuilder:
             return None
         elements = min(MOST_ELEMENTS, max(ELEMENTS, found.elements_for(PRECISION)))
         return self.solver.solve(found.adapted(elements), problem, limit=8)
-
-
-class SheetNotFound(Exception):
-    """Within the package: no sheet could be started; the message says why."""
-
-
-def _crossing(path: Trajectory, plane: Plane) -> float | None:
-    """The first time at which a path crosses a plane."""
-    values = path._states[:, plane.index] - plane.value
-    change = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
-    if not change.size:
-        return None
-    k = int(change[0])
-    low, high = float(path._times[k]), float(path._times[k + 1])
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        here = path.at(middle)[plane.index] - plane.value
-        low, high = (middle, high) if here * values[k] > 0.0 else (low, middle)
-    return high
