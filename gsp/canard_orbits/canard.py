@@ -148,14 +148,7 @@ class Crossing:
 
 def crossings(attracting: Sheet, repelling: Sheet) -> list[Crossing]:
     """Where the curves of two sheets cross, from the outermost inwards, on their cubic Hermite interpolants."""
-    share = np.linspace(0.0, 1.0, CHORDS + 1)
-    fine = [
-        np.array([_hermite(sheet, i, s)[0] for i in range(len(sheet.lengths)) for s in share]).reshape(
-            -1, CHORDS + 1, 2
-        )
-        for sheet in (attracting, repelling)
-    ]
-    a, b = fine
+    a, b = (sheet.chords(CHORDS) for sheet in (attracting, repelling))
     found: list[Crossing] = []
     lower, upper = b.min(axis=1), b.max(axis=1)
     for i, points in enumerate(a):
@@ -185,7 +178,7 @@ def _same(one: Crossing, other: Crossing) -> bool:
 
 def _refined(first: Sheet, i: int, s: float, second: Sheet, j: int, t: float) -> Crossing | None:
     for _ in range(20):
-        (p, dp), (q, dq) = _hermite(first, i, s), _hermite(second, j, t)
+        (p, dp), (q, dq) = first.interpolated(i, s), second.interpolated(j, t)
         matrix = np.stack([dp, -dq], axis=1)
         if abs(np.linalg.det(matrix)) < 1e-14 * np.linalg.norm(dp) * np.linalg.norm(dq):
             return None
@@ -194,19 +187,7 @@ def _refined(first: Sheet, i: int, s: float, second: Sheet, j: int, t: float) ->
         if max(abs(ds), abs(dt)) < 1e-13:
             break
     inside = -1e-9 <= s < 1.0 + 1e-9 and -1e-9 <= t < 1.0 + 1e-9
-    return Crossing(_hermite(first, i, s)[0], (i, s), (j, t)) if inside else None
-
-
-def _hermite(sheet: Sheet, i: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Place and derivative by s of the interpolant between segments i and i + 1."""
-    h = sheet.lengths[i]
-    p, q = sheet.ends[i], sheet.ends[i + 1]
-    u, v = h * sheet.slopes[i, 0], h * sheet.slopes[i, 1]
-    place = (
-        p * (1 + 2 * s) * (1 - s) ** 2 + u * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + v * s * s * (s - 1)
-    )
-    slope = 6 * s * (s - 1) * p + u * (1 - s) * (1 - 3 * s) + 6 * s * (1 - s) * q + v * s * (3 * s - 2)
-    return place, slope
+    return Crossing(first.interpolated(i, s)[0], (i, s), (j, t)) if inside else None
 
 
 def guess_at(crossing: Crossing, attracting: Sheet, repelling: Sheet) -> OrbitSegment:

@@ -51,7 +51,7 @@ class CanardOrbits:
 
     - `attracting` and `repelling` are the sheets' curves in the section, `section` its (name, value);
     - `expected` is how many secondary canards there are as epsilon goes to 0, `missing` their names and
-      gamma_0's that were not found here, and `extra` those found beyond that number, which holds in the limit only;
+      gamma_0's that were not found here; the number holds in the limit only, and there may be more here;
     - `unresolved` is the number of crossings about the weak canard whose turns rounding hides;
     - `status` and `message` say how the curves ended, and why canards are missing.
     """
@@ -83,11 +83,6 @@ class CanardOrbits:
         return tuple(_name(k) for k in range(self.expected + 1) if k not in found)
 
     @property
-    def extra(self) -> tuple[str, ...]:
-        """Names of the secondary canards beyond the number of the limit."""
-        return tuple(c.name for c in self.canards if c.index is not None and c.index > self.expected)
-
-    @property
     def message(self) -> str:
         """One line: what was found, what the theory of the limit expects, and why they differ."""
         turning = [c for c in self.canards if c.index is not None]
@@ -97,21 +92,24 @@ class CanardOrbits:
         found = [c.index for c in turning if c.index is not None]
         outer = [k for k in range(min(found, default=self.expected + 1)) if k <= self.expected]
         if outer:
-            names = _name(outer[0]) if len(outer) == 1 else f"{_name(outer[0])} to {_name(outer[-1])}"
-            text += f"; {names} do{'es' if len(outer) == 1 else ''} not cross the section at {epsilon}"
+            text += f"; {_names(outer)} do{'es' * (len(outer) == 1)} not cross the section at {epsilon}"
             text += " between the lines, or only outside the window"
-        inner = [
-            name for k, name in ((k, _name(k)) for k in range(self.expected + 1)) if found and k > max(found)
-        ]
+        inner = list(range(max(found, default=self.expected) + 1, self.expected + 1))
         if inner:
-            text += f"; {', '.join(inner)}: within rounding of the weak canard, or none at {epsilon}"
-        between = [_name(k) for k in range(min(found, default=0), max(found, default=0)) if k not in found]
+            text += f"; {_names(inner)}: within rounding of the weak canard, or none at {epsilon}"
+        between = [k for k in range(min(found, default=0), max(found, default=0)) if k not in found]
         if between:
-            text += f"; {', '.join(between)}: no crossing was found between their neighbours"
-        if self.extra:
-            text += f"; {', '.join(self.extra)} beyond the number of the limit"
+            text += f"; {', '.join(map(_name, between))}: no crossing was found between their neighbours"
+        extra = [k for k in found if k > self.expected]
+        if extra:
+            text += f"; {_names(extra)} beyond the number of the limit"
+        odd = [c.index for c in turning if c.index is not None and c.half_turns != 2 * c.index + 1]
+        if odd:
+            text += (
+                f"; {', '.join(map(_name, odd))} named by their order: their half-turns do not tell them apart"
+            )
         if self.unresolved:
-            text += f"; {self.unresolved} more crossings within rounding of the weak canard"
+            text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
         for sheet in (self.attracting, self.repelling):
             if sheet.contraction < LITTLE:
                 side = "attracting" if sheet.attracting else "repelling"
@@ -248,17 +246,19 @@ class _Finder:
         """The canards, and how many crossings were left because rounding hides their turns."""
         solved = [s for s in map(self._solved, crossings(*self.sheets)) if s is not None]
         axis, weak = self._axis(solved)
-        canards, unresolved = [], 0
+        canards, unresolved, index = [], 0, -1
         for each in solved:
             if each is weak:
                 canards.append(self._canard(each, CanardKind.WEAK, None, None))
                 continue
             turns = half_turns(each.orbit, each.share, axis, self.section, self.frame.width)
-            if turns is None or turns % 2 == 0:
+            if turns is None:
                 unresolved += 1
                 continue
-            kind = CanardKind.STRONG if turns == 1 else CanardKind.SECONDARY
-            canards.append(self._canard(each, kind, (turns - 1) // 2, turns))
+            # A crossing that was missed shows in the turns; turns that rounding or a bent axis hides, in the order.
+            index = max(index + 1, (turns - 1) // 2)
+            kind = CanardKind.STRONG if index == 0 else CanardKind.SECONDARY
+            canards.append(self._canard(each, kind, index, turns))
         return canards, unresolved
 
     def _solved(self, crossing: Crossing) -> _Solved | None:
@@ -313,6 +313,11 @@ class _Finder:
             section=self.section,
             frame=self.frame,
         )
+
+
+def _names(indices: list[int]) -> str:
+    ends = [_name(indices[0]), _name(indices[-1])]
+    return ends[0] if len(indices) == 1 else f"{ends[0]} to {ends[1]}"
 
 
 def _name(index: int) -> str:

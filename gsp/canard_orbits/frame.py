@@ -25,6 +25,8 @@ from gsp.trajectory import Trajectory, integrate
 DEPARTURE = 0.02
 # Desingularised time in which a singular canard gets away from the node or never, over the eigenvalue.
 PATIENCE = 40.0
+# Singular orbits run off to infinity as a rule; what they meet within this many steps is near enough.
+STEPS = 2000
 # A section further from the node than this, in local units, does not cut the canards where they turn.
 FURTHEST_SECTION = 3.0
 _NOTHING = [float("nan")]
@@ -102,14 +104,21 @@ class Frame:
         z = self.on_critical(z)
         names = [state.name for state in self.desingularised.states]
         start = dict(zip(names, [*z, 0.0]))
-        return integrate(self.desingularised, start=start, span=(0.0, -span), rtol=1e-9, atol=1e-12)
+        return integrate(
+            self.desingularised, start=start, span=(0.0, -span), rtol=1e-9, atol=1e-12, max_steps=STEPS
+        )
 
     def inwards(self, z: np.ndarray) -> Trajectory:
         """The singular orbit from the point z of M0 in the desingularised time, which ends in the node or leaves."""
         names = [state.name for state in self.desingularised.states]
         start = dict(zip(names, [*z, 0.0]))
         return integrate(
-            self.desingularised, start=start, span=(0.0, PATIENCE / abs(self.rates[1])), rtol=1e-7, atol=1e-9
+            self.desingularised,
+            start=start,
+            span=(0.0, PATIENCE / abs(self.rates[1])),
+            rtol=1e-7,
+            atol=1e-9,
+            max_steps=STEPS,
         )
 
 

@@ -66,7 +66,8 @@ class Sheet:
     """One sheet's curve in the section, from near the weak canard outwards.
 
     - `segments` are its orbits, in the direction of time, and `ends` (k, 2) where they meet the section: the other
-      slow variable and the fast one; `slopes` (k, 2) their derivative by the arclength `lengths` (k,);
+      slow variable and the fast one; `slopes` (k - 1, 2, 2) their derivatives by arclength at the two ends of each
+      step, of the `lengths` (k - 1,);
     - `line` is where on M0 they begin (or end, on the repelling sheet), `contraction` the powers of e by which orbits
       approach the sheet between it and the node along the strong singular canard;
     - `inner` and `outer` say how the curve ends on each side.
@@ -87,6 +88,29 @@ class Sheet:
     def status(self) -> Status:
         """SUCCESS when the whole curve about the node was found."""
         return self.inner.status if not self.inner.status.ok else self.outer.status
+
+    def interpolated(self, i: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Place (2,) and derivative by s of the cubic Hermite interpolant from end i (s = 0) to i + 1 (s = 1)."""
+        p, q = self.ends[i], self.ends[i + 1]
+        u, v = self.lengths[i] * self.slopes[i]
+        place = (
+            p * (1 + 2 * s) * (1 - s) ** 2
+            + u * s * (1 - s) ** 2
+            + q * s * s * (3 - 2 * s)
+            + v * s * s * (s - 1)
+        )
+        slope = 6 * s * (s - 1) * (p - q) + u * (1 - s) * (1 - 3 * s) + v * s * (3 * s - 2)
+        return place, slope
+
+    def chords(self, number: int) -> np.ndarray:
+        """Places (k - 1, number + 1, 2) on the interpolant between each end and the next."""
+        share = np.linspace(0.0, 1.0, number + 1)
+        places = [self.interpolated(i, s)[0] for i in range(len(self.lengths)) for s in share]
+        return np.array(places).reshape(-1, number + 1, 2)
+
+    def curve(self, number: int = 6) -> np.ndarray:
+        """Places (m, 2) along the whole curve, from the innermost outwards."""
+        return self.chords(number).reshape(-1, 2)
 
     def __repr__(self) -> str:
         kind = "attracting" if self.attracting else "repelling"

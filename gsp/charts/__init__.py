@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
+from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
@@ -24,6 +25,8 @@ from gsp.errors import DeclarationError
 
 __all__ = [
     "applicable",
+    "canard_orbits",
+    "canard_section",
     "composite",
     "convergence",
     "critical_curve",
