@@ -56,8 +56,8 @@ class CanardFamily:
 
     - `epsilon` (m,), `time` (m,) the slow time from line to line, and `["name"]` (m,) the state in the section, NaN
       where the orbit begins beyond it or ends before;
-    - `orbits` (m) are the orbits, `folds` the values of epsilon at which the curve turns round: two canards
-      of the same name meet and cease to exist beyond;
+    - `orbits` (m) are the orbits, `folds` the values of epsilon at which the curve turns round, where two of
+      its orbits meet;
     - `ends` say why the curve stops on each side.
     """
 
