@@ -1,4 +1,4 @@
-"""Canards of a folded node: the self-coupled FitzHugh-Nagumo system, its canards found and three followed in epsilon."""
+"""Canards of a folded node: the self-coupled FitzHugh-Nagumo system, some of them followed in epsilon."""
 
 import sympy as sp
 
@@ -33,7 +33,7 @@ def main() -> None:
 
     print("\nfollowed in epsilon, round a fold where two of them meet")
     for k in (3, 4, 5):
-        print(" ", gsp.follow_canard(canards[f"xi_{k}"], epsilon=(1e-3, 0.08), max_points=110))
+        print(" ", gsp.follow_canard(canards[f"xi_{k}"], epsilon=(1e-3, 0.08), max_points=120))
 
 
 if __name__ == "__main__":

@@ -126,12 +126,16 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Linearised conditions on an orbit's ends: `left` dz_0 + `right` dz_m + `across` dq = `wanted`, row by row."""
+    """Linearised conditions on an orbit: `left` dz_0 + `right` dz_m + `across` dq = `wanted`, row by row.
+
+    The last row also counts `inner` (m + 1, n) at the ends of the elements in between, when it is given.
+    """
 
     left: np.ndarray
     right: np.ndarray
     across: np.ndarray
     wanted: np.ndarray
+    inner: np.ndarray | None = None
 
 
 # Conditions at an orbit, to be met; the number of rows is that of the states and the free parameters.
@@ -161,9 +165,10 @@ class Collocation:
             return None
         parts = (conditions.left, conditions.right, conditions.across, conditions.wanted)
         left, right, across, wanted = (np.ascontiguousarray(part, dtype=float) for part in parts)
+        inner = np.zeros_like(orbit.states) if conditions.inner is None else conditions.inner
         solved = newton_step(
             self.flow.field, self.flow.jacobian, self.sensitivity.address, parameter_vector(self.system, orbit.epsilon),
-            q, orbit.mesh, _A, _B, orbit.states, orbit.stages, left, right, across, wanted, share,
+            q, orbit.mesh, _A, _B, orbit.states, orbit.stages, left, right, across, wanted, inner, share,
             step.states, step.stages, step.parameters,
         )  # fmt: skip
         finite = solved and np.isfinite(step.states).all() and np.isfinite(step.parameters).all()

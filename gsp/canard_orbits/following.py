@@ -6,7 +6,7 @@ epsilon among the unknowns it has a curve of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -24,12 +24,14 @@ from gsp.errors import DeclarationError, GspError, Status
 from gsp.flow import check_epsilon
 from gsp.system import SlowFastSystem
 
-# Arclength, in units of the ends' extents, the relative time and log epsilon: first, longest and shortest step.
-FIRST, LONGEST, SHORTEST = 0.02, 0.2, 1e-7
+# Arclength, in units of the orbit's extents, the relative time and log epsilon: first, longest and shortest step.
+FIRST, LONGEST, SHORTEST = 0.02, 0.4, 1e-7
+# How much the orbit between its ends counts in arclength; where it grows an excursion nothing else changes.
+INSIDE = 4.0
 # Largest angle between tangents, and Newton steps above which the next step is shorter.
 LARGEST_ANGLE, MANY = 0.4, 5
-# Steps that locate a fold in epsilon.
-LOCATING = 40
+# Longest step across a fold in epsilon, and bisections that locate it there.
+ACROSS, LOCATING = 0.05, 40
 
 
 class FamilyEnd(StrEnum):
@@ -150,8 +152,17 @@ class _Trace:
     end: FamilyEnd = FamilyEnd.POINTS
 
 
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    """A unit tangent of the family: `ends` (8,) of both ends, the time and log epsilon; the orbit's `profile`."""
+
+    ends: np.ndarray
+    profile: OrbitSegment
+    step: Step
+
+
 class _Follower:
-    """Pseudo-arclength in where the orbit begins and ends, its time, and log epsilon."""
+    """Pseudo-arclength in the whole orbit, its time, and log epsilon."""
 
     def __init__(self, canard: Canard, bounds: tuple[float, float], max_points: int) -> None:
         self.canard, self.bounds, self.max_points = canard, bounds, max_points
@@ -167,22 +178,26 @@ class _Follower:
         start = np.array([self.canard.point[s.name] for s in self.canard.frame.system.states])
         trace = _Trace([first], [start], [])
         share = self.canard.time_before / first.time
-        normal = np.zeros(8)
-        normal[7] = direction
-        normal, tangent = self._tangent(first, normal)
+        along = self._tangent(first, None)
+        if along is not None and along.ends[7] * direction < 0.0:
+            along = self._scaled(along, -1.0)
         step = FIRST
-        while tangent is not None and len(trace.orbits) < self.max_points:
+        while along is not None and len(trace.orbits) < self.max_points:
             here = trace.orbits[-1]
-            found, steps = self._advance(here, normal, tangent, step)
-            new_normal, new_tangent = (normal, None) if found is None else self._tangent(found, normal)
-            if found is None or new_tangent is None or new_normal @ normal < np.cos(LARGEST_ANGLE):
+            found, steps = self._advance(here, along, step)
+            new = None if found is None else self._tangent(found, along)
+            if found is None or new is None or self._product(new, along, found.mesh) < np.cos(LARGEST_ANGLE):
                 step *= 0.5
                 if step < SHORTEST:
                     trace.end = FamilyEnd.STEPS
                     return trace
                 continue
-            if normal[7] * new_normal[7] < 0.0:
-                trace.folds.append(self._fold(here, normal, tangent, step))
+            turns = along.ends[7] * new.ends[7] < 0.0
+            if turns and step > ACROSS:
+                step *= 0.5
+                continue
+            if turns:
+                trace.folds.append(self._fold(here, along, step))
             low, high = self.bounds
             if not low < found.epsilon < high:
                 found = self._at(here, found, low if found.epsilon <= low else high) or found
@@ -196,9 +211,9 @@ class _Follower:
             if found.elements_for(PRECISION) > MOST:
                 trace.end = FamilyEnd.MESH
                 return trace
-            normal, tangent = new_normal, new_tangent
+            along = new
             step = min(LONGEST, step * (1.4 if steps <= MANY else 0.7))
-        if tangent is None:
+        if along is None:
             trace.end = FamilyEnd.STEPS
         return trace
 
@@ -208,41 +223,69 @@ class _Follower:
         ends = np.concatenate([orbit.start / self.extent, orbit.end / self.extent])
         return np.append(ends, [orbit.time / self.canard.orbit.time, np.log(orbit.epsilon)])
 
-    def _conditions(self, orbit: OrbitSegment, normal: np.ndarray, value: float) -> Conditions:
-        """The canard's conditions and a step along `normal` (8,) of length `value`."""
+    def _weights(self, mesh: np.ndarray) -> np.ndarray:
+        """INSIDE times the trapezium rule on a mesh (m + 1,)."""
+        weights = np.zeros(len(mesh))
+        weights[:-1] += 0.5 * np.diff(mesh)
+        weights[1:] += 0.5 * np.diff(mesh)
+        return INSIDE * weights
+
+    def _product(self, one: _Direction, other: _Direction, mesh: np.ndarray) -> float:
+        """The inner product of arclength, on a mesh."""
+        inside = (one.profile.at(mesh) * other.profile.at(mesh) / self.extent**2).sum(axis=1)
+        return float(one.ends @ other.ends + self._weights(mesh) @ inside)
+
+    def _conditions(self, orbit: OrbitSegment, along: _Direction | None, value: float) -> Conditions:
+        """The canard's conditions and a step of length `value` along a direction; along log epsilon without one."""
         four = self.problem.conditions(orbit)
-        row = normal / np.concatenate([self.extent, self.extent, [self.canard.orbit.time, orbit.epsilon]])
+        ends = np.eye(8)[7] if along is None else along.ends
+        row = ends / np.concatenate([self.extent, self.extent, [self.canard.orbit.time, orbit.epsilon]])
+        inner = np.zeros_like(orbit.states)
+        if along is not None:
+            inner = self._weights(orbit.mesh)[:, None] * along.profile.at(orbit.mesh) / self.extent**2
         across = np.zeros((5, 2))
         across[4] = row[6:]
         return Conditions(
-            np.vstack([four.left, row[:3]]),
-            np.vstack([four.right, row[3:6]]),
+            np.vstack([four.left, row[:3] + inner[0]]),
+            np.vstack([four.right, row[3:6] + inner[-1]]),
             across,
             np.append(four.wanted, value),
+            inner,
         )
 
-    def _tangent(self, orbit: OrbitSegment, along: np.ndarray) -> tuple[np.ndarray, Step | None]:
+    def _tangent(self, orbit: OrbitSegment, along: _Direction | None) -> _Direction | None:
+        """The unit tangent at an orbit, on the side of `along`; None where the problem is singular."""
         conditions = self._conditions(orbit, along, 1.0)
         conditions.wanted[:4] = 0.0
         step = self.solver.linear(orbit, conditions, share=0.0)
         if step is None:
-            return along, None
+            return None
         ends = np.concatenate([step.states[0] / self.extent, step.states[-1] / self.extent])
-        q = step.parameters / [self.canard.orbit.time, orbit.epsilon]
-        vector = np.append(ends, q)
-        size = float(np.linalg.norm(vector))
-        return vector / size, step.times(1.0 / size)
+        ends = np.append(ends, step.parameters / [self.canard.orbit.time, orbit.epsilon])
+        direction = _Direction(ends, replace(orbit, states=step.states, stages=step.stages), step)
+        size = self._product(direction, direction, orbit.mesh)
+        return self._scaled(direction, 1.0 / float(np.sqrt(size)))
 
-    def _advance(
-        self, here: OrbitSegment, normal: np.ndarray, tangent: Step, step: float
-    ) -> tuple[OrbitSegment | None, int]:
+    def _scaled(self, along: _Direction, factor: float) -> _Direction:
+        step = along.step.times(factor)
+        return _Direction(
+            factor * along.ends, replace(along.profile, states=step.states, stages=step.stages), step
+        )
+
+    def _advance(self, here: OrbitSegment, along: _Direction, step: float) -> tuple[OrbitSegment | None, int]:
         anchor = self._coordinates(here)
 
         def problem(orbit: OrbitSegment) -> Conditions:
-            return self._conditions(orbit, normal, step - float(normal @ (self._coordinates(orbit) - anchor)))
+            conditions = self._conditions(orbit, along, 0.0)
+            inside = (along.profile.at(orbit.mesh) * (orbit.states - here.at(orbit.mesh)) / self.extent**2).sum(
+                axis=1
+            )
+            gone = along.ends @ (self._coordinates(orbit) - anchor) + self._weights(orbit.mesh) @ inside
+            conditions.wanted[4] = step - gone
+            return conditions
 
         before = self.solver.iterations
-        guess = here.moved(tangent, step)
+        guess = here.moved(along.step, step)
         found = self.solver.solve(guess, problem, limit=10) if min(guess.time, guess.epsilon) > 0.0 else None
         steps = self.solver.iterations - before
         if found is None:
@@ -254,9 +297,7 @@ class _Follower:
         """The orbit between two at a value of epsilon."""
 
         def problem(orbit: OrbitSegment) -> Conditions:
-            conditions = self._conditions(orbit, np.zeros(8), value - orbit.epsilon)
-            conditions.across[4, 1] = 1.0
-            return conditions
+            return self._conditions(orbit, None, (value - orbit.epsilon) / orbit.epsilon)
 
         share = (value - here.epsilon) / (there.epsilon - here.epsilon)
         other = there.on(here.mesh)
@@ -273,18 +314,18 @@ class _Follower:
         elements = int(np.clip(found.elements_for(PRECISION), FEWEST, MOST))
         return self.solver.solve(found.adapted(elements), problem)
 
-    def _fold(self, here: OrbitSegment, normal: np.ndarray, tangent: Step, step: float) -> float:
+    def _fold(self, here: OrbitSegment, along: _Direction, step: float) -> float:
         """Epsilon where it turns, on the curve between `here` and one step on: its tangent's component is 0."""
         low, high = 0.0, step
         best = here.epsilon
         for _ in range(LOCATING):
             middle = 0.5 * (low + high)
-            found, _ = self._advance(here, normal, tangent, middle)
-            if found is None:
+            found, _ = self._advance(here, along, middle)
+            tangent = None if found is None else self._tangent(found, along)
+            if found is None or tangent is None:
                 break
             best = found.epsilon
-            slope = self._tangent(found, normal)[0][7]
-            low, high = (middle, high) if slope * normal[7] > 0.0 else (low, middle)
+            low, high = (middle, high) if tangent.ends[7] * along.ends[7] > 0.0 else (low, middle)
             if high - low < 1e-6 * step:
                 break
         return float(best)

@@ -89,15 +89,13 @@ class Frame:
                 break
         return z
 
-    def singular_canard(self, side: int, *, weak: bool) -> Trajectory:
-        """A singular canard from beside the node outwards, against the desingularised time.
+    def strong_canard(self, side: int) -> Trajectory:
+        """The strong singular canard from beside the node outwards, against the desingularised time.
 
         `side` is 1 on the attracting and -1 on the repelling sheet. The state `contraction` grows by
         g_y^2 for each unit of that time: over epsilon, the powers of e by which orbits approach the sheet.
         """
-        direction = self.weak if weak else self.strong
-        rate = self.rates[1 if weak else 0]
-        return self.outwards(self.point + side * DEPARTURE * direction, PATIENCE / abs(rate))
+        return self.outwards(self.point + side * DEPARTURE * self.strong, PATIENCE / abs(self.rates[0]))
 
     def outwards(self, z: np.ndarray, span: float) -> Trajectory:
         """The singular orbit through the point of M0 next to z, against the desingularised time."""

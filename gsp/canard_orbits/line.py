@@ -34,7 +34,7 @@ class Line:
     def __init__(self, frame: Frame, side: int, plane: Plane | None) -> None:
         self.frame, self.side = frame, side
         self.desingularised = compile_flow(frame.desingularised)
-        self.strong = frame.singular_canard(side, weak=False)
+        self.strong = frame.strong_canard(side)
         self.plane = self._default() if plane is None else plane
         self.crossing = _crossing(self.strong, self.plane)
         if self.crossing is None:

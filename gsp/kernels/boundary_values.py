@@ -5,8 +5,9 @@ sigma_m = 1 and on each the stages Z_j = z_i + h sum_k A_jk F(Z_k), h = q_0 (sig
 z_(i+1) = z_i + h sum_k b_k F(Z_k) (Ascher, Mattheij and Russell 1995, section 5.4). The parameters q are the length
 of time q_0 and, when there are two, epsilon. The conditions, as many as there are states and parameters, are
 
-    left dz_0 + right dz_m + across dq = wanted.
+    left dz_0 + right dz_m + across dq = wanted,
 
+where the last row also has `inner`[i] dz_i for 0 < i < m, so that arclength may count the whole orbit.
 The stages are eliminated element by element. What is left, dz_(i+1) = B_i dz_i + C_i dq + r_i, is condensed to
 a relation between dz_0, dz_m and dq: two neighbouring relations share one dz_i, which is eliminated with row
 exchanges among both, so that growing and decaying directions are each carried the way they are stable.
@@ -81,7 +82,8 @@ def _eliminate(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def newton_step(
-    field, jacobian, sensitivity, p, q, mesh, A, b, z, stages, left, right, across, wanted, share, dz, dstages, dq,
+    field, jacobian, sensitivity, p, q, mesh, A, b, z, stages, left, right, across, wanted, inner, share, dz, dstages,
+    dq,
 ):  # fmt: skip
     """Solve the linear system; False when it is singular.
 
@@ -102,6 +104,8 @@ def newton_step(
     wide = 3 * n + free + 1
     kept = zeros((m, n, wide))
     pair = zeros((2 * n, wide))
+    # What the inner weights of the last condition become over (dz_0, dz_i, dz_(i+1), dq, 1).
+    spread = zeros(wide)
     for e in range(m):
         if not _eliminate(
             field, jacobian, sensitivity, p, q[0], mesh[e + 1] - mesh[e], A, b, z[e], stages[e], z[e + 1], free, share,
@@ -141,6 +145,16 @@ def newton_step(
                 if factor != 0.0:
                     for j in range(wide):
                         pair[i, j] -= factor * pair[k, j]
+        for k in range(n):
+            spread[n + k] += inner[e, k]
+        for k in range(n):
+            factor = spread[n + k] / pair[k, n + k]
+            if factor != 0.0:
+                for j in range(wide):
+                    spread[j] -= factor * pair[k, j]
+        for k in range(n):
+            spread[n + k] = spread[2 * n + k]
+            spread[2 * n + k] = 0.0
         for i in range(n):
             for j in range(wide):
                 kept[e, i, j] = pair[i, j]
@@ -166,6 +180,11 @@ def newton_step(
         for j in range(free):
             final[n + i, 2 * n + j] = across[i, j]
         unknown[n + i] = wanted[i]
+    for j in range(2 * n):
+        final[size - 1, j] += spread[j]
+    for j in range(free):
+        final[size - 1, 2 * n + j] += spread[3 * n + j]
+    unknown[size - 1] += spread[wide - 1]
     for i in range(size):
         largest = 0.0
         for j in range(size):
