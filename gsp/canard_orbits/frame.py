@@ -45,7 +45,7 @@ class Frame:
     """A folded node with negative eigenvalues, numerically.
 
     - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
-      one unit of `unit` long each; `mu` is the ratio of their eigenvalues `rates`;
+      as long as `unit` in the slow plane; `rates` are their eigenvalues;
     - `width` is the local scale of the fast variable, (epsilon |T|)^(1/2)/|g_yy|, with T of
       `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables
       along the fold, |f| times `time` = (epsilon/|T|)^(1/2), that of slow time. In these the system near the
@@ -65,10 +65,6 @@ class Frame:
     time: float
     desingularised: VectorField
     critical: CompiledFunction
-
-    @property
-    def mu(self) -> float:
-        return self.rates[1] / self.rates[0]
 
     def g(self, z: np.ndarray) -> float:
         """g at epsilon = 0."""
