@@ -10,6 +10,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
     canard_value                  the parameter of the maximal canard, as an exact series in epsilon
     folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve
+    folded_canards, follow_canard the canards of a folded node as orbits, and each over epsilon
     zero_derivative               the slow manifold at points, to machine precision
     solve_manifold                the slow manifold over a region, attracting, repelling or of saddle type
     restrict                      the reduced flow
@@ -89,6 +90,10 @@ _HOME = {
     "HopfPoint": "periodic",
     "continue_orbits": "periodic",
     "OrbitFamily": "periodic",
+    "folded_canards": "canard_orbits",
+    "CanardOrbits": "canard_orbits",
+    "follow_canard": "canard_orbits",
+    "CanardFamily": "canard_orbits",
     "project": "fibres",
     "BasePoint": "fibres",
     "composite": "layers",
@@ -131,6 +136,10 @@ if TYPE_CHECKING:
     from gsp import models as models
     from gsp.analysis import Analysis as Analysis
     from gsp.analysis import analyse as analyse
+    from gsp.canard_orbits import CanardFamily as CanardFamily
+    from gsp.canard_orbits import CanardOrbits as CanardOrbits
+    from gsp.canard_orbits import folded_canards as folded_canards
+    from gsp.canard_orbits import follow_canard as follow_canard
     from gsp.choice import Choice as Choice
     from gsp.choice import choose as choose
     from gsp.comparison import Comparison as Comparison

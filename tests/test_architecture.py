@@ -64,6 +64,7 @@ LAYERS = [
     "members",
     "ensemble",
     "periodic",
+    "canard_orbits",
     "exponentials",
     "decaying",
     "landing",

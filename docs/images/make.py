@@ -75,9 +75,28 @@ def canard_explosion() -> None:
         figure.savefig(FOLDER / "canard_explosion.png", dpi=140)
 
 
+def folded_node() -> None:
+    """The figure of docs/canards.md: the self-coupled FitzHugh-Nagumo system of AUTO's demo fnc at epsilon = 0.015."""
+    v, h, s, epsilon = sp.symbols("v h s epsilon")
+    system = gsp.SlowFastSystem(
+        slow={h: -2 * h - sp.Rational(13, 5) * v, s: -sp.Rational(113, 200) * s},
+        fast={v: h - (v**3 - v + 1) / 2 - s * v / 2},
+        epsilon=epsilon,
+    )
+    (node,) = gsp.folded_singularities(system, region={"v": (-1, 0)})
+    found = gsp.folded_canards(
+        node, epsilon=0.015, section={"s": 0.2797}, attracting={"h": -6}, repelling={"v": 0}
+    )
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+        charts.canard_section(found, figure.add_subplot(1, 2, 1))
+        charts.canard_orbits(found, figure.add_subplot(1, 2, 2, projection="3d"))
+        figure.savefig(FOLDER / "folded_node.png", dpi=140)
+
+
 def main() -> None:
     """Write the pictures beside this file."""
-    for draw in (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion):
+    for draw in (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion, folded_node):
         draw()
 
 

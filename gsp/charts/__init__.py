@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
 from gsp.charts.accuracy import error_against_epsilon
+from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
 from gsp.charts.ensembles import spread
 from gsp.charts.explosion import canard_cycles, canard_explosion
@@ -32,6 +33,8 @@ __all__ = [
     "applicable",
     "canard_cycles",
     "canard_explosion",
+    "canard_orbits",
+    "canard_section",
     "composite",
     "convergence",
     "critical_curve",

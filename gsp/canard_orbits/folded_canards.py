@@ -1,0 +1,324 @@
+"""The canards of a folded node: two sheets up to a section, where their curves cross, and each crossing as an orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from gsp.canard_orbits.canard import (
+    Canard,
+    CanardKind,
+    CanardSolver,
+    Crossing,
+    crossings,
+    deviation,
+    guess_at,
+    half_turns,
+    named_point,
+    section_crossing,
+    split,
+)
+from gsp.canard_orbits.collocation import OrbitSegment
+from gsp.canard_orbits.frame import Frame, Plane, frame_at, line_of, section_of
+from gsp.canard_orbits.line import SheetNotFound
+from gsp.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
+from gsp.errors import DeclarationError, GspError, Status
+from gsp.flow import check_epsilon
+from gsp.singularities import FoldedSingularity
+from gsp.system import SlowFastSystem
+
+State = Mapping[str, float] | Mapping[sp.Symbol, float]
+
+# The innermost crossing is the weak canard when it is this near to the innermost orbits of both sheets, in local
+# widths over so many local units on each side of the section.
+WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
+# Fewer powers of e between a line and the node are said in the message.
+LITTLE = 15.0
+# Interpolation error of the orbits that stand for the axis.
+AXIS_PRECISION = 1e-10
+
+
+class CanardOrbitError(GspError):
+    """Canards that cannot be sought, because no orbit joins the lines and the section."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CanardOrbits:
+    """The canards of a folded node at one epsilon: `canards` from the strong one inwards, the weak one last.
+
+    - `attracting` and `repelling` are the sheets' curves in the section, `section` its (name, value);
+    - `expected` is how many secondary canards there are as epsilon goes to 0, `missing` their names and
+      gamma_0's that were not found here; the number holds in the limit only, and there may be more here;
+    - `unresolved` is the number of crossings about the weak canard whose turns rounding hides;
+    - `status` and `message` say how the curves ended, and why canards are missing.
+    """
+
+    system: SlowFastSystem
+    singularity: FoldedSingularity
+    epsilon: float
+    canards: tuple[Canard, ...]
+    attracting: Sheet
+    repelling: Sheet
+    expected: int
+    unresolved: int
+    frame: Frame
+
+    @property
+    def section(self) -> tuple[str, float]:
+        plane = self.attracting.section
+        return self.system.states[plane.index].name, plane.value
+
+    @property
+    def status(self) -> Status:
+        """SUCCESS when both curves were followed to their natural ends."""
+        return self.attracting.status if not self.attracting.status.ok else self.repelling.status
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of gamma_0 and the secondary canards of the limit that were not found."""
+        found = {canard.index for canard in self.canards}
+        return tuple(_name(k) for k in range(self.expected + 1) if k not in found)
+
+    @property
+    def message(self) -> str:
+        """One line: what was found, what the theory of the limit expects, and why they differ."""
+        turning = [c for c in self.canards if c.index is not None]
+        usual = sum(c.index is not None and c.index <= self.expected for c in turning)
+        text = f"{usual} of {self.expected + 1} canards that turn"
+        epsilon = f"{self.system.epsilon} = {self.epsilon:g}"
+        found = [c.index for c in turning if c.index is not None]
+        outer = [k for k in range(min(found, default=self.expected + 1)) if k <= self.expected]
+        if outer:
+            text += f"; {_names(outer)} do{'es' * (len(outer) == 1)} not cross the section at {epsilon}"
+            text += " between the lines, or only outside the window"
+        inner = list(range(max(found, default=self.expected) + 1, self.expected + 1))
+        if inner:
+            text += f"; {_names(inner)}: within rounding of the weak canard, or none at {epsilon}"
+        between = [k for k in range(min(found, default=0), max(found, default=0)) if k not in found]
+        if between:
+            text += f"; {', '.join(map(_name, between))}: no crossing was found between their neighbours"
+        extra = [k for k in found if k > self.expected]
+        if extra:
+            text += f"; {_names(extra)} beyond the number of the limit"
+        odd = [c.index for c in turning if c.index is not None and c.half_turns != 2 * c.index + 1]
+        if odd:
+            text += (
+                f"; {', '.join(map(_name, odd))} named by their order: their half-turns do not tell them apart"
+            )
+        if self.unresolved:
+            text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
+        for sheet in (self.attracting, self.repelling):
+            if sheet.contraction < LITTLE:
+                side = "attracting" if sheet.attracting else "repelling"
+                text += (
+                    f"; the line on the {side} sheet counts: orbits beside the strong canard come nearer by "
+                )
+                text += f"{sheet.contraction:.1f} powers of e only"
+            if not sheet.status.ok:
+                bad = [end for end in (sheet.inner, sheet.outer) if not end.status.ok]
+                text += f"; {sheet!r}: {', '.join(bad)}"
+        return text
+
+    def __getitem__(self, name: str) -> Canard:
+        """A canard by name: gamma_0, xi_1, ..., gamma_w."""
+        for canard in self.canards:
+            if canard.name == name:
+                return canard
+        raise GspError(
+            f"there is no canard {name!r} here. Those found are {', '.join(c.name for c in self.canards) or 'none'}."
+        )
+
+    def __len__(self) -> int:
+        return len(self.canards)
+
+    def __repr__(self) -> str:
+        names = [c.name for c in self.canards]
+        shown = ", ".join(names) if len(names) < 6 else f"{names[0]}, {names[1]}, ..., {names[-1]}"
+        return f"CanardOrbits({len(names)} at {self.system.epsilon} = {self.epsilon:g}: {shown})"
+
+    def __str__(self) -> str:
+        name, value = self.section
+        others = [s.name for s in self.system.states if s.name != name]
+        width = max([7, *(len(c.name) for c in self.canards)])
+        lines = [
+            f"canards of the folded node at {self.system.epsilon} = {self.epsilon:g}, "
+            f"mu = {float(sp.N(self.singularity.mu)):.6g}, in the section {name} = {value:.6g}",
+            f"  {'':{width}}  {others[0]:>15}  {others[1]:>15}  half-turns  {'error':>7}",
+        ]
+        for c in self.canards:
+            turns = "" if c.half_turns is None else str(c.half_turns)
+            place = "  ".join(f"{c.point[n]:15.10f}" for n in others)
+            lines.append(f"  {c.name:{width}}  {place}  {turns:>10}  {c.error:7.0e}")
+        lines.append(f"  {self.message}")
+        return "\n".join(lines)
+
+
+def folded_canards(
+    singularity: FoldedSingularity,
+    *,
+    epsilon: float,
+    section: State | None = None,
+    attracting: State | None = None,
+    repelling: State | None = None,
+) -> CanardOrbits:
+    """The canards through a folded node, as orbits, for one fast and two slow variables.
+
+    The attracting slow manifold is extended by orbit segments from a line on the attracting sheet of M0 forward to a
+    section, the repelling one backward; their curves in the section turn about the weak canard, and where they cross
+    there is a canard: gamma_0, the strong one, after one half-turn, the secondary xi_k after 2 k + 1 (Wechselberger,
+    SIAM J. Appl. Dyn. Syst. 4 (2005) 101-139). Each is solved as one orbit from line to line.
+
+    `section` fixes a slow variable near the node, by default the one that runs fastest at its value there.
+    `attracting` and `repelling` fix one state on a line of M0 each; by default the fast variable, where orbits
+    beside the strong canard have come nearer to the slow manifold by 40 powers of e. Another line moves the canards
+    by exp(-c/epsilon).
+
+    Raises `FoldedError` for a folded singularity without canards that turn, and for more than two slow variables;
+    `CanardOrbitError` when no orbit joins a line with the section.
+
+    >>> x, z, y, eps = sp.symbols("x z y epsilon")
+    >>> system = SlowFastSystem(
+    ...     slow={x: 3*z/20 - 13*y/10, z: 1}, fast={y: x + y**2}, epsilon=eps)
+    >>> from gsp import folded_singularities
+    >>> node, = folded_singularities(system, region={"y": (-1, 1)})
+    >>> folded_canards(node, epsilon=0.01)
+    CanardOrbits(3 at epsilon = 0.01: gamma_0, xi_1, gamma_w)
+    """
+    if not isinstance(singularity, FoldedSingularity):
+        raise DeclarationError(
+            f"folded_canards takes a folded singularity. Got {type(singularity).__name__}. "
+            "Find them with folded_singularities(system, region=...)."
+        )
+    frame = frame_at(singularity, epsilon=check_epsilon(epsilon))
+    plane = section_of(frame, section)
+    lines = [
+        None if line is None else line_of(frame, line, what=what)
+        for line, what in ((attracting, "attracting"), (repelling, "repelling"))
+    ]
+    try:
+        builders = [
+            SheetBuilder(frame, plane, attracting=side, line=line) for side, line in zip((True, False), lines)
+        ]
+        sheets = [builder.build() for builder in builders]
+    except SheetNotFound as error:
+        raise CanardOrbitError(
+            f"{error} Take a smaller {frame.system.epsilon}, or another line nearer to the fold, on the same sheet."
+        ) from None
+    finder = _Finder(frame, plane, builders, sheets)
+    canards, unresolved = finder.find()
+    return CanardOrbits(
+        system=frame.system,
+        singularity=singularity,
+        epsilon=frame.epsilon,
+        canards=tuple(canards),
+        attracting=sheets[0],
+        repelling=sheets[1],
+        expected=singularity.secondary_canards,
+        unresolved=unresolved,
+        frame=frame,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """A crossing with its orbit, the share of its time at the section, and the state there."""
+
+    crossing: Crossing
+    orbit: OrbitSegment
+    share: float
+    state: np.ndarray
+
+
+class _Finder:
+    """Solves the crossings of two sheets and names them."""
+
+    def __init__(self, frame: Frame, section: Plane, builders: list[SheetBuilder], sheets: list[Sheet]) -> None:
+        self.frame, self.section, self.builders, self.sheets = frame, section, builders, sheets
+        self.lines = (builders[0].line, builders[1].line)
+        self.solver = CanardSolver(frame, self.lines)
+        self.scale = builders[0].scale
+        self.columns = [builders[0].other, 2]
+
+    def find(self) -> tuple[list[Canard], int]:
+        """The canards, and how many crossings were left because rounding hides their turns."""
+        solved = [s for s in map(self._solved, crossings(*self.sheets)) if s is not None]
+        axis, weak = self._axis(solved)
+        canards, unresolved, index = [], 0, -1
+        for each in solved:
+            if each is weak:
+                canards.append(self._canard(each, CanardKind.WEAK, None, None))
+                continue
+            turns = half_turns(each.orbit, each.share, axis, self.section, self.frame.width)
+            if turns is None:
+                unresolved += 1
+                continue
+            # A crossing that was missed shows in the turns; turns that rounding or a bent axis hides, in the order.
+            index = max(index + 1, (turns - 1) // 2)
+            kind = CanardKind.STRONG if index == 0 else CanardKind.SECONDARY
+            canards.append(self._canard(each, kind, index, turns))
+        return canards, unresolved
+
+    def _solved(self, crossing: Crossing) -> _Solved | None:
+        guess = guess_at(crossing, *self.sheets)
+        orbit = self.solver.solve(guess)
+        if orbit is None:
+            return None
+        near = self.sheets[0].segments[crossing.attracting[0]].time / guess.time
+        met = section_crossing(orbit, self.section, near)
+        # Newton's method may leave for another canard: it is found at its own crossing.
+        off = np.inf if met is None else np.abs((met[1][self.columns] - crossing.place) / self.scale).max()
+        return None if met is None or off > 0.1 else _Solved(crossing, orbit, *met)
+
+    def _axis(self, solved: list[_Solved]) -> tuple[tuple[OrbitSegment, OrbitSegment], _Solved | None]:
+        """The weak canard up to the section and beyond: the innermost crossing, or the sheets' innermost orbits."""
+        inner = []
+        for builder, sheet in zip(self.builders, self.sheets):
+            segment = sheet.segments[0]
+            inner.append(builder.polished(segment, precision=AXIS_PRECISION) or segment)
+        axis = (inner[0], inner[1])
+        if not solved:
+            return axis, None
+        last = solved[-1]
+        passed = any(sheet.inner is SheetEnd.PASSED for sheet in self.sheets)
+        off = deviation(last.orbit, last.share, axis, self.section, WEAK_REACH * self.frame.unit)
+        if not passed and off > WEAK_DISTANCE * self.frame.width:
+            return axis, None
+        return split(last.orbit, last.share), last
+
+    def _canard(self, solved: _Solved, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
+        orbit, finer = solved.orbit, self.solver.finer(solved.orbit)
+        again = None if finer is None else section_crossing(finer, self.section, solved.share)
+        error = np.inf
+        if again is not None:
+            error = float(np.abs((again[1] - solved.state)[self.columns] / self.scale).max())
+        gap = (solved.state[self.columns] - solved.crossing.place) / self.scale
+        return Canard(
+            system=self.frame.system,
+            epsilon=self.frame.epsilon,
+            kind=kind,
+            index=index,
+            half_turns=turns,
+            point=named_point(self.frame, solved.state),
+            time_before=solved.share * orbit.time,
+            time_after=(1.0 - solved.share) * orbit.time,
+            crossing_gap=float(np.abs(gap).max()),
+            residual=self.solver.solver.defect(orbit),
+            error=error,
+            orbit=orbit,
+            attracting_line=self.lines[0],
+            repelling_line=self.lines[1],
+            section=self.section,
+            frame=self.frame,
+        )
+
+
+def _names(indices: list[int]) -> str:
+    ends = [_name(indices[0]), _name(indices[-1])]
+    return ends[0] if len(indices) == 1 else f"{ends[0]} to {ends[1]}"
+
+
+def _name(index: int) -> str:
+    return "gamma_0" if index == 0 else f"xi_{index}"
