@@ -301,9 +301,11 @@ def integrate_many(
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
     compiled = compile_flow(flow)
+    sparse = None if chosen is Method.DOP853 else compiled.decomposition
     # Addresses are asked for here: two threads would compile twice.
     shared = (
         _INDEX[kernel], compiled.field, 0 if chosen is Method.DOP853 else compiled.jacobian,
+        None if sparse is None else sparse.code,
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
         (border, EXPLICIT_ATTEMPTS),
     )  # fmt: skip

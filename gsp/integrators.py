@@ -211,6 +211,8 @@ def advance(
     """
     kernel, rows, shapes = KERNELS[method]
     jacobian = 0 if method is Method.DOP853 else compiled.jacobian
+    sparse = None if method is Method.DOP853 else compiled.decomposition
+    elimination = None if sparse is None else sparse.code
     n = y.size
     memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
     memory[ledger.TIME] = first
@@ -234,7 +236,7 @@ def advance(
         while True:
             code = kernel(
                 compiled.field, jacobian, p, stops, rtol, atol, max_steps,
-                y, rate, memory, counters, times, states, records, shape,
+                y, rate, memory, counters, times, states, records, shape, elimination,
             )  # fmt: skip
             new = int(counters[ledger.STEPS]) - kept
             if watch is not None and watch(times[:new], states[:new], records[:new]):

@@ -24,6 +24,7 @@ from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.flow import Flow, check_epsilon
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.straight_line import FEWEST_STATES, Decomposition, decompose
 
 _DOUBLE = ir.DoubleType()
 _POINTER = _DOUBLE.as_pointer()
@@ -146,6 +147,14 @@ class CompiledFlow:
         return self._compiled(
             [derivative(rate, state) for rate in self.flow.rates for state in self.flow.states]
         )
+
+    @cached_property
+    def decomposition(self) -> Decomposition | None:
+        """LU decomposition for the zeros of the Jacobian, or None where the kernels' loops are as good."""
+        if self.size < FEWEST_STATES:
+            return None
+        entries = [derivative(rate, state) != 0 for rate in self.flow.rates for state in self.flow.states]
+        return decompose([entries[i : i + self.size] for i in range(0, len(entries), self.size)])
 
     @cached_property
     def observables(self) -> CompiledFunction:

@@ -80,6 +80,11 @@ class Decomposition:
         """Doubles that `factorise` fills: the entries of L and U, and the flag."""
         return len(self.elimination.position) + 1
 
+    @property
+    def code(self) -> tuple[int, int, int, int, int]:
+        """What a kernel takes: the size and the four addresses."""
+        return self.size, self.factorise, self.solve, self.factorise_complex, self.solve_complex
+
 
 def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
     """The elimination with pivots on the diagonal in Markowitz's order; `pattern` (n, n) says what is not zero.

@@ -6,8 +6,15 @@ import ctypes
 
 import numpy as np
 import pytest
+import sympy as sp
 
+from gsp.ensemble import integrate_many
+from gsp.errors import Status
+from gsp.integrators import Method
+from gsp.lowering import compile_flow
 from gsp.straight_line import FEWEST_STATES, Decomposition, decompose, eliminate
+from gsp.system import SlowFastSystem, VectorField
+from gsp.trajectory import integrate
 
 POINTER = ctypes.POINTER(ctypes.c_double)
 FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_double, POINTER, POINTER, POINTER)
@@ -128,3 +135,71 @@ def test_small_and_dense_patterns_are_left_to_the_loops():
 
 def test_one_pattern_is_compiled_once():
     assert decompose(ring(5)) is decompose(ring(5).tolist())
+
+
+# In an integration
+
+
+def cells(count: int) -> SlowFastSystem:
+    """A ring of FitzHugh-Nagumo cells."""
+    v, w = sp.symbols(f"v0:{count}"), sp.symbols(f"w0:{count}")
+    fast = {
+        v[i]: v[i] - v[i] ** 3 / 3 - w[i] + sp.Rational(1, 2) + (v[i - 1] - 2 * v[i] + v[(i + 1) % count]) / 10
+        for i in range(count)
+    }
+    slow = {w[i]: v[i] + sp.Rational(7, 10) - sp.Rational(4, 5) * w[i] for i in range(count)}
+    return SlowFastSystem(slow=slow, fast=fast, epsilon=sp.Symbol("epsilon"))
+
+
+def start_of(count: int) -> dict[str, float]:
+    phase = 2 * np.pi * np.arange(count) / count
+    return {f"v{i}": np.cos(phase[i]) for i in range(count)} | {
+        f"w{i}": 0.3 * np.sin(phase[i]) for i in range(count)
+    }
+
+
+def both(flow, start, monkeypatch, **options):
+    """The run with the straight-line code, and with the loops alone."""
+    found = integrate(flow, start=start, **options)
+    assert compile_flow(flow).decomposition is not None
+    monkeypatch.setitem(compile_flow(flow).__dict__, "decomposition", None)
+    return found, integrate(flow, start=start, **options)
+
+
+STIFF = pytest.mark.parametrize("method", [Method.RODAS5P, Method.RADAU5, Method.RADAU9, Method.RADAU13])
+
+
+@STIFF
+def test_a_run_is_that_of_the_loops(method, monkeypatch):
+    sparse, dense = both(
+        cells(4), start_of(4), monkeypatch, span=(0, 3), epsilon=0.01, method=method, rtol=1e-7
+    )
+    assert sparse.stats == dense.stats
+    # At the end, not step by step: the steps' ends differ in the last digits, and at a jump that is much.
+    assert sparse.y[:, -1] == pytest.approx(dense.y[:, -1], abs=1e-9)
+
+
+@STIFF
+def test_pivots_that_cannot_be_trusted_are_left_to_the_loops(method, monkeypatch):
+    # Fast rotations: beside 1e7 on both sides of it the diagonal is small as soon as steps are long.
+    x = sp.symbols("x0:8")
+    rates = {}
+    for a, b in zip(x[::2], x[1::2]):
+        rates[a] = 10**7 * (sp.cos(x[0]) - b)
+        rates[b] = 10**7 * (a - sp.Rational(1, 10) * b)
+    rates[x[0]] = -x[0]
+    flow = VectorField(rates, epsilon=None)
+    start = {s.name: 1.0 for s in x}
+    sparse, dense = both(flow, start, monkeypatch, span=(0, 2), method=method, rtol=1e-6)
+    assert sparse.status is dense.status is Status.SUCCESS
+    assert sparse.stats.steps < 3000
+    assert sparse.y[0, -1] == pytest.approx(np.exp(-2.0), rel=1e-5)
+    assert sparse.y[3, -1] == pytest.approx(np.cos(np.exp(-2.0)), abs=1e-4)
+
+
+def test_members_of_an_ensemble_use_the_same_code():
+    flow, start = cells(4), start_of(4)
+    options = {"span": (0.0, 1.0), "epsilon": 0.01, "rtol": 1e-6}
+    ensemble = integrate_many(flow, [start, {**start, "v0": 0.5}], **options)
+    alone = integrate(flow, start=start, at=[1.0], **options)
+    assert (ensemble.y[0] == alone.y).all()

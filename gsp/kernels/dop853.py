@@ -117,6 +117,7 @@ def dop853(
     states,
     dense,
     shape=None,
+    code=None,
 ):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     shape = shape_of(dense, shape)

@@ -22,17 +22,19 @@ NOT_FINISHED = ledger.RECORD_FULL
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(kernel, field, jacobian, p, stops, control, y, rate, memory, counters, record):
+def _advance(kernel, field, jacobian, code, p, stops, control, y, rate, memory, counters, record):
     rtol, atol, max_steps = control
     times, states, dense = record
     if kernel == RODAS5P:
         return rodas5p(
-            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
-        )
+            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
+            None, code,
+        )  # fmt: skip
     if kernel == RADAU:
         return radau(
-            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
-        )
+            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
+            None, code,
+        )  # fmt: skip
     return dop853(
         field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
     )
@@ -40,8 +42,8 @@ def _advance(kernel, field, jacobian, p, stops, control, y, rate, memory, counte
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _run_member(
-    kernel, field, jacobian, p, stops, before, control, halt, y, kept, counters, rate, memory, record
-):
+    kernel, field, jacobian, elimination, p, stops, before, control, halt, y, kept, counters, rate, memory, record
+):  # fmt: skip
     """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
     times, states, _ = record
     columns, n = kept.shape
@@ -49,7 +51,9 @@ def _run_member(
     while code == ledger.RECORD_FULL and halt[0] == 0:
         begun = counters[ledger.STEPS]
         stop = counters[ledger.NEXT_STOP]
-        code = _advance(kernel, field, jacobian, p, stops, control, y, rate, memory, counters, record)
+        code = _advance(
+            kernel, field, jacobian, elimination, p, stops, control, y, rate, memory, counters, record
+        )
         for row in range(counters[ledger.STEPS] - begun):
             # Steps end on the stops exactly, so that equality is meant here.
             if stop < stops.shape[0] and times[row] == stops[stop]:
@@ -62,7 +66,7 @@ def _run_member(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def run_members(
-    kernel, field, jacobian, constants, first, stops, before, control, mild, low, high, halt,
+    kernel, field, jacobian, elimination, constants, first, stops, before, control, mild, low, high, halt,
     ends, reached, kept, counters, codes, explicit, rate, memory, record, explicit_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
@@ -92,7 +96,7 @@ def run_members(
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
                 code = _run_member(
-                    DOP853, field, jacobian, constants[i], stops, before, limited, halt,
+                    DOP853, field, jacobian, elimination, constants[i], stops, before, limited, halt,
                     ends[i], kept[i], counters[i], rate, memory, explicit_record,
                 )  # fmt: skip
                 used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
@@ -109,7 +113,7 @@ def run_members(
         if not (explicit[i] and kernel != DOP853):
             left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
             code = _run_member(
-                kernel, field, jacobian, constants[i], stops, before, left, halt,
+                kernel, field, jacobian, elimination, constants[i], stops, before, left, halt,
                 ends[i], kept[i], counters[i], rate, memory, record,
             )  # fmt: skip
             for k in range(ledger.STIFF):

@@ -17,7 +17,15 @@ from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.linear_algebra import factorise_inline, solve_inline
+from gsp.kernels.decomposition import (
+    SPARSE,
+    factorise_sparse,
+    factorise_sparse_pair,
+    factors_size,
+    solve_sparse_pair,
+    solve_with,
+)
+from gsp.kernels.linear_algebra import factorise_inline
 from gsp.kernels.radau_tableau import (
     A_COLUMNS,
     DEFECT,
@@ -164,12 +172,30 @@ def _multiply(columns, shape, x, out):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _decompose(jacobian_flat, step, shape, system):
+def _decompose_sparse(code, jacobian_flat, step, shape, system):
+    """Straight-line factors for all eigenvalues; False where there are none, or one cannot be trusted."""
+    stages, _ = sizes(shape)
+    family = (stages - 3) // 2
+    _, _, pivots, _, sparse, sparse_pairs, scratch = system
+    if not factorise_sparse(code, jacobian_flat, EIGENVALUES[family, 0].real / step, scratch, sparse):
+        return False
+    for m in range(stages // 2):
+        shift = EIGENVALUES[family, m + 1] / step
+        if not factorise_sparse_pair(code, jacobian_flat, shift, scratch, sparse_pairs[m]):
+            return False
+    pivots[0] = SPARSE
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _decompose(code, jacobian_flat, step, shape, system):
     """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
     stages, n = sizes(shape)
     family = (stages - 3) // 2
-    real, complexes, pivots, complex_pivots = system
+    real, complexes, pivots, complex_pivots, _, _, _ = system
     pairs = stages // 2
+    if _decompose_sparse(code, jacobian_flat, step, shape, system):
+        return True
     for i in range(n):
         for j in range(n):
             entry = -jacobian_flat[i * n + j]
@@ -206,13 +232,13 @@ def _guess(memory, step, shape, z):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _iterate(field, p, t, step, y, weight, tolerance, shape, system, work, memory):
+def _iterate(code, field, p, t, step, y, weight, tolerance, shape, system, work, memory):
     """Simplified Newton iteration for Z = h A F(Z); (outcome, rounds, factor for the next attempt).
 
     The residual is taken in this form, not multiplied by A^-1: the rises are then exact to rounding.
     """
     stages, n = sizes(shape)
-    real, complexes, pivots, complex_pivots = system
+    real, complexes, pivots, complex_pivots, sparse, sparse_pairs, scratch = system
     z, f, w, b, twist, argument, value = work
     pairs = stages // 2
     family = (stages - 3) // 2
@@ -236,13 +262,16 @@ def _iterate(field, p, t, step, y, weight, tolerance, shape, system, work, memor
         _multiply(T_INVERSE_COLUMNS, shape, w, f)
         for i in range(n):
             value[i] = f[0, i] * twist[0].real
-        solve_inline(real, pivots, value, shape)
+        solve_with(code, sparse, real, pivots, value, shape)
         for i in range(n):
             f[0, i] = value[i]
         for m in range(pairs):
             for i in range(n):
                 b[i] = twist[m + 1] * complex(f[2 * m + 1, i], f[2 * m + 2, i])
-            _solve_complex(complexes, m, complex_pivots, b, shape)
+            if pivots[0] == SPARSE:
+                solve_sparse_pair(code, sparse_pairs[m], scratch, b)
+            else:
+                _solve_complex(complexes, m, complex_pivots, b, shape)
             for i in range(n):
                 f[2 * m + 1, i] = b[i].real
                 f[2 * m + 2, i] = b[i].imag
@@ -341,6 +370,7 @@ def radau(
     states,
     dense,
     shape=None,
+    code=None,
 ):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     shape = shape_of(dense, shape)
@@ -363,7 +393,10 @@ def radau(
     twist = np.empty(1 + stages // 2, np.complex128)
     pivots = np.empty(n, np.int64)
     complex_pivots = np.empty((stages // 2, n), np.int64)
-    system = (real, complexes, pivots, complex_pivots)
+    sparse = np.empty(factors_size(code))
+    sparse_pairs = np.empty((stages // 2, 2 * factors_size(code)))
+    scratch = np.empty(2 * n)
+    system = (real, complexes, pivots, complex_pivots, sparse, sparse_pairs, scratch)
     work = (z, f, w, b, twist, argument, value)
 
     controlled = rtol ** TRANSFORM[family]
@@ -410,12 +443,12 @@ def radau(
         factor = FAILURE_FACTOR
         safety = SAFETY
         failure = ledger.STEP_TOO_SMALL
-        if not _decompose(jacobian_flat, step, shape, system):
+        if not _decompose(code, jacobian_flat, step, shape, system):
             failure = ledger.SINGULAR_JACOBIAN
         else:
             _guess(memory, step, shape, z)
             outcome, rounds, factor = _iterate(
-                field, p, t, step, y, weight, tolerance, shape, system, work, memory
+                code, field, p, t, step, y, weight, tolerance, shape, system, work, memory
             )
             counters[ledger.FIELD_CALLS] += rounds * stages
             most = 7 + 5 * (stages - 3) // 2
@@ -431,7 +464,7 @@ def radau(
                         total += DENSE[family, 0, a] * z[a, i]
                     slope[i] = total / step
                     defect[i] = rate[i] - slope[i]
-                solve_inline(real, pivots, defect, shape)
+                solve_with(code, sparse, real, pivots, defect, shape)
                 error = _norm(defect, y, y_new, rtol, atol, shape)
                 if error >= 1.0 and (counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1):
                     # (8.20), for a start off the slow manifold.
@@ -441,7 +474,7 @@ def radau(
                     counters[ledger.FIELD_CALLS] += 1
                     for i in range(n):
                         defect[i] -= slope[i]
-                    solve_inline(real, pivots, defect, shape)
+                    solve_with(code, sparse, real, pivots, defect, shape)
                     error = _norm(defect, y, y_new, rtol, atol, shape)
                 # The gap counts in units of the tolerance asked for.
                 error = max(error, gap_share * _gap(z, y, y_new, rtol, atol, shape))

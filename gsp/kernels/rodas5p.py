@@ -14,7 +14,7 @@ from numba.misc.special import literally
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.linear_algebra import factorise_inline, solve_inline
+from gsp.kernels.decomposition import decompose_with, factors_size, solve_with
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, NODES, STAGES, A, C
 from gsp.kernels.shape import shape_of, sizes
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
@@ -38,7 +38,7 @@ GAP_SHARE = 0.3
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _stage(s, shape, field, p, t, h, y, factors, pivots, k, argument, value):
+def _stage(s, shape, code, field, p, t, h, y, sparse, factors, pivots, k, argument, value):
     """Increment s, the row k[s] of `k` (8, n). A literal `s` unrolls the sums."""
     literally(s)
     _, n = sizes(shape)
@@ -57,7 +57,7 @@ def _stage(s, shape, field, p, t, h, y, factors, pivots, k, argument, value):
         for q in range(s):
             total += C[s, q] * k[q, i]
         value[i] += total * inverse
-    solve_inline(factors, pivots, value, shape)
+    solve_with(code, sparse, factors, pivots, value, shape)
     for i in range(n):
         k[s, i] = value[i]
 
@@ -102,6 +102,7 @@ def rodas5p(
     states,
     dense,
     shape=None,
+    code=None,
 ):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     shape = shape_of(dense, shape)
@@ -115,6 +116,8 @@ def rodas5p(
     jacobian_flat = np.empty(n * n)
     factors = np.empty((n, n))
     pivots = np.empty(n, np.int64)
+    sparse = np.empty(factors_size(code))
+    scratch = np.empty(1)
     if not begin(field, p, y, rate, stops[-1], rtol, atol, 5, argument, rate_new, memory, counters):
         return ledger.NON_FINITE
     recorded = 0
@@ -142,11 +145,7 @@ def rodas5p(
             return ledger.STEP_TOO_SMALL
 
         diagonal = 1.0 / (step * GAMMA)
-        for i in range(n):
-            for j in range(n):
-                factors[i, j] = -jacobian_flat[i * n + j]
-            factors[i, i] += diagonal
-        regular = factorise_inline(factors, pivots, shape)
+        regular = decompose_with(code, jacobian_flat, diagonal, sparse, scratch, factors, pivots, shape)
         counters[ledger.DECOMPOSITIONS] += 1
         error = math.inf
         failure = ledger.STEP_TOO_SMALL
@@ -155,16 +154,16 @@ def rodas5p(
         else:
             for i in range(n):
                 value[i] = rate[i]
-            solve_inline(factors, pivots, value, shape)
+            solve_with(code, sparse, factors, pivots, value, shape)
             for i in range(n):
                 k[0, i] = value[i]
-            _stage(1, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(2, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(3, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(4, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(5, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(6, shape, field, p, t, step, y, factors, pivots, k, argument, value)
-            _stage(7, shape, field, p, t, step, y, factors, pivots, k, argument, value)
+            _stage(1, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(2, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(3, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(4, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(5, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(6, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
+            _stage(7, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
             counters[ledger.FIELD_CALLS] += STAGES - 1
             total = 0.0
             for i in range(n):
