@@ -107,6 +107,8 @@ class Prediction:
             ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
         inside = self.sampler.inside(slow, self.region)
         past = self._past_best(order, terms)
+        # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
+        past |= times[alive] > min(self.covered(k) for k in range(order, order + AHEAD + 1))
         errors = self.errors(order, times[alive])
         for i, place in enumerate(alive):
             found[place] = (
