@@ -18,6 +18,7 @@ from gsp.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.errors import BranchError, DeclarationError, GspError, Status
 from gsp.flow import as_points, check_epsilon
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.losses import LossKind
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.orbit_segments import Segments, SegmentSolver
 from gsp.region import Interval, check_region
@@ -188,10 +189,12 @@ class _Work:
     def lost(self) -> SampledManifold:
         """No surface: M0 itself is not normally hyperbolic over the region."""
         verdict = self.verdict
-        if verdict.losses:
-            loss = next((loss for loss in verdict.losses if not loss.is_hyperbolic), verdict.losses[0])
+        # Where the field's domain ends nothing is lost but the branch.
+        losses = [loss for loss in verdict.losses if loss.kind is not LossKind.DOMAIN_END]
+        if losses:
+            loss = next((loss for loss in losses if not loss.is_hyperbolic), losses[0])
             status = Status.NON_FINITE if loss.is_pole else Status.FOLD_REACHED
-            what = "; ".join(loss.headline for loss in verdict.losses[:3])
+            what = "; ".join(loss.headline for loss in losses[:3])
             text = f"the critical manifold is not normally hyperbolic over the region: {what}"
         else:
             failing = next(c for c in verdict.conditions if not c.holds)

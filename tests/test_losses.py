@@ -582,3 +582,16 @@ def test_rates_that_differ_by_more_than_epsilon_are_noted() -> None:
     assert classify(branch, region=UNIT, epsilon=1e-4).notes == ()
     (note,) = classify(branch, region=UNIT, epsilon=1e-2).notes
     assert "differ by a factor 1e+03" in note
+
+
+def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
+    x, y, u, v, epsilon = sp.symbols("x y u v epsilon")
+    plain = SlowFastSystem(slow={x: -x}, fast={y: sp.log(x) - y}, epsilon=epsilon)
+    disguised = SlowFastSystem(
+        slow={u: -u}, fast={v: sp.log(2 * u) - sp.Rational(3, 2) * (v + u)}, epsilon=epsilon
+    )
+    for system, name in ((plain, "x"), (disguised, "u")):
+        found = classify(solve_critical(system).branches[0], region={name: (-1, 1)})
+        assert [loss.kind for loss in found.losses] == [LossKind.DOMAIN_END]
+        assert found.losses[0].point[name] == pytest.approx(0.0, abs=1e-6)
+        assert not found.losses[0].may_reduce

@@ -1,4 +1,4 @@
-"""Where a sheet ends although no eigenvalue was found on the axis: a switching surface, or a reason not found."""
+"""Where a sheet ends although no eigenvalue was found on the axis: a switching surface, the domain, or none found."""
 
 from __future__ import annotations
 
@@ -17,6 +17,14 @@ HALVINGS = 24
 # A switching function is zero at an end below this, relative to its size over the samples.
 AT_END = 1e-4
 
+# The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the samples.
+HYPERBOLIC = 1e-3
+
+DOMAIN = Verdict(
+    "the field has no real value beyond; orbits that get there leave the model",
+    False,
+    "shrink the region to the domain of the field",
+)
 SURFACE = Verdict(
     "the equilibria end at a switching surface: orbits cross it or slide along it",
     False,
@@ -60,6 +68,9 @@ def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
             return diagnosis.loss(
                 end, kinds.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
             )
+    usual = float(np.median(np.abs(sampler.eigenvalues(diagnosis.samples)).min(axis=1)))
+    if value > HYPERBOLIC * usual:
+        return diagnosis.loss(end, kinds.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
     note = "no zero eigenvalue, pole or switching surface was found where it ends"
     return diagnosis.loss(
         end, kinds.END, LossKind.DEGENERATE, "least |lambda|", value, consequences.DEGENERATE, note=note

@@ -35,6 +35,7 @@ class LossKind(StrEnum):
     HIDDEN_TIME_SCALE = "hidden time scale"
     CENTRE = "centre"
     DEGENERATE = "degenerate point"
+    DOMAIN_END = "end of the field's domain"
     NON_SMOOTH = "non-smooth right-hand side"
     BRANCH_POLE = "pole of the branch"
     FIELD_POLE = "pole of the field"
