@@ -595,3 +595,34 @@ def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
         assert [loss.kind for loss in found.losses] == [LossKind.DOMAIN_END]
         assert found.losses[0].point[name] == pytest.approx(0.0, abs=1e-6)
         assert not found.losses[0].may_reduce
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize(
+    ("fast", "kind"),
+    [
+        ({y: 1 / x - y, z: y - z}, LossKind.BRANCH_POLE),
+        ({y: (x - y) / (x - sp.Rational(1, 4)), z: y - z}, LossKind.FIELD_POLE),
+        ({y: z / 2 + x, z: y - x * z}, LossKind.NEUTRAL_SADDLE),
+    ],
+)
+def test_poles_and_neutral_saddles_keep_their_names_in_disguise(fast, kind, seed) -> None:
+    for twist in (None, seed):
+        case = Case({x: sp.Integer(1)}, fast, {}, {"x": (-1, 1)}, kind)
+        if twist is not None:
+            T = invertible(2, twist)
+            back = dict(zip((y, z), T.inv() * sp.Matrix([y, z])))
+            rates = (T * sp.Matrix([fast[y], fast[z]])).subs(back, simultaneous=True)
+            case = Case(
+                {x: sp.Integer(1)}, dict(zip((y, z), map(sp.together, rates))), {}, {"x": (-1, 1)}, kind
+            )
+        verdict = classify(solve_critical(case.system).branches[0], region=case.region)
+        if kind is LossKind.NEUTRAL_SADDLE:
+            # Not a loss: two real eigenvalues of opposite sign. Their sum is zero where the trace, -x, is.
+            assert not verdict.losses
+            found = [loss for loss in verdict.looked_at if loss.kind is kind]
+        else:
+            found = [loss for loss in verdict.losses if loss.kind is kind]
+        assert len(found) == 1, verdict
+        expected = 0.25 if kind is LossKind.FIELD_POLE else 0.0
+        assert found[0].point["x"] == pytest.approx(expected, abs=1e-6)
