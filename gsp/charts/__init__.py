@@ -21,6 +21,7 @@ from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
+from gsp.charts.relaxation import mixed_mode, singular_orbit
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
@@ -51,11 +52,13 @@ __all__ = [
     "heading_of",
     "manifold",
     "method_errors",
+    "mixed_mode",
     "path",
     "phase_portrait",
     "png",
     "save",
     "shape",
+    "singular_orbit",
     "spread",
     "surroundings",
     "switches",
