@@ -17,9 +17,8 @@ def main() -> None:
         small = mu**-2
         full = gsp.periodic_orbit(oscillator, start=start, epsilon=small)
         left = (full.period - orbit.period(small)) / small
-        print(
-            f"mu = {mu}: period {mu * full.period:.10f}, expected {mu * orbit.period(small):.6f}, left {left:.3f} epsilon"
-        )
+        expected = mu * orbit.period(small)
+        print(f"mu = {mu}: period {mu * full.period:.10f}, expected {expected:.6f}, left {left:.3f} epsilon")
 
     for k, small in ((-6, 0.1), (sp.Rational(-13, 2), 0.1), (-7, 0.05)):
         koper = gsp.SlowFastSystem(
