@@ -257,7 +257,13 @@ def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float,
             rows, columns = slice(k * m, k * m + m), slice(before * m, before * m + m)
             matrix[rows, columns] -= transfers[before]
             right[rows] += shifts[before]
-        xi = np.linalg.solve(matrix, right).reshape(count, m)
+        try:
+            xi = np.linalg.solve(matrix, right).reshape(count, m)
+        except np.linalg.LinAlgError:
+            raise GspError(
+                "closed singular orbits fill a family here: to first order a shift of the landing point comes back as "
+                "it was. The period of the full system is not that of one of them."
+            ) from None
         result.append(float(sum(times) + sum(g @ x for g, x in zip(gradients, xi))))
     return result[0], result[1], result[2]
 

@@ -80,6 +80,11 @@ def surroundings(analysis: Analysis) -> Axes:
     return critical_curve(found)
 
 
+def _failures(analysis: Analysis) -> Axes:
+    assert analysis.failures is not None
+    return failure_map(analysis.failures, stacked=True)
+
+
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     """The charts that say something about this analysis, by name, in the order of a report."""
     charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
@@ -95,7 +100,11 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["distance"] = distance
     charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
     charts["time_series"] = time_series
+    if analysis.scene.path is None:
+        charts["convergence"] = convergence
+    if analysis.failures is not None:
+        charts["failure_map"] = _failures
     if analysis.scene.path is not None:
-        charts["path"] = path
-    charts["convergence"] = convergence
+        # The path has a section of its own, the last.
+        charts |= {"path": path, "convergence": convergence}
     return charts
