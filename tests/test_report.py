@@ -283,6 +283,7 @@ def test_numbers_and_words_are_set():
     assert number(float("nan")) == "–"
     assert scientific(1.234e-7) == "1.23×10<sup>−7</sup>"
     assert words("at y = 0.9, b = 2.38e-10") == "at <i>y</i> = 0.9, <i>b</i> = 2.38×10<sup>−10</sup>"
+    assert words("x = -1: a b = -0.5 < 0") == "<i>x</i> = −1: <i>a b</i> = −0.5 &lt; 0"
     assert first_sentence("no fold: b = l . g_x f. Use 1. Or 2.") == "no fold: b = l . g_x f"
     assert signed(-0.5) == "− 0.5"
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
