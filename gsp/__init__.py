@@ -21,6 +21,8 @@ The pipeline, each verb taking the frozen noun of the one before:
     project                       where a start off the manifold lands: its fast fibre's base point
     composite                     the initial layer and the slow flow in one approximation
     fold_passage                  through a fold: delay, drop and exit
+    singular_orbit                relaxation in the limit, and its period through epsilon ln epsilon
+    mixed_mode                    large and small swings of a run, counted
     entry_exit                    how long an orbit stays on a branch that has lost its stability
     method_table                  the classical methods side by side
     compare                       the reduced flow against full trajectories

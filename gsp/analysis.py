@@ -12,10 +12,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gsp.boundary import Boundary, boundary_of
 from gsp.choice import Choice, choose
 from gsp.comparison import Comparison, compare, on_manifold
-from gsp.continuation import CriticalCurve, CriticalSheet, continue_critical, critical_sheet
+from gsp.continuation import CriticalCurve, CriticalSheet
 from gsp.errors import DeclarationError, GspError, HyperbolicityError
+from gsp.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
+from gsp.failures import WIDENED as REACH
 from gsp.fibres import BasePoint, project
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.placement import Placement, place
@@ -34,8 +37,9 @@ PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
 LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
 LAYER_TIMES = 12.0
 FOLLOWED = 0.3
-# The critical manifold is shown in a box wider than the region by so many of its widths on every side.
-WIDENED = 1.5
+# The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
+MAP = (11, 25, 8)
+MAP_ORDERS = (0, 1, 2)
 PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "matplotlib")
 
 
@@ -48,9 +52,9 @@ class Analysis:
     reduced run of order 0 and `reduced` of the highest order, started at the `base` point of the fast fibre through
     the scene's start (or over the same slow variables when there is none, for the `base_reason`). `ladder` holds full
     runs at the pictured epsilons, `landing` runs that start off the slow manifold (empty unless it attracts).
-    `surroundings` is the critical manifold through its folds in a box around the region, for implicit branches over
-    one or two slow variables. `choice` is the cheapest model that meets the scene's tolerance. `timings` are seconds
-    per stage, `versions` of what computed it.
+    `boundary` holds the folds around the region and what follows from them. `choice` is the cheapest model that meets
+    the scene's tolerance, `failures` a coarse failure map (None for the `failures_reason`). `timings` are seconds per
+    stage, `versions` of what computed it.
     """
 
     scene: Scene
@@ -67,8 +71,10 @@ class Analysis:
     landing: tuple[Trajectory, ...]
     base: BasePoint | None
     base_reason: str
-    surroundings: CriticalCurve | CriticalSheet | None
+    boundary: Boundary
     choice: Choice
+    failures: FailureMap | None
+    failures_reason: str
     timings: Mapping[str, float]
     versions: Mapping[str, str]
 
@@ -76,6 +82,11 @@ class Analysis:
     def flow(self) -> ReducedFlow:
         """The reduced flow of order 0, in the coordinates of the critical manifold."""
         return restrict(self.series, order=0)
+
+    @property
+    def surroundings(self) -> CriticalCurve | CriticalSheet | None:
+        """The critical manifold through its folds in a box around the region, where it was followed."""
+        return self.boundary.surroundings
 
     def __repr__(self) -> str:
         return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {self.comparison!r})"
@@ -85,7 +96,7 @@ class Analysis:
         return "\n\n".join([*parts, str(self.hyperbolicity), str(self.series), str(self.comparison)])
 
 
-STAGES = ("split", "hyperbolicity", "series", "comparison", "choice", "trajectories")
+STAGES = ("split", "hyperbolicity", "boundary", "series", "comparison", "choice", "failures", "trajectories")
 
 
 def analyse(
@@ -120,7 +131,8 @@ def analyse(
     with stage("hyperbolicity"):
         hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
         _require_hyperbolic(hyperbolicity)
-        around = surroundings(placement)
+    with stage("boundary"):
+        ends = boundary_of(placement, hyperbolicity)
     with stage("series"):
         series = expand(placement.branch, order=order)
         shown = series.readable(READABLE)
@@ -130,6 +142,8 @@ def analyse(
     with stage("choice"):
         # Solving the manifold would take most of the report's time.
         choice = choose(scene, orders=orders, solve=False)
+    with stage("failures"):
+        failures, failures_reason = _failures(placement, lambda share: report("failures", share))
     with stage("trajectories"):
         base, base_reason = _base_point(scene, placement, series, hyperbolicity)
         runs = _runs(scene, placement, series, base)
@@ -145,8 +159,10 @@ def analyse(
         landing=landing,
         base=base,
         base_reason=base_reason,
-        surroundings=around,
+        boundary=ends,
         choice=choice,
+        failures=failures,
+        failures_reason=failures_reason,
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
         **runs,
@@ -164,23 +180,30 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     )
 
 
-def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
-    """M0 through its folds in a box around the region; None for explicit branches and more than two slow variables."""
-    system, branch = placement.system, placement.branch
-    if branch.is_explicit or len(system.x) > 2:
-        return None
-    bounds = {
-        name: (low - WIDENED * (high - low), high + WIDENED * (high - low))
-        for name, (low, high) in placement.region.items()
-    }
-    x = np.array([[placement.start[s.name] for s in system.x]])
-    values = np.concatenate([x[0], branch.points(x)[0]])
-    start = {s.name: float(value) for s, value in zip(system.states, values)}
-    if len(system.x) == 1:
-        return continue_critical(system, start=start, bounds=bounds)
-    if not all(y.name in bounds for y in system.y):
-        return None
-    return critical_sheet(system, start=start, bounds=bounds)
+def _failures(placement: Placement, progress: Callable[[float], object]) -> tuple[FailureMap | None, str]:
+    """A failure map over the region and half as much on either side, or None and why there is none."""
+    scene = placement.scene
+    axis = next((s.name for s in placement.system.x if s.name in placement.region), None)
+    if axis is None:
+        return None, "the region bounds no slow variable"
+    low, high = placement.region[axis]
+    room = REACH * (high - low)
+    epsilons, positions, tolerances = MAP
+    try:
+        found = failure_map(
+            scene,
+            axis=axis,
+            positions=np.linspace(low - room, high + room, positions).tolist(),
+            epsilons=np.geomspace(
+                min(scene.epsilons) / BEYOND, max(scene.epsilons) * BEYOND, epsilons
+            ).tolist(),
+            tolerances=np.geomspace(LOOSEST, TIGHTEST, tolerances).tolist(),
+            orders=MAP_ORDERS,
+            progress=progress,
+        )
+    except GspError as error:
+        return None, str(error)
+    return found, ""
 
 
 def _base_point(

@@ -177,7 +177,7 @@ def folds(model: str, as_json: bool) -> None:
     In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
     coefficients of v' = b dx + a v^2 along the null direction.
     """
-    from gsp.analysis import surroundings
+    from gsp.boundary import surroundings
     from gsp.continuation import CriticalCurve
     from gsp.placement import place
 

@@ -106,6 +106,37 @@ class FailureMap:
         """The same over tolerances (k, l)."""
         return _least(self.demands, self.orders)
 
+    def holds_up_to(self, order: int, *, between: tuple[float, float]) -> float:
+        """The largest of `epsilons` up to which the reduced flow of `order` holds at all positions in the interval.
+
+        Zero when it does not hold at the smallest. Positions count as inside to rounding. Raises `DeclarationError` for
+        an order that is not in the map, and when no position is in the interval.
+        """
+        self._require(order)
+        slack = 1e-9 * float(np.ptp(self.positions))
+        inside = (self.positions >= between[0] - slack) & (self.positions <= between[1] + slack)
+        if not inside.any():
+            raise DeclarationError(
+                f"no position of the map lies between {between[0]:g} and {between[1]:g}. Got positions from "
+                f"{self.positions[0]:g} to {self.positions[-1]:g}. Widen the interval."
+            )
+        return _up_to(self.epsilons, np.all(self.places[reduced_name(order)].holds[:, inside], axis=1))
+
+    def holds_over_span(self, order: int, *, tolerance: float | None = None) -> float:
+        """The largest of `epsilons` up to which it meets `tolerance`, the map's own unless given, over the span."""
+        self._require(order)
+        bound = self.tolerance if tolerance is None else tolerance
+        errors = self.demands[reduced_name(order)].measure[:, 0]
+        with np.errstate(invalid="ignore"):
+            holds = np.isfinite(errors) & (errors <= bound)
+        return _up_to(self.epsilons, holds)
+
+    def _require(self, order: int) -> None:
+        if order not in self.orders:
+            raise DeclarationError(
+                f"the map has the orders {', '.join(map(str, self.orders))}. Got {order!r}. Ask for one of them."
+            )
+
     def as_rows(self) -> list[dict[str, object]]:
         """One dictionary for each cell and method, of numbers and text, for JSON or CSV."""
         return [
@@ -159,6 +190,7 @@ def failure_map(
     axis: str | None = None,
     positions: Sequence[float] | None = None,
     epsilons: Sequence[float] | None = None,
+    tolerances: Sequence[float] | None = None,
     orders: Sequence[int] = ORDERS,
     tolerance: float | None = None,
     progress: Callable[[float], object] | None = None,
@@ -166,7 +198,8 @@ def failure_map(
     """Run every method over a grid of epsilons, positions and tolerances, and note where it holds.
 
     `positions` are values of the slow variable `axis` (the first that the region bounds), by default over its interval
-    and half as much on either side; `epsilons` by default reach ten times beyond the scene's ladder. The methods:
+    and half as much on either side; `epsilons` by default reach ten times beyond the scene's ladder; `tolerances` go
+    from 1e-1 to 1e-12. The methods:
 
     - Newton's method for M0, from the fast variables at the scene's start: reaches the branch's own sheet;
     - the slow manifold, by the zero-derivative principle: a full run from it stays on it to `tolerance`;
@@ -190,14 +223,14 @@ def failure_map(
     name = _axis(placement, axis)
     along = _positions(placement, name, positions)
     ladder = _epsilons(scene, epsilons)
+    asked = _tolerances(tolerances)
     series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
     survey = _Survey(placement, series, name, along, ladder, wanted, allowed)
     for i in range(ladder.size):
         survey.visit(i)
         if progress is not None:
             progress(0.8 * (i + 1) / ladder.size)
-    tolerances = np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
-    demands = _demands(placement, ladder, tolerances, wanted)
+    demands = _demands(placement, ladder, asked, wanted)
     if progress is not None:
         progress(1.0)
     return FailureMap(
@@ -205,13 +238,13 @@ def failure_map(
         axis=name,
         epsilons=ladder,
         positions=along,
-        tolerances=tolerances,
+        tolerances=asked,
         tolerance=allowed,
         orders=wanted,
         places=survey.claims(),
         demands={claim.method: claim for claim in demands},
         best_order=survey.best_order,
-        runs=survey.runs + ladder.size * (2 * TOLERANCES + len(wanted) + 2),
+        runs=survey.runs + ladder.size * (2 * asked.size + len(wanted) + 2),
     )
 
 
@@ -432,6 +465,12 @@ def _demands(
     yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
 
 
+def _up_to(epsilons: np.ndarray, holds: np.ndarray) -> float:
+    """The largest epsilon below which all hold; zero when the smallest does not."""
+    count = int(np.argmin(holds)) if not holds.all() else holds.size
+    return float(epsilons[count - 1]) if count else 0.0
+
+
 def _least(claims: Mapping[str, Claim], orders: tuple[int, ...]) -> np.ndarray:
     result: np.ndarray | None = None
     for n in reversed(orders):
@@ -475,6 +514,15 @@ def _positions(placement: Placement, axis: str, positions: Sequence[float] | Non
     values = np.unique(np.asarray(positions, dtype=float))
     if values.size < 2 or not np.isfinite(values).all():
         raise DeclarationError(f"positions are two finite numbers or more. Got {positions!r}.")
+    return values
+
+
+def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
+    if tolerances is None:
+        return np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
+    values = np.unique([check_epsilon(t, what="every tolerance") for t in tolerances])[::-1]
+    if values.size < 2:
+        raise DeclarationError(f"tolerances are two numbers or more. Got {tolerances!r}. Try (1e-2, 1e-6).")
     return values
 
 

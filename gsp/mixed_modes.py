@@ -17,6 +17,7 @@ import sympy as sp
 from gsp.errors import DeclarationError, nearest
 from gsp.events import Event
 from gsp.flow import Flow, Point
+from gsp.integrators import check_span
 from gsp.trajectory import Trajectory, integrate
 
 # Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
@@ -73,21 +74,30 @@ def mixed_mode(
 ) -> MixedMode:
     """Count large and small swings of the state `name` along a run of `flow`, after the share `settle` of the span.
 
-    Raises `DeclarationError` for a name that is no state or a share outside [0, 1), and what `integrate` raises. A run
-    that ends early is used as far as it went; its `status` says so.
+    Raises `DeclarationError` for a name that is no state, a share outside [0, 1) or a span that does not ascend, and
+    what `integrate` raises. A run that ends early is used as far as it went; its `status` says so.
 
     >>> x, y, epsilon = sp.symbols("x y epsilon")
     >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
     >>> mixed_mode(system, "x", start={"x": 2, "y": 0.6}, span=(0, 30), epsilon=0.01).signature
     '1^0'
     """
+    if not isinstance(flow, Flow):
+        raise DeclarationError(
+            f"mixed modes are those of a SlowFastSystem, a VectorField or a ReducedFlow. Got {type(flow).__name__}."
+        )
     names = [s.name for s in flow.states]
     if name not in names:
         raise DeclarationError(
-            f"{name!r} is no state. The states are {', '.join(names)}." + nearest(name, names)
+            f"{name!r} is no state's name. The states are {', '.join(names)}." + nearest(str(name), names)
         )
-    if not 0.0 <= settle < 1.0:
+    if isinstance(settle, bool) or not isinstance(settle, (int, float)) or not 0.0 <= settle < 1.0:
         raise DeclarationError(f"settle is a share of the span, from 0 to below 1. Got {settle!r}.")
+    begun, ended = check_span(span)
+    if ended <= begun:
+        raise DeclarationError(
+            f"swings are counted forward in time. Got span = {span!r}. Give (t0, t1) with t0 < t1."
+        )
     rate = flow.rates[names.index(name)]
     if flow.epsilon is not None:
         # Its zeros are those of the rate; without a pole in epsilon they are located to the same share of its size.
@@ -98,7 +108,7 @@ def mixed_mode(
     (high_t, high), (low_t, low) = (
         (run.events[which].times, run.events[which].states[column]) for which in ("maximum", "minimum")
     )
-    begin = span[0] + settle * (span[1] - span[0])
+    begin = begun + settle * (ended - begun)
     after = (high_t >= begin) & (np.searchsorted(low_t, high_t) > 0)
     times, tops = high_t[after], high[after]
     sizes = tops - low[np.searchsorted(low_t, times) - 1]

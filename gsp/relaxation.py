@@ -22,11 +22,12 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.branch import Branch
-from gsp.errors import DeclarationError, GspError, Status
-from gsp.flow import Point, check_epsilon, named
+from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status
+from gsp.flow import Point, check_epsilon, complete, named
 from gsp.passage import FoldPassage, PassageError, fold_passage
 from gsp.passage.folds import omega0
 from gsp.reduced import ReducedFlow, restrict
+from gsp.sampling import Sampler
 from gsp.series import expand
 from gsp.trajectory import Trajectory, integrate
 
@@ -36,6 +37,8 @@ PATIENCE = 1e4
 # An orbit closes when a drop lands where an earlier one did, to this, relative to 1 + |x|.
 CLOSED = 1e-8
 MAX_PIECES = 200
+# A fast eigenvalue is zero below this, relative to the largest or to 1.
+ZERO = 1e-8
 # Landing points are shifted by so much, relative to 1 + |x|, to carry the shifts of folds around the orbit.
 SHIFT = 1e-5
 
@@ -127,8 +130,8 @@ def singular_orbit(
     It goes on until it closes up, or until a slow piece ends otherwise than at a generic fold, a drop lands on no
     attracting sheet, or `max_pieces` are used up: `message` says which. `progress` is called with the number of pieces.
 
-    Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point, and
-    what `restrict` and `integrate` raise.
+    Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point,
+    `HyperbolicityError` when the sheet does not attract at the start, and what `restrict` and `integrate` raise.
 
     >>> x, y, epsilon = sp.symbols("x y epsilon")
     >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
@@ -143,6 +146,8 @@ def singular_orbit(
             f"max_pieces is a positive integer. Got {max_pieces!r}. The default serves most uses."
         )
     system = branch.system
+    complete(start, system.states, what="start")
+    _require_attracting(branch, start)
     point: Point = start
     pieces: list[SlowPiece] = []
     landings: list[np.ndarray] = []
@@ -166,6 +171,23 @@ def singular_orbit(
     return SingularOrbit(
         branch, tuple(pieces), 0, f"not closed after {max_pieces} slow pieces; raise max_pieces to go on"
     )
+
+
+def _require_attracting(branch: Branch, start: Point) -> None:
+    """The start's sheet attracts over the start: orbits next to any other leave it before a slow time has passed."""
+    system = branch.system
+    given = named(start, what="start")
+    x = np.array([[given[s.name] for s in system.x]])
+    point = np.concatenate([x, branch.through(start).points(x)], axis=1)
+    values = np.linalg.eigvals(Sampler(branch).fast_jacobian(point)[0])
+    # At a fold one of them is zero to rounding only, of either sign; `integrate` names that start.
+    if values.real.max() > ZERO * np.abs(values).max(initial=1.0):
+        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.states, point[0]))
+        raise HyperbolicityError(
+            f"the sheet under the start does not attract: at {place} the fast eigenvalues are "
+            f"{np.array2string(values, precision=4)}. Start next to an attracting sheet; fast variables of the start "
+            "choose it."
+        )
 
 
 def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, str]:
@@ -235,7 +257,13 @@ def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float,
             rows, columns = slice(k * m, k * m + m), slice(before * m, before * m + m)
             matrix[rows, columns] -= transfers[before]
             right[rows] += shifts[before]
-        xi = np.linalg.solve(matrix, right).reshape(count, m)
+        try:
+            xi = np.linalg.solve(matrix, right).reshape(count, m)
+        except np.linalg.LinAlgError:
+            raise GspError(
+                "closed singular orbits fill a family here: to first order a shift of the landing point comes back as "
+                "it was. The period of the full system is not that of one of them."
+            ) from None
         result.append(float(sum(times) + sum(g @ x for g, x in zip(gradients, xi))))
     return result[0], result[1], result[2]
 

@@ -7,9 +7,10 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.analysis import STAGES, analyse
+from gsp.analysis import STAGES, _failures, analyse
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.hyperbolicity import Kind
+from gsp.placement import place
 from gsp.scene import Scene
 from gsp.system import SlowFastSystem
 
@@ -68,6 +69,35 @@ def test_a_saddle_type_scene_is_analysed_without_landing_runs() -> None:
     analysis = analyse(scene, orders=(0,))
     assert analysis.hyperbolicity.kind is Kind.SADDLE
     assert analysis.landing == ()
+
+
+def test_the_failure_map_is_coarse_and_starts_at_the_region(sleigh) -> None:
+    found = sleigh.failures
+    assert found is not None
+    assert sleigh.failures_reason == ""
+    assert found.places["slow manifold"].measure.shape == (11, 25)
+    assert found.orders == (0, 1, 2)
+    low, high = sleigh.placement.region[found.axis]
+    for n in found.orders:
+        largest = found.holds_up_to(n, between=(low, high))
+        inside = (found.positions > low - 1e-9) & (found.positions < high + 1e-9)
+        holds = found.places[f"reduced flow {n}"].holds[:, inside]
+        assert holds[found.epsilons <= largest].all()
+        assert largest == found.epsilons[-1] or not holds[found.epsilons > largest][0].all()
+    # What the comparison measured agrees with what the map says.
+    ladder = dict(zip(sleigh.comparison.epsilons, sleigh.comparison.errors[2]))
+    largest = found.holds_over_span(2)
+    assert all(error <= found.tolerance for small, error in ladder.items() if small <= largest)
+
+
+def test_a_region_without_slow_bounds_has_a_reason_in_place_of_a_map() -> None:
+    s, x, eps = sp.symbols("s x epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: -x + s}, epsilon=eps)
+    scene = Scene(system, {"s": (0.1, 1)}, {"s": 0.5, "x": 0}, (0, 0.1), 0.01, (0.02, 0.01), 1e-6)
+    placement = replace(place(scene), region={"x": (0, 1)})
+    found, reason = _failures(placement, lambda share: None)
+    assert found is None
+    assert "no slow variable" in reason
 
 
 def test_progress_names_the_stages_in_order() -> None:

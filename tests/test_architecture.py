@@ -93,6 +93,7 @@ LAYERS = [
     "pieces",
     "switching",
     "simulation",
+    "boundary",
     "analysis",
     "charts",
     "report",

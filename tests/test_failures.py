@@ -120,12 +120,50 @@ def test_the_chart_has_both_maps(van_der_pol):
     assert charts.png(axes).startswith(b"\x89PNG")
 
 
+def test_the_largest_epsilon_is_that_below_which_all_holds(van_der_pol):
+    claim = van_der_pol.places[reduced_name(2)].holds
+    inside = (van_der_pol.positions >= 0.0) & (van_der_pol.positions <= 1.0)
+    largest = van_der_pol.holds_up_to(2, between=(0.0, 1.0))
+    assert claim[van_der_pol.epsilons <= largest][:, inside].all()
+    assert not claim[van_der_pol.epsilons > largest][:, inside].all(axis=1)[0]
+    # More room to hold in, more orders, and looser tolerances: no smaller.
+    assert (
+        van_der_pol.holds_up_to(2, between=(-0.5, 1.0))
+        <= largest
+        <= van_der_pol.holds_up_to(3, between=(0.0, 1.0))
+    )
+    assert van_der_pol.holds_over_span(1) <= van_der_pol.holds_over_span(1, tolerance=1e-3)
+    # Beyond the fold there is nothing, at any epsilon.
+    assert van_der_pol.holds_up_to(3, between=(-1.5, -1.0)) == 0.0
+    with pytest.raises(DeclarationError, match="orders 0, 1, 2, 3"):
+        van_der_pol.holds_over_span(7)
+    with pytest.raises(DeclarationError, match="no position"):
+        van_der_pol.holds_up_to(1, between=(5.0, 6.0))
+
+
+def test_tolerances_are_those_asked_for():
+    found = failure_map(
+        models.load("linear"), epsilons=(0.01, 0.02), positions=(0.5, 1.0), tolerances=(1e-6, 1e-3), orders=(0,)
+    )
+    assert found.tolerances.tolist() == [1e-3, 1e-6]
+    assert found.demands[EXPLICIT].measure.shape == (2, 2)
+
+
+@pytest.mark.parametrize("stacked", [False, True])
+def test_the_maps_lie_side_by_side_or_one_below_the_other(van_der_pol, stacked):
+    first, second = charts.failure_map(van_der_pol, stacked=stacked).figure.axes
+    across = [axes.get_subplotspec().colspan.start for axes in (first, second)]
+    assert across == ([0, 0] if stacked else [0, 1])
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"axis": "x"}, "axis is a slow variable"),
         ({"positions": (1.0,)}, "two finite numbers"),
         ({"epsilons": (0.1,)}, "two numbers or more"),
+        ({"tolerances": (0.1,)}, "tolerances are two numbers"),
+        ({"tolerances": (0.1, float("nan"))}, "every tolerance must be"),
         ({"orders": ()}, "orders are non-negative"),
         ({"tolerance": -1.0}, "tolerance must be finite"),
     ],

@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
+from gsp import charts
 from gsp.errors import DeclarationError
 from gsp.mixed_modes import _large, _pattern, mixed_mode
 from gsp.system import SlowFastSystem, VectorField
@@ -84,3 +85,27 @@ def test_bad_input_is_named():
         mixed_mode(koper(-7), "u", start=START, span=(0, 1), epsilon=0.1)
     with pytest.raises(DeclarationError, match="settle"):
         mixed_mode(koper(-7), "x", start=START, span=(0, 1), epsilon=0.1, settle=1.0)
+    with pytest.raises(DeclarationError, match="settle"):
+        mixed_mode(koper(-7), "x", start=START, span=(0, 1), epsilon=0.1, settle=None)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DeclarationError, match="forward in time"):
+        mixed_mode(koper(-7), "x", start=START, span=(1, 0), epsilon=0.1)
+    with pytest.raises(DeclarationError, match="no state's name"):
+        mixed_mode(koper(-7), x, start=START, span=(0, 1), epsilon=0.1)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DeclarationError, match="Got str"):
+        mixed_mode("koper", "x", start=START, span=(0, 1), epsilon=0.1)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_chart_tells_large_from_small():
+    found = mixed_mode(koper(-7), "x", start=START, span=(0, 60), epsilon=0.05)
+    axes = charts.mixed_mode(found)
+    assert axes.get_title(loc="right") == "$1^{2}$"
+    marks = {line.get_label(): len(line.get_xdata()) for line in axes.lines}
+    assert marks["small swing"] == pytest.approx(2 * marks["large swing"], abs=2)
+    assert charts.png(axes).startswith(b"\x89PNG")
+
+
+def test_the_chart_of_a_run_without_swings():
+    at_rest = mixed_mode(koper(-7), "x", start=START, span=(0, 0.01), epsilon=0.1)
+    axes = charts.mixed_mode(at_rest)
+    assert axes.get_title(loc="right") == "no repeating pattern"
+    assert charts.png(axes).startswith(b"\x89PNG")

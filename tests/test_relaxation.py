@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp import charts
 from gsp.critical import solve_critical
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.passage.folds import omega0
 from gsp.periodic import periodic_orbit
 from gsp.relaxation import singular_orbit
@@ -125,3 +126,47 @@ def test_bad_input_is_named():
         singular_orbit(VAN_DER_POL, {"x": 2, "y": 0.6})  # pyright: ignore[reportArgumentType]
     with pytest.raises(DeclarationError, match="max_pieces"):
         orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6}, max_pieces=0)
+
+
+@pytest.mark.parametrize("start", [{"x": 0.1, "y": -0.1}, {"x": 0, "y": 0.6}])
+def test_a_start_over_a_sheet_that_does_not_attract_is_refused(start):
+    with pytest.raises(HyperbolicityError, match=r"does not attract.*fast eigenvalues"):
+        orbit_of(VAN_DER_POL, start)
+
+
+def test_a_saddle_sheet_is_no_start_either():
+    system = SlowFastSystem(slow={y: -y}, fast={x: x - y, w: -w + y}, epsilon=epsilon)
+    with pytest.raises(HyperbolicityError, match="does not attract"):
+        orbit_of(system, {"x": 1, "y": 1, "w": 1})
+
+
+@pytest.mark.parametrize("start", [{"x": 2}, {"x": 2, "y": 0.6, "q": 1}, {"x": float("nan"), "y": 0.6}, None])
+def test_starts_that_are_not_well_formed_are_named(start):
+    branch = solve_critical(VAN_DER_POL).nearest({"x": 2, "y": 0.6})
+    with pytest.raises(DeclarationError, match="start"):
+        singular_orbit(branch, start)
+
+
+def test_a_start_on_the_fold_is_named():
+    with pytest.raises(HyperbolicityError, match="normal hyperbolicity is lost"):
+        singular_orbit(solve_critical(VAN_DER_POL).branches[0], {"x": 1, "y": -2 / 3})
+
+
+def test_the_chart_shows_pieces_drops_and_full_orbits(van_der_pol):
+    full = [periodic_orbit(VAN_DER_POL, start={"x": 2, "y": 0.6}, epsilon=small) for small in (0.1, 0.01)]
+    axes = charts.singular_orbit(van_der_pol, orbits=full)
+    assert charts.png(axes).startswith(b"\x89PNG")
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"slow piece", "drop", "fold", "landing point"} <= set(labels)
+    assert sum("epsilon = " in label for label in labels) == 2
+    # What leads to the cycle is a part of it.
+    assert "what leads to it" not in labels
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$y$", "$x$")
+
+
+def test_the_chart_of_an_open_orbit_and_wrong_names(van_der_pol):
+    system, start = CASES["two slow variables"]
+    orbit = orbit_of(system, start, max_pieces=3)
+    assert charts.png(charts.singular_orbit(orbit, names=("z", "x"))).startswith(b"\x89PNG")
+    with pytest.raises(DeclarationError, match="over a slow variable"):
+        charts.singular_orbit(van_der_pol, names=("x", "y"))

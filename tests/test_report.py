@@ -17,7 +17,7 @@ from gsp.readers.expressions import parse_expression
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
-from gsp.report.wording import number, scientific, words
+from gsp.report.wording import first_sentence, number, scientific, signed, words
 from gsp.scene import Scene
 
 HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
@@ -282,6 +282,10 @@ def test_numbers_and_words_are_set():
     assert number(-0.0123) == "−0.0123"
     assert number(float("nan")) == "–"
     assert scientific(1.234e-7) == "1.23×10<sup>−7</sup>"
+    assert words("at y = 0.9, b = 2.38e-10") == "at <i>y</i> = 0.9, <i>b</i> = 2.38×10<sup>−10</sup>"
+    assert words("x = -1: a b = -0.5 < 0") == "<i>x</i> = −1: <i>a b</i> = −0.5 &lt; 0"
+    assert first_sentence("no fold: b = l . g_x f. Use 1. Or 2.") == "no fold: b = l . g_x f"
+    assert signed(-0.5) == "− 0.5"
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
 
 
@@ -294,6 +298,51 @@ def test_mathematics_keeps_the_order_given_and_signs_are_signs():
     assert series.index("<mi>v</mi>") < series.index("−") < series.index("<mi>O</mi>")
     assert "<mn>3</mn>" in series
     assert "<mn>0</mn>" in setter.power_series([sp.Integer(0)], epsilon)
+
+
+def test_page_and_json_say_where_the_reduction_ends(tmp_path):
+    analysis = analyse(models.load("van_der_pol"))
+    folder = write_report(analysis, tmp_path).parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    Page(text)
+    assert "Where the reduction ends" in text
+    assert "<i>T</i> = 1.61371 + 7.01432" in text
+    assert "2 drops a period" in text
+    assert "gsp chart" in text
+    content = _strict((folder / "report.json").read_text(encoding="utf-8"))
+    (fold,) = content["boundary"]["folds"]
+    assert fold["passage"]["exit"] == pytest.approx(analysis.boundary.folds[0].passage.exit(0.01))
+    assert fold["passage"]["drop"]["point"]["x"] == pytest.approx(-2)
+    assert content["boundary"]["orbit"]["period_coefficients"][0] == pytest.approx(1.613705639)
+    assert content["boundary"]["orbit"]["period"] == pytest.approx(analysis.boundary.orbit.period(0.01))
+    assert len(content["failures"]["least_order"]) == 11
+    assert content["failures"]["holds_over_span"]["2"] > content["failures"]["holds_over_span"]["1"]
+    assert "failure_map.png" in content["figures"]
+
+
+def test_a_page_without_folds_or_map_says_why_and_nothing_more(sleigh, quick, tmp_path):
+    bare = dataclasses.replace(sleigh, failures=None, failures_reason="the <runs> failed. Try again.")
+    folder = write_report(bare, tmp_path / "bare").parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    Page(text)
+    assert "No failure map: the &lt;runs&gt; failed.</p>" in text
+    assert "singular orbit" not in text
+    assert "folded" not in text.lower().split("where the reduction ends")[1]
+    content = _strict((folder / "report.json").read_text(encoding="utf-8"))
+    assert content["failures"] == {"reason": "the <runs> failed. Try again."}
+    assert content["boundary"]["folds"] == []
+
+
+def test_a_canard_point_is_named_with_its_series(quick, tmp_path):
+    x, y, a, epsilon = sp.symbols("x y a epsilon")
+    system = SlowFastSystem(slow={y: a - x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon, parameters={a: 1})
+    region = {"y": (-0.6, 1.2), "x": (1.1, 2.2)}
+    scene = Scene(system, region, {"y": 0.6, "x": 2}, (0, 0.2), 0.01, (0.02, 0.01), 1e-4)
+    text = write_report(analyse(scene, orders=(0, 1)), tmp_path).read_text(encoding="utf-8")
+    Page(text)
+    assert "The maximal canard is at <math>" in text
+    assert "what happens there" in text
+    assert "does not close" in text
 
 
 def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):

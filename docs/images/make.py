@@ -94,9 +94,29 @@ def folded_node() -> None:
         figure.savefig(FOLDER / "folded_node.png", dpi=140)
 
 
+def relaxation() -> None:
+    """The figure of docs/relaxation.md: van der Pol's singular orbit, and Koper's mixed modes."""
+    x, y, z, epsilon = sp.symbols("x y z epsilon")
+    oscillator = gsp.SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
+    start = {"x": 2, "y": 0.6}
+    orbit = gsp.singular_orbit(gsp.solve_critical(oscillator).nearest(start), start)
+    full = [gsp.periodic_orbit(oscillator, start=start, epsilon=small) for small in (0.1, 0.03, 0.01, 0.001)]
+    koper = gsp.SlowFastSystem(
+        slow={y: x - 2 * y + z, z: y - z}, fast={x: -10 * y - x**3 + 3 * x + 7}, epsilon=epsilon
+    )
+    mode = gsp.mixed_mode(koper, "x", start={"x": -1.5, "y": 0.5, "z": 0.5}, span=(0, 80), epsilon=0.05)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        charts.singular_orbit(orbit, left, orbits=full)
+        charts.mixed_mode(mode, right)
+        figure.savefig(FOLDER / "relaxation.png", dpi=140)
+
+
 def main() -> None:
     """Write the pictures beside this file."""
-    for draw in (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion, folded_node):
+    drawn = (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion, folded_node, relaxation)
+    for draw in drawn:
         draw()
 
 

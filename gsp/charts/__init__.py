@@ -21,6 +21,7 @@ from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
+from gsp.charts.relaxation import mixed_mode, singular_orbit
 from gsp.charts.sampling import heading_of, shape
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
@@ -51,11 +52,13 @@ __all__ = [
     "heading_of",
     "manifold",
     "method_errors",
+    "mixed_mode",
     "path",
     "phase_portrait",
     "png",
     "save",
     "shape",
+    "singular_orbit",
     "spread",
     "surroundings",
     "switches",
@@ -77,6 +80,11 @@ def surroundings(analysis: Analysis) -> Axes:
     return critical_curve(found)
 
 
+def _failures(analysis: Analysis) -> Axes:
+    assert analysis.failures is not None
+    return failure_map(analysis.failures, stacked=True)
+
+
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     """The charts that say something about this analysis, by name, in the order of a report."""
     charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
@@ -92,7 +100,11 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["distance"] = distance
     charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
     charts["time_series"] = time_series
+    if analysis.scene.path is None:
+        charts["convergence"] = convergence
+    if analysis.failures is not None:
+        charts["failure_map"] = _failures
     if analysis.scene.path is not None:
-        charts["path"] = path
-    charts["convergence"] = convergence
+        # The path has a section of its own, the last.
+        charts |= {"path": path, "convergence": convergence}
     return charts

@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, chart, mathematics
+from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
 from gsp.failures import EXPLICIT, MANIFOLD, NEWTON, FailureMap
 
 # Light to dark as more orders are needed.
@@ -48,17 +48,21 @@ def failures_by_tolerance(result: FailureMap, axes: Axes) -> None:
     axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
 
 
-def failure_map(result: FailureMap) -> Axes:
-    """Both maps side by side with one legend; the Axes of the left one."""
+def failure_map(result: FailureMap, *, stacked: bool = False) -> Axes:
+    """Both maps with one legend, side by side or `stacked` in a column of a page; the Axes of the first one."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 7.2) if stacked else (9.0, 4.6), layout="constrained")
         FigureCanvasAgg(figure)
-        left, right = figure.subplots(1, 2, sharey=True)
-        failures_along(result, left)
-        failures_by_tolerance(result, right)
-        right.set_ylabel("")
-        figure.legend(handles=_key(result), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
-    return left
+        first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
+        failures_along(result, first)
+        failures_by_tolerance(result, second)
+        if not stacked:
+            second.set_ylabel("")
+        columns = 2 if stacked else 3
+        figure.legend(
+            handles=_key(result), loc="outside upper center", ncols=columns, frameon=False, fontsize=9
+        )
+    return first
 
 
 def _cells(least: np.ndarray, manifold: np.ndarray) -> np.ndarray:

@@ -26,6 +26,7 @@ from gsp.charts.style import (
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage import FoldExit, FoldPassage, MeasuredDelay
+from gsp.system import SlowFastSystem
 
 # Grid points along each axis for the line g = 0.
 LINE = 301
@@ -44,7 +45,7 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
     across, (up, value) = system.x[0].name, exits[0].section
     low_x, high_x, low_y, high_y = _frame(passage, exits, across, up, value)
     if len(system.x) == len(system.y) == 1:
-        _critical_lines(passage, axes, (low_x, high_x), (low_y, high_y))
+        critical_lines(system, axes, (low_x, high_x), (low_y, high_y))
     ladder = sorted(exits, key=lambda found: -found.epsilon)
     for colour, found in zip(LADDER, ladder):
         times = np.linspace(found.run.t[0], min(found.t * 1.02, found.run.t[-1]), 400)
@@ -97,9 +98,16 @@ def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, f
     return ends[0], ends[1], min(back, beyond), max(back, beyond)
 
 
-def _critical_lines(passage: FoldPassage, axes: Axes, xs: tuple[float, float], ys: tuple[float, float]) -> None:
-    """g(x, y, 0) = 0 in the frame, solid where it attracts."""
-    system = passage.system
+def critical_lines(
+    system: SlowFastSystem,
+    axes: Axes,
+    xs: tuple[float, float],
+    ys: tuple[float, float],
+    *,
+    colour: str = INK,
+    width: float = 1.1,
+) -> None:
+    """g(x, y, 0) = 0 of a planar system in the frame, x across, solid where it attracts."""
     g = laurent(system.g[0], system.epsilon, order=0)[0]
     function = compile_function(
         [g, g.diff(system.y[0])],
@@ -120,7 +128,7 @@ def _critical_lines(passage: FoldPassage, axes: Axes, xs: tuple[float, float], y
             drawn = np.where(((slope < 0.0) == stable)[:, None], line, np.nan)
             if np.isfinite(drawn).any():
                 label = None if stable in labelled else f"$M_0$, {'attracting' if stable else 'repelling'}"
-                axes.plot(drawn[:, 0], drawn[:, 1], color=INK, lw=1.1, ls=style, label=label, zorder=2)
+                axes.plot(drawn[:, 0], drawn[:, 1], color=colour, lw=width, ls=style, label=label, zorder=2)
                 labelled.add(stable)
 
 

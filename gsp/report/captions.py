@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import sympy as sp
 from markupsafe import Markup
 
 from gsp.analysis import Analysis
 from gsp.charts import heading_of, shape
 from gsp.continuation import CriticalCurve, CriticalSheet
+from gsp.failures import HORIZON
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 
@@ -134,7 +136,8 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
 def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     if analysis.base is not None:
         listed = Markup(", ").join(
-            Markup("{} = {}").format(name, number(value)) for name, value in analysis.base.items()
+            Markup("{} = {}").format(setter.inline(sp.Symbol(name)), number(value))
+            for name, value in analysis.base.items()
         )
         return Markup(
             "The reduced run starts at the base point of the fast fibre through the start: {}."
@@ -142,6 +145,18 @@ def _reduced_start(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
         "The reduced run starts over the same slow variables ({}), so an offset of order {} may remain."
     ).format(analysis.base_reason, _epsilon(analysis, setter))
+
+
+def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.failures
+    assert found is not None
+    return Markup(
+        "Where each method holds, measured in {} runs. Above: from positions along {}, for {} of the span, to a "
+        "tolerance of {}; below: over the whole span from the start, to any tolerance. Darker: more orders of the "
+        "reduced flow are needed. Hatched: explicit steps take more than four times the field calls of implicit ones."
+    ).format(
+        found.runs, setter.inline(sp.Symbol(found.axis)), f"{100.0 * HORIZON:g}\u00a0%", number(found.tolerance)
+    )
 
 
 def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -158,4 +173,5 @@ _CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
     "critical_manifold": _critical_manifold,
     "eigenvalues": _eigenvalues,
     "time_series": _time_series,
+    "failure_map": _failure_map,
 }

@@ -7,9 +7,14 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+import sympy as sp
+
 from gsp import charts
 from gsp.analysis import Analysis
+from gsp.boundary import FoldOutlook
 from gsp.choice import Choice
+from gsp.failures import Claim
 from gsp.hyperbolicity import Hyperbolicity
 from gsp.losses import Loss
 from gsp.trajectory import Trajectory
@@ -40,6 +45,8 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "hyperbolicity": hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
         "comparison": _comparison(analysis),
         "choice": choice_as_json(analysis.choice),
+        "failures": _failures(analysis),
+        "boundary": _boundary(analysis),
         "parameters": {s.name: float(value) for s, value in system.parameters.items()},
         "epsilon": scene.epsilon,
         "tolerance": scene.tolerance,
@@ -147,6 +154,83 @@ def _comparison(analysis: Analysis) -> dict[str, Any]:
     }
 
 
+def _failures(analysis: Analysis) -> dict[str, Any]:
+    found = analysis.failures
+    if found is None:
+        return {"reason": analysis.failures_reason}
+    between = analysis.placement.region[found.axis]
+    return {
+        "axis": found.axis,
+        "epsilons": found.epsilons,
+        "positions": found.positions,
+        "tolerances": found.tolerances,
+        "tolerance": found.tolerance,
+        "orders": found.orders,
+        "least_order": found.least_order,
+        "least_order_demanded": found.least_order_demanded,
+        "holds": {**_holding(found.places), "over_span": _holding(found.demands)},
+        "holds_up_to": {n: found.holds_up_to(n, between=between) for n in found.orders},
+        "holds_over_span": {n: found.holds_over_span(n) for n in found.orders},
+        "runs": found.runs,
+    }
+
+
+def _holding(claims: Mapping[str, Claim]) -> dict[str, float]:
+    return {name: claim.share for name, claim in claims.items()}
+
+
+def _boundary(analysis: Analysis) -> dict[str, Any]:
+    found, epsilon = analysis.boundary, analysis.scene.epsilon
+    return {
+        "folds": [_fold(fold, epsilon) for fold in found.folds],
+        "folded_singularities": [
+            {
+                "kind": str(point.kind),
+                "point": point.point,
+                "eigenvalues": [[float(sp.re(v)), float(sp.im(v))] for v in point.eigenvalues],
+                "mu": point.mu,
+                "s_max": point.s_max,
+                "secondary_canards": point.secondary_canards,
+                "to_repelling": point.to_repelling,
+                "reason": point.reason,
+            }
+            for point in found.folded
+        ],
+        "folded_reason": found.folded_reason,
+        "orbit": None
+        if found.orbit is None
+        else {
+            "message": found.orbit.message,
+            "drops_per_period": found.orbit.period_pieces,
+            "period_coefficients": found.period,
+            "period": None if found.period is None else found.orbit.period(epsilon),
+        },
+        "orbit_reason": found.orbit_reason,
+    }
+
+
+def _fold(fold: FoldOutlook, epsilon: float) -> dict[str, Any]:
+    passage, canard = fold.passage, fold.canard
+    return {
+        "point": fold.point,
+        "reason": fold.reason,
+        "passage": None
+        if passage is None
+        else {
+            "a": passage.a,
+            "b": passage.b,
+            "leading": passage.leading,
+            "logarithmic": passage.logarithmic,
+            "delay": passage.delay(epsilon),
+            "exit": passage.exit(epsilon),
+            "drop": {"kind": str(passage.drop.kind), "point": passage.drop.point},
+        },
+        "canard": None
+        if canard is None
+        else {"parameter": canard.parameter.name, "coefficients": [str(c) for c in canard.coefficients]},
+    }
+
+
 def _stats(run: Trajectory) -> dict[str, Any]:
     return {**asdict(run.stats), "method": run.stats.method.value, "status": run.status.name}
 
@@ -155,6 +239,8 @@ def plain(value: Any) -> Any:
     """Strict JSON: text keys, lists, Python numbers, None for nan and infinity."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if value is None or isinstance(value, (str, bool, int)):

@@ -32,6 +32,7 @@ FIGURES = (
     "distance",
     "eigenvalues",
     "time_series",
+    "failure_map",
 )
 
 

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from gsp.analysis import Analysis
 from gsp.report.captions import caption
 from gsp.report.sections import Page
-from gsp.report.wording import listed, number, scientific, words
+from gsp.report.wording import listed, number, scientific, signed, words
 
 
 def render(analysis: Analysis, *, pictures: Mapping[str, bytes], timings: Mapping[str, float]) -> str:
@@ -27,7 +27,13 @@ def render(analysis: Analysis, *, pictures: Mapping[str, bytes], timings: Mappin
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "scientific": scientific, "words": words, "listed": listed}
+    environment.filters |= {
+        "number": number,
+        "scientific": scientific,
+        "words": words,
+        "listed": listed,
+        "signed": signed,
+    }
     page = Page(analysis)
     return environment.get_template("report.html").render(
         **page.sections(),

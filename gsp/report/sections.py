@@ -13,6 +13,7 @@ from gsp.charts import has_constant_eigenvalues
 from gsp.hyperbolicity import Kind
 from gsp.report import mathml
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
+from gsp.report.reach import reach
 from gsp.report.wording import fitted, number, span
 from gsp.system import SlowFastSystem
 
@@ -62,6 +63,7 @@ class Page:
             "errors": self.errors(),
             "claims": self.claims(),
             "choice": self.choice(),
+            "reach": reach(analysis, self.set),
         }
 
     # -- mathematics --------------------------------------------------------------------------------------

@@ -27,6 +27,11 @@ def number(value: float, digits: int = 3) -> Markup:
     return power if mantissa == "1" else Markup("{}×{}").format(mantissa, power)
 
 
+def signed(value: float, digits: int = 3) -> Markup:
+    """A number as a further term of a sum: its sign as an operator, apart."""
+    return Markup("{} {}").format("−" if value < 0.0 else "+", number(abs(value), digits))
+
+
 def scientific(value: float) -> Markup:
     """A number of a table: always two decimals and a power of ten."""
     if not math.isfinite(value) or value == 0.0:
@@ -43,13 +48,22 @@ def words(text: str) -> Markup:
     return Markup(result)
 
 
+def first_sentence(text: str) -> str:
+    """A message without its remedy and its full stop."""
+    return re.split(r"\.\s+(?=[A-Z])", text, maxsplit=1)[0].rstrip(".")
+
+
 _MATHEMATICS = (
     (r"\bepsilon\b", "ε"),
     (r"\blambda\b", "λ"),
     (r"\b([a-zA-Z])_([a-z0-9])\b", r"<i>\1</i><sub>\2</sub>"),
     (r"\b([a-zA-Z])\^([0-9])\b", r"<i>\1</i><sup>\2</sup>"),
+    (r"\ba b\b", "<i>a b</i>"),
+    (r"\b([a-zA-Z])(?= = -?[0-9])", r"<i>\1</i>"),
+    (r"(?<== )-(?=[0-9])", "−"),
     (r"\b1e-0?([0-9]+)\b", r"10<sup>−\1</sup>"),
-    (r"(?<![\w<])([bfgrxNy])(?=[\s,(:)]|$)(?!\w)", r"<i>\1</i>"),
+    (r"\b([0-9]+(?:\.[0-9]+)?)e-0?([0-9]+)\b", r"\1×10<sup>−\2</sup>"),
+    (r"(?<![\w<])([bfglrxNy])(?=[\s,(:)]|$)(?!\w)", r"<i>\1</i>"),
 )
 
 

@@ -1,0 +1,158 @@
+"""Charts of relaxation: a singular orbit with the full orbits that close in on it, and mixed modes over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+
+from gsp.charts.passage import critical_lines
+from gsp.charts.sampling import dense_run, margins
+from gsp.charts.style import (
+    BLUE,
+    GREY,
+    INK,
+    LADDER,
+    SKY,
+    VERMILION,
+    at_epsilon,
+    chart,
+    legend,
+    mathematics,
+    name_axes,
+)
+from gsp.errors import DeclarationError
+from gsp.mixed_modes import MixedMode
+from gsp.periodic import PeriodicOrbit
+from gsp.relaxation import SingularOrbit, SlowPiece
+
+# Light to dark as epsilon falls.
+DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
+# Points of a full orbit, as dense as its mesh.
+POINTS = 1500
+# Maxima shown at most, the last ones: more run together.
+SHOWN = 40
+# The two heads of a drop's arrow, as shares of the way.
+HEADS = (0.5, 0.58)
+
+
+@chart(height=4.0)
+def singular_orbit(
+    orbit: SingularOrbit,
+    axes: Axes,
+    *,
+    orbits: Sequence[PeriodicOrbit] = (),
+    names: tuple[str, str] | None = None,
+) -> None:
+    """Slow pieces and drops over the critical manifold, with full periodic orbits, darker as epsilon falls.
+
+    `names` are a slow and a fast variable, across and upwards; the first of each unless given. The critical
+    manifold is drawn for one variable of each kind.
+    """
+    across, up = names or (orbit.branch.system.x[0].name, orbit.branch.system.y[0].name)
+    system = orbit.branch.system
+    slow, fast = [s.name for s in system.x], [s.name for s in system.y]
+    if across not in slow or up not in fast:
+        raise DeclarationError(
+            f"a singular orbit is drawn over a slow variable, one of {', '.join(slow)}, and a fast one, one of "
+            f"{', '.join(fast)}. Got {(across, up)!r}."
+        )
+    leading = len(orbit.pieces) - orbit.period_pieces if orbit.closes else 0
+    runs = [dense_run(piece.run) for piece in orbit.pieces]
+    corners = [np.stack([run[across], run[up]]) for run in runs]
+    approach = leading > 0 and _leaves(corners[:leading], corners[leading:])
+    for i, piece in enumerate(orbit.pieces):
+        colour, width = (SKY, 1.4) if i < leading else (BLUE, 2.4)
+        label = "what leads to it" if approach and i == 0 else "slow piece" if i == leading else None
+        axes.plot(*corners[i], color=colour, lw=width, zorder=5, label=label, solid_capstyle="round")
+        if piece.fold is not None:
+            corners.append(_drop(axes, piece, across, up, colour, labelled=i == leading))
+    ladder = sorted(orbits, key=lambda found: -(found.epsilon or 0.0))
+    phases = np.linspace(0.0, 1.0, POINTS)
+    for i, found in enumerate(ladder):
+        dense = np.interp(phases, np.linspace(0.0, 1.0, len(found.phases)), found.phases)
+        line = np.stack([found.values(across, dense), found.values(up, dense)])
+        corners.append(line)
+        label = None if found.epsilon is None else at_epsilon(found.epsilon)
+        colour = DARKENING(i / max(len(ladder) - 1, 1))
+        axes.plot(*line, color=colour, lw=1.0, zorder=4, label=label)
+    together = np.concatenate(corners, axis=1)
+    limits = margins(together[0], 0.08), margins(together[1], 0.08)
+    if len(slow) == len(fast) == 1:
+        critical_lines(system, axes, *limits, colour=GREY, width=1.3)
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    name_axes(axes, across, up)
+    legend(axes, columns=4)
+
+
+def _leaves(approach: list[np.ndarray], cycle: list[np.ndarray]) -> bool:
+    """Whether what leads to a cycle begins away from it, further than the width of a line."""
+    together = np.concatenate([*approach, *cycle], axis=1)
+    size = np.ptp(together, axis=1)
+    away = (np.concatenate(cycle, axis=1) - approach[0][:, :1]) / np.where(size > 0.0, size, 1.0)[:, None]
+    return bool(np.hypot(*away).min() > 0.01)
+
+
+def _drop(axes: Axes, piece: SlowPiece, across: str, up: str, colour: str, *, labelled: bool) -> np.ndarray:
+    """The drop from a fold, at constant slow variables, with a double arrow: its two ends (2, 2)."""
+    assert piece.fold is not None
+    ends = [piece.fold.point]
+    if piece.fold.drop.lands:
+        ends.append(piece.fold.drop.point)
+    line = np.array([[end[name] for end in ends] for name in (across, up)])
+    axes.plot(*line[:, 0], "o", color=INK, ms=5.5, zorder=7, label="fold" if labelled else None)
+    if len(ends) > 1:
+        axes.plot(*line, color=colour, lw=1.4, zorder=5, label="drop" if labelled else None)
+        for share in HEADS:
+            tail, head = (line[:, 0] + part * (line[:, 1] - line[:, 0]) for part in (share - 0.02, share))
+            axes.annotate(
+                "", tuple(head), tuple(tail), zorder=6,
+                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0, "mutation_scale": 14},
+            )  # fmt: skip
+        axes.plot(
+            *line[:, 1],
+            "s",
+            color=INK,
+            mfc="white",
+            ms=5,
+            zorder=7,
+            label="landing point" if labelled else None,
+        )
+    return line
+
+
+@chart(height=3.3)
+def mixed_mode(mode: MixedMode, axes: Axes) -> None:
+    """The variable over time, its maxima told apart as large and small swings, the signature as title.
+
+    Of more than 40 maxima the last are shown.
+    """
+    times = mode.times[-SHOWN:]
+    first = mode.times.size - times.size
+    begin, end = (times[0], times[-1]) if times.size else (mode.run.t[0], mode.run.t[-1])
+    # A little before the first maximum, so that its rise is seen.
+    begin = max(float(begin) - 0.02 * (end - begin), float(mode.run.t[0]))
+    end = min(float(end) + 0.05 * (end - begin), float(mode.run.t[-1]))
+    inside = mode.run.t[(mode.run.t >= begin) & (mode.run.t <= end)]
+    run = mode.run.sample(np.unique([*inside, *np.linspace(begin, end, POINTS)]))
+    axes.plot(run.t, run[mode.name], color=INK, lw=1.0, zorder=2)
+    tops = mode.run.sample(times)[mode.name] if times.size else times
+    for large, colour, marker, label in (
+        (True, VERMILION, "^", "large swing"),
+        (False, BLUE, "o", "small swing"),
+    ):
+        kind = mode.is_large[first:] == large
+        if kind.any():
+            axes.plot(
+                times[kind], tops[kind], marker, color=colour, mec="white", mew=0.5, ms=7 if large else 5.5,
+                zorder=3, label=label,
+            )  # fmt: skip
+    axes.margins(x=0.01)
+    axes.set_xlabel("$t$")
+    axes.set_ylabel(mathematics(mode.name), rotation=0 if len(mode.name) < 3 else 90, labelpad=9.0)
+    legend(axes, columns=2)
+    unit = " ".join(rf"{large}^{{{small}}}" for large, small in mode.pattern)
+    axes.set_title(f"${unit}$" if unit else "no repeating pattern", loc="right", fontsize=12, color=INK)
