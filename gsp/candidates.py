@@ -11,7 +11,8 @@ import numpy as np
 
 from gsp.errors import GspError
 from gsp.flow import Flow
-from gsp.lowering import compile_flow
+from gsp.integrators import Method, choose_method, is_mild
+from gsp.lowering import compile_flow, parameter_vector
 from gsp.outlook import Outlook, SurfaceOutlook, foresee_surface
 from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
 from gsp.region import Interval
@@ -169,10 +170,14 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     compiled = compile_flow(flow)
     _ = compiled.field, compiled.jacobian
     preparation = time.perf_counter() - begun
+    # Over a short piece the default could be another method than over the span, with steps of another kind.
+    method = choose_method(flow, max(rtol, SMALLEST_RTOL))
+    if is_mild(compiled, parameter_vector(flow, scene.epsilon), np.array(flow.initial(start)), first, last):
+        method = Method.DOP853
     over = first + min(layer, LARGEST_LAYER * (last - first))
     middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))
-    seconds, run = _timed(lambda: run_model(flow, start, scene, (first, end), rtol))
-    shorter, half = _timed(lambda: run_model(flow, start, scene, (first, middle), rtol))
+    seconds, run = _timed(lambda: run_model(flow, start, scene, (first, end), rtol, method=method))
+    shorter, half = _timed(lambda: run_model(flow, start, scene, (first, middle), rtol, method=method))
     if not run.status.ok:
         # What it would cost to the end is not known.
         nothing = float("nan")
@@ -211,7 +216,9 @@ def _density(times: np.ndarray, middle: float) -> float:
     return float(counted.sum()) / (times[-1] - middle)
 
 
-def run_model(flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None) -> Trajectory:
+def run_model(
+    flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None, method: Method | None = None
+) -> Trajectory:
     return integrate(
         flow,
         start=start,
@@ -220,6 +227,7 @@ def run_model(flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, a
         rtol=max(rtol, SMALLEST_RTOL),
         atol=1e-2 * max(rtol, SMALLEST_RTOL),
         at=at,
+        method=method,
         max_steps=MAX_STEPS,
     )
 
