@@ -85,6 +85,7 @@ LAYERS = [
     "methods",
     "peers",
     "work_curves",
+    "claims",
     "failures",
     "prediction",
     "outlook",

@@ -9,8 +9,9 @@ import pytest
 import sympy as sp
 
 from gsp import charts, models
+from gsp.claims import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_name, series_name
 from gsp.errors import DeclarationError
-from gsp.failures import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, failure_map, reduced_name, series_name
+from gsp.failures import failure_map
 from gsp.scene import Scene
 from gsp.system import SlowFastSystem
 

@@ -9,8 +9,8 @@ from markupsafe import Markup
 
 from gsp.analysis import Analysis
 from gsp.charts import heading_of, shape
+from gsp.claims import HORIZON
 from gsp.continuation import CriticalCurve, CriticalSheet
-from gsp.failures import HORIZON
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 

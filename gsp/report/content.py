@@ -14,7 +14,7 @@ from gsp import charts
 from gsp.analysis import Analysis
 from gsp.boundary import FoldOutlook
 from gsp.choice import Choice
-from gsp.failures import Claim
+from gsp.claims import Claim
 from gsp.hyperbolicity import Hyperbolicity
 from gsp.losses import Loss
 from gsp.trajectory import Trajectory

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from gsp.analysis import Analysis
 from gsp.boundary import FoldOutlook
-from gsp.failures import HORIZON, FailureMap
+from gsp.claims import HORIZON
+from gsp.failures import FailureMap
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import first_sentence, number, words
 from gsp.singularities import FoldedSingularity
