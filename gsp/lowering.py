@@ -36,6 +36,8 @@ _NAN = ir.Constant(_DOUBLE, float("nan"))
 
 # Up to here repeated squaring is faster than pow and loses a few units in the last place at most.
 _LARGEST_UNROLLED_POWER = 16
+# Levels of nesting that are written by recursion, three calls each.
+_DEEPEST = 80
 
 
 # Known to SymPy and to the C library by the same name.
@@ -246,6 +248,8 @@ class _Writer:
 
     def write(self, outputs: Sequence[sp.Expr]) -> None:
         for i, expression in enumerate(outputs):
+            for landing in _landings(expression):
+                self.value(landing)
             value = self.value(expression)
             self.builder.store(value, self.builder.gep(self.out, [ir.Constant(_INDEX, i)]))
         self.builder.ret_void()
@@ -396,6 +400,26 @@ class _Writer:
         if function is None:
             function = ir.Function(self.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * len(values)), name)
         return self.builder.call(function, values)
+
+
+def _landings(expression: sp.Expr) -> list[sp.Expr]:
+    """Subexpressions, lowest first, such that between one and the next nothing is nested deeper than `_DEEPEST`.
+
+    Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
+    """
+    heights: dict[sp.Basic, int] = {}
+    stack: list[Any] = [expression]
+    while stack:
+        top = stack[-1]
+        pending = [part for part in top.args if part not in heights]
+        if pending:
+            stack.extend(pending)
+            continue
+        stack.pop()
+        heights[top] = 1 + max((heights[part] for part in top.args), default=0)
+    arithmetic = (sp.Add, sp.Mul, sp.Pow)
+    found = [e for e, height in heights.items() if height % _DEEPEST == 0 and isinstance(e, arithmetic)]
+    return sorted(found, key=heights.__getitem__)
 
 
 def _is_negated(term: Any) -> bool:

@@ -27,6 +27,11 @@ from gsp.ring import Element
 
 # Terms of a series scatter from order to order; so many neighbours tell their level.
 WINDOW = 3
+# A term has lost its digits when moving the point by so many units in the last place changes it by this share, and
+# the change is larger than rounding of the sum would be.
+JITTER = (1.0, 2.0, 3.0)
+LOST = 0.1
+AUDIBLE = 1e-13
 # Coefficients with more terms than this are not for reading.
 READABLE = 300
 
@@ -170,17 +175,22 @@ class SeriesManifold:
         """Order at which to stop: the one before the smallest terms, an int for one point or an array (m,).
 
         The series is asymptotic, not convergent, as a rule: its error is about the first term left out, so it is
-        best cut just before its smallest term. When the terms are still falling at order n, the answer is n.
+        best cut just before its smallest term. When the terms are still falling at order n, the answer is n. Terms
+        that cancellation has left without digits do not count: the order before the first of them is the last.
         """
         terms, single = self._terms(x, epsilon, near)
         best = np.array([_optimal(np.linalg.norm(rows, axis=1)) for rows in terms])
+        best = np.minimum(best, self._last_with_digits(x, terms, epsilon, near))
         return int(best[0]) if single else best
 
     def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
         """Estimated error at the optimal order: the level of the first terms left out, or of the last ones kept."""
         terms, single = self._terms(x, epsilon, near)
         sizes = np.linalg.norm(terms, axis=2)
-        error = np.array([_error_level(row, _optimal(row)) for row in sizes])
+        last = self._last_with_digits(x, terms, epsilon, near)
+        # Terms without digits say nothing about the error either.
+        kept = [row[: k + 1] for row, k in zip(sizes, last)]
+        error = np.array([_error_level(row, _optimal(row)) for row in kept])
         return float(error[0]) if single else error
 
     # -- evaluation --------------------------------------------------------------------------------
@@ -218,6 +228,21 @@ class SeriesManifold:
                 "Stay on the normally hyperbolic part of the branch; classify() says where that is."
             )
         return terms, single
+
+    def _last_with_digits(self, x, terms: np.ndarray, epsilon: float, near) -> np.ndarray:
+        """The highest order (m,) up to which all `terms` (m, k, n_fast) have digits, seen by moving the point by ulps.
+
+        Expanded numerators of long series cancel: a term may be rounding altogether, and look like any other.
+        """
+        _, coordinates, _ = self._on_branch(x, near)
+        noise = np.zeros(terms.shape[:2])
+        for i, ulps in enumerate(JITTER):
+            signs = 1.0 - 2.0 * ((np.arange(coordinates.shape[1]) + i) % 2)
+            moved = self.terms_at(coordinates * (1.0 + ulps * signs * np.finfo(float).eps), epsilon)
+            noise = np.maximum(noise, np.linalg.norm(moved - terms, axis=2))
+        sizes = np.linalg.norm(terms, axis=2)
+        lost = (noise > LOST * sizes) & (noise > AUDIBLE * (1.0 + sizes[:, :1]))
+        return np.where(lost.any(axis=1), np.maximum(np.argmax(lost, axis=1) - 1, 0), terms.shape[1] - 1)
 
     @cached_property
     def _h_function(self):

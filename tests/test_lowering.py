@@ -316,3 +316,15 @@ def test_the_parameter_vector():
     for wrong in (0.0, -1.0, float("nan"), float("inf"), "much"):
         with pytest.raises(DeclarationError):
             parameter_vector(field, wrong)
+
+
+def test_expressions_nested_a_few_thousand_deep_are_compiled():
+    x = sp.Symbol("x")
+    nested: sp.Expr = x
+    for k in range(3000):
+        nested = sp.Add(sp.Mul(nested, x, evaluate=False), sp.Rational(1, k + 1), evaluate=False)
+    function = compile_function([nested], arguments=[x], epsilon=None, parameters=[])
+    expected = 0.5
+    for k in range(3000):
+        expected = expected * 0.5 + 1 / (k + 1)
+    assert function([[0.5]], [float("nan")])[0, 0] == pytest.approx(expected, rel=1e-14)

@@ -13,6 +13,7 @@ import tests.systems as systems
 from gsp.critical import solve_critical
 from gsp.errors import DeclarationError, HyperbolicityError, UnsupportedFunctionError
 from gsp.series import Components, expand
+from gsp.slow_points import zero_derivative
 from gsp.system import SlowFastSystem
 
 eps = systems.epsilon
@@ -295,3 +296,23 @@ def test_a_function_without_a_series_rule_is_named() -> None:
     system = SlowFastSystem(slow={x: sp.gamma(x)}, fast={y: x - y}, epsilon=eps)
     with pytest.raises(UnsupportedFunctionError, match="gamma"):
         expand(branch_of(system), order=1)
+
+
+def test_terms_that_are_rounding_altogether_do_not_count():
+    x, y, u, v, eps = sp.symbols("x y u v epsilon")
+    k = sp.Rational(3, 10)
+    # Eliminating v from the first equation makes a polynomial of degree 15, whose series loses a digit a term and more.
+    system = SlowFastSystem(
+        slow={x: -x + y / 2 + u, y: -y + v * k},
+        fast={u: x - u - u**5 + k * v, v: y + u**2 / 4 - 2 * v - v**3},
+        epsilon=eps,
+    )
+    series = expand(solve_critical(system).nearest({"x": 0.8, "y": 0.5, "u": 0.3, "v": 0.1}), order=3)
+    point = {"x": 1.0, "y": 1.0}
+    assert series.optimal_order(point, 0.02) == 2
+    # The zero-derivative principle expands nothing.
+    exact = zero_derivative(series.branch, point, epsilon=0.02).y
+    assert abs(series.evaluate(point, 0.02, order=2) - exact).max() < 1e-6
+    assert abs(series.evaluate(point, 0.02, order=3) - exact).max() > 1e-4
+    # The level of the terms kept; the lost one, 2.5e-2, is not among them.
+    assert series.truncation_error(point, 0.02) < 1e-3
