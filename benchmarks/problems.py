@@ -1,15 +1,45 @@
-"""Nine initial-value problems for integrators: relaxation oscillators, chemistry, and the Chaplygin sleigh.
+"""Initial-value problems for integrators: nine of relaxation oscillators, chemistry and the sleigh, and a larger one.
 
 Robertson, the Oregonator, HIRES and van der Pol at mu = 1e6: Test Set for IVP Solvers (Mazzia, Magherini 2008).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import sympy as sp
-from peers import Problem
 
 import gsp
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """An initial-value problem. `floor` is atol/rtol; `grid` (m,) ends with the span.
+
+    Errors are relative to each component's largest value on the grid, or, when `pointwise`, to its value there.
+    """
+
+    name: str
+    field: gsp.VectorField
+    start: dict[str, float]
+    span: tuple[float, float]
+    epsilon: float | None = None
+    floor: float = 1.0
+    grid: np.ndarray | None = None
+    pointwise: bool = False
+    is_stiff: bool = True
+
+    @property
+    def times(self) -> np.ndarray:
+        """The output grid: by default 100 equal intervals."""
+        return np.linspace(*self.span, 101)[1:] if self.grid is None else self.grid
+
+    @property
+    def y0(self) -> np.ndarray:
+        """The start in the order of the states."""
+        return np.array([self.start[symbol.name] for symbol in self.field.states], dtype=float)
+
 
 x, y, z, v, w, omega, phi, epsilon = sp.symbols("x y z v w omega phi epsilon")
 Q = sp.Rational
@@ -83,6 +113,22 @@ def sleigh(value: float) -> Problem:
     )
 
 
+def ring(cells: int) -> Problem:
+    """FitzHugh and Nagumo's neurons in a ring, each coupled to its neighbours' potentials, epsilon = 0.01."""
+    a, b = sp.symbols(f"v0:{cells}"), sp.symbols(f"w0:{cells}")
+    rates = {}
+    for i in range(cells):
+        coupling = (a[i - 1] - 2 * a[i] + a[(i + 1) % cells]) / 10
+        rates[a[i]] = (a[i] - a[i] ** 3 / 3 - b[i] + Q(1, 2) + coupling) / epsilon
+        rates[b[i]] = a[i] + Q(7, 10) - Q(4, 5) * b[i]
+    phase = 2 * np.pi * np.arange(cells) / cells
+    start = {a[i].name: float(np.cos(phase[i])) for i in range(cells)}
+    start |= {b[i].name: float(0.3 * np.sin(phase[i])) for i in range(cells)}
+    field = gsp.VectorField(rates, epsilon=epsilon)
+    return Problem(f"FitzHugh-Nagumo ring, {2 * cells} states", field, start, (0.0, 5.0), epsilon=0.01)
+
+
+RING = ring(10)
 PROBLEMS = (
     van_der_pol(10**3),
     van_der_pol(10**6),
