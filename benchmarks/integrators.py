@@ -123,6 +123,7 @@ def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) ->
         rows[task], jobs = {}, []
         for name, (solve, rungs) in solvers.items():
             for rtol in rungs:
+                begun = time.perf_counter()
                 try:
                     # What a peer builds for a tolerance is not timed.
                     solve(rtol, times)
@@ -134,6 +135,8 @@ def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) ->
                         raise
                     if rtol == rungs[0]:
                         print(f"    {name}: {type(failure).__name__} {str(failure)[:90]}")
+                    if time.perf_counter() - begun > PATIENCE:
+                        break
                     continue
                 error = distance(problem, states, exact, at_end=task == "end")
                 jobs.append([name, solve, rtol, error, seconds, max(1, min(50, int(ENOUGH / seconds)))])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import time
 import warnings
 from collections.abc import Callable
@@ -99,6 +100,8 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
         "quick": quick,
         "gsp": gsp.__version__,
         "machine": machine(),
+        # Of the minute before: what others were computing.
+        "load": os.getloadavg()[0],
         "peers": {peer.name: f"{peer.package} {peer.version}" for peer in PEERS if peer.version is not None},
         "missing": sorted({peer.package for peer in PEERS if peer.version is None}),
         "integrators": timed(spent, "integrators", compared),

@@ -150,7 +150,8 @@ class DiffraxPeer(Peer):
         import jax  # pyright: ignore[reportMissingImports]
         import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
 
-        jax.config.update("jax_enable_x64", True)
+        # Double precision here alone: what else uses JAX keeps its own. Older JAX has it elsewhere.
+        double: Any = jax.enable_x64 if hasattr(jax, "enable_x64") else jax.experimental.enable_x64
         plain = [name for name in _NAMES if name not in ("erf", "atan2")]
         language = Language(
             name="jax",
@@ -170,7 +171,8 @@ class DiffraxPeer(Peer):
             joins={sp.And: jnp.logical_and, sp.Or: jnp.logical_or},
         )
         problem = Forward(flow, p, start, first, grid)
-        begin, times = jnp.array(start, dtype=float), jnp.array(problem.times)
+        with double(True):
+            begin, times = jnp.array(start, dtype=float), jnp.array(problem.times)
 
         def rate(t: Any, z: Any, _: Any) -> Any:
             states = {symbol: z[i] for i, symbol in enumerate(flow.states)}
@@ -191,10 +193,12 @@ class DiffraxPeer(Peer):
             )
             return found.ys, found.result == diffrax.RESULTS.successful, found.stats["num_steps"]
 
-        compiled = jax.jit(run).lower(1e-3, 1e-3).compile()
+        with double(True):
+            compiled = jax.jit(run).lower(1e-3, 1e-3).compile()
 
         def solve(rtol: float, atol: float) -> PeerRun:
-            values, is_done, steps = compiled(rtol, atol)
+            with double(True):
+                values, is_done, steps = compiled(rtol, atol)
             if not bool(is_done):
                 raise ArithmeticError(f"Kvaerno5 stopped after {int(steps)} steps")
             return PeerRun(np.asarray(values).T, int(steps))
