@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import sys
 import time
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from gsp.ensemble import integrate_many
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.models import load
 from gsp.trajectory import integrate
+from gsp.work_curves import machine
 
 MEMBERS = 10_000
 LOOPED = 300
@@ -62,8 +62,8 @@ def scipy() -> int:
     return SCIPY
 
 
-def measure() -> dict[str, np.ndarray]:
-    """Microseconds a run of each way, (turns, 2): on the clock and of the processor."""
+def measure(turns: int = TURNS) -> dict[str, dict[str, float]]:
+    """By way: microseconds a run on the clock and of the processor, and both as ratios to one thread's."""
     cores = os.cpu_count() or 1
     ways: dict[str, Callable[[], int]] = {
         "1 thread": lambda: many(1),
@@ -73,37 +73,32 @@ def measure() -> dict[str, np.ndarray]:
         "a loop over SciPy's Radau": scipy,
     }
     measured: dict[str, list[tuple[float, float]]] = {name: [] for name in ways}
-    for turn in range(TURNS + 1):
+    for turn in range(turns + 1):
         for name, way in ways.items():
             clock, processor = time.perf_counter(), time.process_time()
             runs = way()
             spent = (time.perf_counter() - clock, time.process_time() - processor)
             if turn:
                 measured[name].append((1e6 * spent[0] / runs, 1e6 * spent[1] / runs))
-    return {name: np.array(values) for name, values in measured.items()}
-
-
-def main() -> None:
-    """Print the table, or with `--json` the data."""
-    measured = measure()
-    base = measured["1 thread"]
-    rows = {
+    found = {name: np.array(values) for name, values in measured.items()}
+    base = found["1 thread"]
+    return {
         name: {
-            "best_us": values[:, 0].min(),
-            "median_us": np.median(values[:, 0]),
-            "processor_us": np.median(values[:, 1]),
-            "ratio_to_one_thread": np.median(values[:, 0] / base[:, 0]),
-            "best_ratio_to_one_thread": values[:, 0].min() / base[:, 0].min(),
-            "processor_ratio_to_one_thread": np.median(values[:, 1] / base[:, 1]),
+            "best_us": float(values[:, 0].min()),
+            "median_us": float(np.median(values[:, 0])),
+            "processor_us": float(np.median(values[:, 1])),
+            "best_ratio_to_one_thread": float(values[:, 0].min() / base[:, 0].min()),
+            "ratio_to_one_thread": float(np.median(values[:, 0] / base[:, 0])),
+            "processor_ratio_to_one_thread": float(np.median(values[:, 1] / base[:, 1])),
         }
-        for name, values in measured.items()
+        for name, values in found.items()
     }
+
+
+def show(rows: dict[str, dict[str, float]]) -> None:
+    """Print what `measure` found."""
     steps = integrate_many(FIELD, STARTS, epsilon=EPSILON, **OPTIONS).steps
-    machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-    if "--json" in sys.argv[1:]:
-        print(json.dumps({"machine": machine, "members": MEMBERS, "turns": TURNS, "rows": rows}, indent=2))
-        return
-    print(f"{MEMBERS} sleighs, epsilon = {EPSILON:g}, {OPTIONS}; {steps.mean():.1f} steps a run; {machine}")
+    print(f"{MEMBERS} sleighs, epsilon = {EPSILON:g}, {OPTIONS}; {steps.mean():.1f} steps a run")
     print(f"{'':26}     us a run: best   median  processor    ratio: best   median  processor")
     for name, row in rows.items():
         print(f"{name:26}{row['best_us']:19.2f} {row['median_us']:8.2f} {row['processor_us']:10.2f}", end="")
@@ -111,6 +106,16 @@ def main() -> None:
             f" {row['best_ratio_to_one_thread']:14.3g} {row['ratio_to_one_thread']:8.3g} "
             f"{row['processor_ratio_to_one_thread']:10.3g}"
         )
+
+
+def main() -> None:
+    """Print the table, or with `--json` the data."""
+    rows = measure()
+    if "--json" in sys.argv[1:]:
+        print(json.dumps({"machine": machine(), "members": MEMBERS, "turns": TURNS, "rows": rows}, indent=2))
+    else:
+        print(machine())
+        show(rows)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Least time to reach an error: `gsp.integrate` against every installed peer, on nine problems, in one run.
+"""Least time to reach an error: `gsp.integrate` against every installed peer, on nine problems and a larger one.
 
     python benchmarks/integrators.py [--quick] [--compiled] [--ours] [--only NAME] [--json FILE]
 
@@ -12,31 +12,35 @@ from __future__ import annotations
 import argparse
 import gc
 import json
-import os
-import platform
 import time
 import warnings
-from collections import defaultdict
-from importlib.metadata import version
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from peers import PEERS, Problem
-from problems import PROBLEMS
+from problems import PROBLEMS, RING, Problem
 
 import gsp
+from gsp.lowering import parameter_vector
+from gsp.peers import PEERS, Peer
+from gsp.work_curves import machine
+
+Solver = Callable[[float, np.ndarray], np.ndarray]
 
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 # Worst acceptable geometric means over the stiff problems, by target.
 GOALS = {1e-3: 2.5, 1e-5: 2.5, 1e-7: 3.0, 1e-9: 4.0}
+# Against the best peer on the ring, at every target.
+RING_GOAL = 1.3
 OURS = "gsp"
-# A peer's ladder ends where one solve takes longer.
-PATIENCE = 0.2
+QUICK = ("van der Pol, mu = 1e6", "Robertson", "sleigh, epsilon = 1e-06")
+# A peer's ladder ends where one solve takes longer (seconds); one beyond SLOW is timed once.
+PATIENCE, SLOW = 0.1, 0.01
 ENOUGH = 300e-6
 
 
-def ours(problem: Problem, method: gsp.Method | None):
+def ours(problem: Problem, method: gsp.Method | None) -> Solver:
     """Our side: the public call, and `.at` for the grid."""
 
     def solve(rtol: float, times: np.ndarray) -> np.ndarray:
@@ -53,6 +57,23 @@ def ours(problem: Problem, method: gsp.Method | None):
         if not trajectory.status.ok:
             raise ArithmeticError(trajectory.message)
         return trajectory.y[:, -1:] if len(times) == 1 else trajectory.at(times)
+
+    return solve
+
+
+def theirs(problem: Problem, peer: Peer) -> Solver:
+    """A peer's side, prepared for the end and for the grid; raises what its package raises."""
+    p = parameter_vector(problem.field, problem.epsilon)
+    solves = {
+        len(times): peer.prepare(problem.field, p, problem.y0, problem.span[0], times)
+        for times in (problem.times[-1:], problem.times)
+    }
+
+    def solve(rtol: float, times: np.ndarray) -> np.ndarray:
+        states = solves[len(times)](rtol, rtol * problem.floor).states
+        if not np.isfinite(states).all():
+            raise ArithmeticError("did not reach the end")
+        return states
 
     return solve
 
@@ -97,12 +118,14 @@ def ladder(*, halves: bool) -> list[float]:
 
 def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) -> dict:
     """`rows[task][name]` = [(rtol, error, seconds), ...]; all rungs of all solvers alternate."""
-    rows: dict = {"end": defaultdict(list), "grid": defaultdict(list)}
+    rows: dict = {}
     for task, times in (("end", problem.times[-1:]), ("grid", problem.times)):
-        jobs = []
+        rows[task], jobs = {}, []
         for name, (solve, rungs) in solvers.items():
             for rtol in rungs:
+                begun = time.perf_counter()
                 try:
+                    # What a peer builds for a tolerance is not timed.
                     solve(rtol, times)
                     begun = time.perf_counter()
                     states = solve(rtol, times)
@@ -110,13 +133,13 @@ def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) ->
                 except Exception as failure:
                     if name == OURS:
                         raise
-                    last = failure
                     if rtol == rungs[0]:
-                        print(f"    {name}: {type(last).__name__} {str(last)[:90]}")
+                        print(f"    {name}: {type(failure).__name__} {str(failure)[:90]}")
+                    if time.perf_counter() - begun > PATIENCE:
+                        break
                     continue
                 error = distance(problem, states, exact, at_end=task == "end")
-                count = max(1, min(50, int(ENOUGH / seconds)))
-                jobs.append([name, solve, rtol, error, seconds, count])
+                jobs.append([name, solve, rtol, error, seconds, max(1, min(50, int(ENOUGH / seconds)))])
                 if seconds > PATIENCE and not name.startswith(OURS):
                     break
         gc.collect()
@@ -124,7 +147,7 @@ def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) ->
         for _ in range(repeats):
             for job in jobs:
                 _, solve, rtol, _, best, count = job
-                if best > 0.05 and _ > 0:
+                if best > SLOW:
                     continue
                 begun = time.perf_counter()
                 for _ in range(count):
@@ -132,7 +155,7 @@ def measure(problem: Problem, exact: np.ndarray, solvers: dict, repeats: int) ->
                 job[4] = min(best, (time.perf_counter() - begun) / count)
         gc.enable()
         for name, _, rtol, error, seconds, _ in jobs:
-            rows[task][name].append((rtol, error, seconds))
+            rows[task].setdefault(name, []).append((rtol, error, seconds))
     return rows
 
 
@@ -146,17 +169,6 @@ def accuracy(problem: Problem, exact: np.ndarray) -> list[tuple[float, float, fl
     return rows
 
 
-def show_accuracy(table: dict) -> None:
-    """Print what `accuracy` found."""
-    print("\nError of the default method over the tolerance asked for: end; dense output on the grid")
-    print(f"{'':24}" + "".join(f"{rtol:>16.0e}" for rtol, *_ in next(iter(table.values()))))
-    for name, rows in table.items():
-        print(f"{name:24}" + "".join(f"{end:8.2g}; {grid:6.2g}" for _, end, grid in rows))
-    grid = np.array([grid for rows in table.values() for *_, grid in rows])
-    mean = np.exp(np.mean(np.log(grid + 1e-9)))
-    print(f"dense output: geometric mean {mean:.2g}, {np.mean(grid <= 3):.0%} within 3, worst {grid.max():.3g}")
-
-
 def time_at(points: list[tuple[float, float, float]], target: float) -> float | None:
     """Least seconds for `target`: at a rung that meets it, or between a rung that does and its neighbour, log-log."""
     good = [(error, seconds) for _, error, seconds in points if error == error]
@@ -168,83 +180,156 @@ def time_at(points: list[tuple[float, float, float]], target: float) -> float | 
     return min(candidates) if candidates else None
 
 
-def solvers_of(problem: Problem, *, quick: bool, compiled: bool, alone: bool) -> dict:
+def solvers_of(
+    problem: Problem, peers: Sequence[Peer], *, quick: bool
+) -> dict[str, tuple[Solver, list[float]]]:
     """By name: solve and its rungs."""
     fine, coarse = ladder(halves=not quick), ladder(halves=False)
-    methods = [gsp.Method.RODAS5P, gsp.Method.RADAU9, gsp.Method.RADAU13]
-    if not problem.is_stiff:
-        methods.append(gsp.Method.DOP853)
     result = {OURS: (ours(problem, None), fine)}
     if not quick:
-        result |= {f"gsp {method.name}": (ours(problem, method), fine) for method in methods}
-    for peer in () if alone else PEERS:
-        if peer.version is None or (peer.explicit and problem.is_stiff) or (compiled and not peer.quick):
+        methods = [gsp.Method.RODAS5P, gsp.Method.RADAU9, gsp.Method.RADAU13]
+        methods += [] if problem.is_stiff else [gsp.Method.DOP853]
+        result |= {f"{OURS} {method.name}": (ours(problem, method), fine) for method in methods}
+    for peer in peers:
+        if peer.is_explicit and problem.is_stiff:
             continue
         try:
-            result[peer.name] = (peer.build(problem), fine if peer.quick else coarse)
+            result[peer.name] = (theirs(problem, peer), fine if peer.is_compiled else coarse)
         except Exception as failure:
             print(f"    {peer.name}: {type(failure).__name__} {str(failure)[:90]}")
     return result
 
 
-def summary(results: dict) -> dict:
-    """`cells[task][problem][target]` = (our seconds, best peer's seconds, its name, our method's best seconds)."""
-    cells: dict = {}
-    for task in ("end", "grid"):
-        for name, rows in results.items():
-            for target in TARGETS:
-                mine = time_at(rows[task][OURS], target)
-                best, who = None, None
-                for other, points in rows[task].items():
-                    if other.startswith(OURS):
-                        continue
-                    seconds = time_at(points, target)
-                    if seconds is not None and (best is None or seconds < best):
-                        best, who = seconds, other
-                cells.setdefault(task, {}).setdefault(name, {})[target] = (mine, best, who)
-    return cells
+def cell(rows: dict[str, list], target: float) -> dict:
+    """Microseconds of ours and of the best peer at a target, whose that is, and the ratio; None where not reached."""
+    mine = time_at(rows[OURS], target)
+    others = {name: time_at(points, target) for name, points in rows.items() if not name.startswith(OURS)}
+    reached = {name: seconds for name, seconds in others.items() if seconds is not None}
+    who = min(reached, key=lambda name: reached[name], default=None)
+    return {
+        "target": target,
+        "ours_us": None if mine is None else 1e6 * mine,
+        "peer_us": None if who is None else 1e6 * reached[who],
+        "peer": who,
+        "ratio": None if mine is None or who is None else reached[who] / mine,
+    }
 
 
-def show(cells: dict, results: dict, stiff: set[str]) -> dict:
-    """Print both tables and the means; return the means."""
-    means: dict = {}
+def mean(ratios: Sequence[float]) -> float | None:
+    """Geometric mean, None of nothing."""
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else None
+
+
+def summary(problems: Sequence[Problem], results: dict, accurate: dict) -> dict:
+    """The tables: by task and problem the cells, their means over the nine's stiff ones, and each peer's own mean."""
+    tasks = {
+        task: [
+            {
+                "problem": problem.name,
+                "stiff": problem.is_stiff,
+                "cells": [cell(results[problem.name][task], target) for target in TARGETS],
+            }
+            for problem in problems
+        ]
+        for task in ("end", "grid")
+    }
+    counted = [problem.name for problem in problems if problem.is_stiff and problem is not RING]
+    means = {
+        task: [
+            mean([c["ratio"] for row in rows if row["problem"] in counted and (c := row["cells"][i])["ratio"]])
+            for i in range(len(TARGETS))
+        ]
+        for task, rows in tasks.items()
+    }
+    peers = []
+    for peer in PEERS:
+        ratios = []
+        for target in TARGETS:
+            pairs = [
+                (
+                    time_at(results[name]["end"].get(peer.name, []), target),
+                    time_at(results[name]["end"][OURS], target),
+                )
+                for name in counted
+            ]
+            ratios.append([a / b for a, b in pairs if a and b])
+        if any(ratios):
+            peers.append(
+                {"peer": peer.name, "means": [mean(r) for r in ratios], "problems": [len(r) for r in ratios]}
+            )
+    grid = np.array([error for name in accurate for *_, error in accurate[name]])
+    return {
+        "targets": list(TARGETS),
+        "goals": [GOALS.get(target) for target in TARGETS],
+        "ring": RING.name,
+        "ring_goal": RING_GOAL,
+        "tasks": tasks,
+        "means": means,
+        "peers": peers,
+        "dense": {
+            "mean": mean(list(grid + 1e-9)),
+            "within_three": float(np.mean(grid <= 3)),
+            "worst": float(grid.max()),
+            "rows": {
+                name: [{"rtol": rtol, "end": end, "grid": error} for rtol, end, error in rows]
+                for name, rows in accurate.items()
+            },
+        },
+    }
+
+
+def show(data: dict) -> None:
+    """Print the tables of `summary`."""
+    targets = data["targets"]
     for task, title in (("end", "at the end point"), ("grid", "over the output grid")):
         print(f"\nBest peer's time over ours, error {title}   (us ours; peer)")
-        print(f"{'':24}" + "".join(f"{target:>26.0e}" for target in TARGETS))
-        logs = defaultdict(list)
-        for name, row in cells[task].items():
-            line = f"{name:24}"
-            for target in TARGETS:
-                mine, best, who = row[target]
-                if mine is None:
-                    line += f"{'not reached':>26}"
-                elif best is None:
-                    line += f"{'alone':>12} ({mine * 1e6:8.0f};    -)"
+        print(f"{'':32}" + "".join(f"{target:>28.0e}" for target in targets))
+        for row in data["tasks"][task]:
+            line = f"{row['problem']:32}"
+            for c in row["cells"]:
+                if c["ours_us"] is None:
+                    line += f"{'not reached':>28}"
+                elif c["ratio"] is None:
+                    line += f"{'alone':>10} ({c['ours_us']:6.0f}; {'-':9})"
                 else:
-                    line += f"{best / mine:10.2f} ({mine * 1e6:5.0f}; {who.split()[0][:4]}{who[-3:]})"
-                    if name in stiff:
-                        logs[target].append(np.log(best / mine))
+                    line += f"{c['ratio']:10.2f} ({c['ours_us']:6.0f}; {c['peer'][:9]:9})"
             print(line)
-        means[task] = {target: float(np.exp(np.mean(values))) for target, values in logs.items() if values}
-        line = f"{'geometric mean, stiff':24}"
-        for target in TARGETS:
-            line += f"{means[task].get(target, float('nan')):10.2f}" + " " * 16
-        print(line)
-        print(f"{'goal':24}" + "".join(f"{GOALS.get(t, float('nan')):10.2f}" + " " * 16 for t in TARGETS))
+        for name, values in (("geometric mean, stiff of nine", data["means"][task]), ("goal", data["goals"])):
+            print(f"{name:32}" + "".join(f"{v:10.2f}{'':18}" if v else f"{'-':>10}{'':18}" for v in values))
     print("\nEach peer's time over ours, geometric mean over the stiff problems it solves, at the end point")
-    names = sorted({other for rows in results.values() for other in rows["end"] if other != OURS})
-    for other in names:
-        line = f"{other:24}"
-        for target in TARGETS:
-            values = []
-            for name in cells["end"]:
-                theirs = time_at(results[name]["end"].get(other, []), target)
-                mine = time_at(results[name]["end"][OURS], target)
-                if name in stiff and theirs and mine:
-                    values.append(np.log(theirs / mine))
-            line += f"{np.exp(np.mean(values)):10.2f} ({len(values)})" if values else f"{'-':>14}"
-        print(line)
-    return means
+    for row in data["peers"]:
+        cells = zip(row["means"], row["problems"])
+        print(f"{row['peer']:24}" + "".join(f"{m:10.2f} ({n})" if m else f"{'-':>14}" for m, n in cells))
+    dense = data["dense"]
+    print("\nError of the default method over the tolerance asked for: end; dense output on the grid")
+    print(f"{'':32}" + "".join(f"{r['rtol']:>16.0e}" for r in next(iter(dense["rows"].values()))))
+    for name, rows in dense["rows"].items():
+        print(f"{name:32}" + "".join(f"{r['end']:8.2g}; {r['grid']:6.2g}" for r in rows))
+    print(
+        f"geometric mean {dense['mean']:.2g}, {dense['within_three']:.0%} within 3, worst {dense['worst']:.3g}"
+    )
+
+
+def run(problems: Sequence[Problem], peers: Sequence[Peer], *, quick: bool) -> tuple[dict, dict]:
+    """The summary of all that was measured, and the ladders with the references' errors."""
+    results, doubts, accurate, begun = {}, {}, {}, time.perf_counter()
+    for problem in problems:
+        exact, doubts[problem.name] = reference(problem)
+        solvers = solvers_of(problem, peers, quick=quick)
+        results[problem.name] = measure(problem, exact, solvers, 2 if quick else 4)
+        accurate[problem.name] = accuracy(problem, exact)
+        spent = time.perf_counter() - begun
+        print(f"  {problem.name}: reference within {doubts[problem.name]:.1e}, {spent:.0f} s", flush=True)
+    data = summary(problems, results, accurate)
+    data["reference"] = doubts
+    return data, results
+
+
+def installed(*, compiled: bool) -> list[Peer]:
+    """The peers that are there; without those that have Python between their steps if others are, and `compiled`."""
+    present = [peer for peer in PEERS if peer.version is not None]
+    fast = [peer for peer in present if peer.is_compiled and peer.package != "diffrax"]
+    return fast if compiled and fast else present
 
 
 def main() -> None:
@@ -257,44 +342,16 @@ def main() -> None:
     parser.add_argument("--ours", action="store_true", help="no peers")
     options = parser.parse_args()
     warnings.filterwarnings("ignore")
-    machine = {
-        "processor": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "gsp": gsp.__version__,
-        "packages": {name: version(name) for name in ("numpy", "scipy", "numba", "llvmlite", "sympy")},
-        "peers": {peer.package: peer.version for peer in PEERS},
-    }
-    print(machine)
+    print(machine())
     print("missing:", ", ".join(sorted({p.package for p in PEERS if p.version is None})) or "none")
-    chosen = [p for p in PROBLEMS if not options.only or options.only in p.name]
+    chosen = [p for p in (*PROBLEMS, RING) if not options.only or options.only in p.name]
     if options.quick:
-        chosen = [p for p in chosen if p.name.startswith(("van der Pol, mu = 1e6", "Robertson", "sleigh"))]
-    results, references, accurate, begun = {}, {}, {}, time.perf_counter()
-    for problem in chosen:
-        exact, doubt = reference(problem)
-        solvers = solvers_of(
-            problem,
-            quick=options.quick,
-            compiled=options.quick or options.compiled,
-            alone=options.ours,
-        )
-        results[problem.name] = measure(problem, exact, solvers, 2 if options.quick else 4)
-        references[problem.name] = doubt
-        accurate[problem.name] = accuracy(problem, exact)
-        print(f"  {problem.name}: reference within {doubt:.1e}, {time.perf_counter() - begun:.0f} s")
-    cells = summary(results)
-    means = show(cells, results, {p.name for p in chosen if p.is_stiff})
-    show_accuracy(accurate)
+        chosen = [p for p in chosen if p.name in QUICK]
+    peers = [] if options.ours else installed(compiled=options.quick or options.compiled)
+    data, ladders = run(chosen, peers, quick=options.quick)
+    show(data)
     if options.json:
-        data = {
-            "machine": machine,
-            "reference": references,
-            "ladders": results,
-            "least": cells,
-            "means": means,
-            "accuracy": accurate,
-        }
+        data = {"machine": machine(), "summary": data, "ladders": ladders}
         options.json.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 

@@ -1,15 +1,45 @@
-"""Nine initial-value problems for integrators: relaxation oscillators, chemistry, and the Chaplygin sleigh.
+"""Initial-value problems for integrators: nine of relaxation oscillators, chemistry and the sleigh, and a larger one.
 
 Robertson, the Oregonator, HIRES and van der Pol at mu = 1e6: Test Set for IVP Solvers (Mazzia, Magherini 2008).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import sympy as sp
-from peers import Problem
 
 import gsp
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """An initial-value problem. `floor` is atol/rtol; `grid` (m,) ends with the span.
+
+    Errors are relative to each component's largest value on the grid, or, when `pointwise`, to its value there.
+    """
+
+    name: str
+    field: gsp.VectorField
+    start: dict[str, float]
+    span: tuple[float, float]
+    epsilon: float | None = None
+    floor: float = 1.0
+    grid: np.ndarray | None = None
+    pointwise: bool = False
+    is_stiff: bool = True
+
+    @property
+    def times(self) -> np.ndarray:
+        """The output grid: by default 100 equal intervals."""
+        return np.linspace(*self.span, 101)[1:] if self.grid is None else self.grid
+
+    @property
+    def y0(self) -> np.ndarray:
+        """The start in the order of the states."""
+        return np.array([self.start[symbol.name] for symbol in self.field.states], dtype=float)
+
 
 x, y, z, v, w, omega, phi, epsilon = sp.symbols("x y z v w omega phi epsilon")
 Q = sp.Rational
@@ -62,7 +92,7 @@ def hires() -> Problem:
     return Problem("HIRES", gsp.VectorField(rates, epsilon=None), start, (0.0, 321.8122), floor=1e-2)
 
 
-def sleigh(value: float) -> Problem:
+def sleigh_field() -> gsp.VectorField:
     """The Chaplygin sleigh with friction, six states: Eldering (2015), section 3."""
     a = Q(1, 5)
     rates = {
@@ -73,9 +103,18 @@ def sleigh(value: float) -> Problem:
         x: v * sp.cos(phi) - w * sp.sin(phi),
         y: v * sp.sin(phi) + w * sp.cos(phi),
     }
+    return gsp.VectorField(rates, epsilon=epsilon)
+
+
+# One object: an equal one is found by comparing expressions in each call, which costs as much as the call.
+SLEIGH = sleigh_field()
+
+
+def sleigh(value: float) -> Problem:
+    """The sleigh over twenty units of time."""
     return Problem(
         f"sleigh, epsilon = {value:g}",
-        gsp.VectorField(rates, epsilon=epsilon),
+        SLEIGH,
         {"v": 1, "w": 0, "omega": 1, "phi": 0, "x": 0, "y": 0},
         (0.0, 20.0),
         epsilon=value,
@@ -83,6 +122,22 @@ def sleigh(value: float) -> Problem:
     )
 
 
+def ring(cells: int) -> Problem:
+    """FitzHugh and Nagumo's neurons in a ring, each coupled to its neighbours' potentials, epsilon = 0.01."""
+    a, b = sp.symbols(f"v0:{cells}"), sp.symbols(f"w0:{cells}")
+    rates = {}
+    for i in range(cells):
+        coupling = (a[i - 1] - 2 * a[i] + a[(i + 1) % cells]) / 10
+        rates[a[i]] = (a[i] - a[i] ** 3 / 3 - b[i] + Q(1, 2) + coupling) / epsilon
+        rates[b[i]] = a[i] + Q(7, 10) - Q(4, 5) * b[i]
+    phase = 2 * np.pi * np.arange(cells) / cells
+    start = {a[i].name: float(np.cos(phase[i])) for i in range(cells)}
+    start |= {b[i].name: float(0.3 * np.sin(phase[i])) for i in range(cells)}
+    field = gsp.VectorField(rates, epsilon=epsilon)
+    return Problem(f"FitzHugh-Nagumo ring, {2 * cells} states", field, start, (0.0, 5.0), epsilon=0.01)
+
+
+RING = ring(10)
 PROBLEMS = (
     van_der_pol(10**3),
     van_der_pol(10**6),

@@ -21,8 +21,8 @@ CASES = (
 )
 
 
-def measure(name: str, order: int) -> tuple[float, float, float, int]:
-    """(first, best of five, conversion to SymPy) in seconds, and the terms of the last numerator."""
+def measure(name: str, order: int, bound: float) -> dict:
+    """Seconds of the first call, of the best of five and of the conversion to SymPy; terms of the last numerator."""
     branch = place(gsp.models.load(name)).branch
     times = []
     for _ in range(6):
@@ -32,16 +32,31 @@ def measure(name: str, order: int) -> tuple[float, float, float, int]:
     begun = time.perf_counter()
     last = series.coefficients[order][0]
     shown = time.perf_counter() - begun
-    return times[0], min(times[1:]), shown, len(last.as_numer_denom()[0].expand().args)
+    terms = len(last.as_numer_denom()[0].expand().args)
+    return {
+        "model": name,
+        "order": order,
+        "first": times[0],
+        "best": min(times[1:]),
+        "to_sympy": shown,
+        "terms": terms,
+        "bound": bound,
+    }
+
+
+def show(rows: list[dict]) -> None:
+    """Print what `measure` found."""
+    print(f"{'scene':18} order    first     best  to SymPy   terms   bound")
+    for row in rows:
+        print(
+            f"{row['model']:18} {row['order']:5} {row['first']:8.4f} {row['best']:8.4f} {row['to_sympy']:9.4f} "
+            f"{row['terms']:7} {row['bound']:6} s {'ok' if row['first'] < row['bound'] else 'SLOW'}"
+        )
 
 
 def main() -> None:
     """Print the table."""
-    print(f"{'scene':18} order    first     best  to SymPy   terms   bound")
-    for name, order, bound in CASES:
-        first, best, shown, terms = measure(name, order)
-        verdict = "ok" if first < bound else "SLOW"
-        print(f"{name:18} {order:5} {first:8.4f} {best:8.4f} {shown:9.4f} {terms:7} {bound:6} s {verdict}")
+    show([measure(*case) for case in CASES])
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ ratio.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -57,33 +58,51 @@ def sheet(name: str, points: int) -> tuple:
     return placed.branch, grid, placed.branch.points(grid)
 
 
-def pointwise() -> None:
-    """Microseconds a point, the start on M0 included."""
-    print(f"zero_derivative, epsilon = {EPSILON:g}, {POINTS} points: microseconds a point")
-    print(f"{'model':18} " + " ".join(f"{f'order {m}':>9}" for m in ORDERS) + "   to 1e-13  largest error")
-    for name in MODELS:
+def pointwise(models: Sequence[str] = MODELS, orders: Sequence[int] = ORDERS) -> list[dict]:
+    """By model: microseconds a point at each order and to 1e-13, the start on M0 included; the largest error."""
+    rows = []
+    for name in models:
         branch, grid, near = sheet(name, POINTS)
-        row = []
-        for order in (*ORDERS, None):
+        spent = {}
+        for order in (*orders, None):
             seconds = best(partial(zero_derivative, branch, grid, epsilon=EPSILON, order=order, near=near))
-            row.append(1e6 * seconds / POINTS)
+            spent["to 1e-13" if order is None else f"order {order}"] = 1e6 * seconds / POINTS
         error = zero_derivative(branch, grid, epsilon=EPSILON, near=near).error.max()
-        print(
-            f"{name:18} " + " ".join(f"{value:9.2f}" for value in row[:-1]) + f"  {row[-1]:9.2f}  {error:.1e}"
-        )
+        rows.append({"model": name, "microseconds": spent, "error": float(error)})
+    return rows
 
 
-def many() -> None:
-    """10^5 points at order 8, and against the compiled series of the same order."""
-    print(f"\n{MANY} points at order 8")
-    for name in ("michaelis_menten", "chaplygin_sleigh", "koper"):
+def many(models: Sequence[str] = ("michaelis_menten", "chaplygin_sleigh", "koper")) -> list[dict]:
+    """By model: seconds for 10^5 points at order 8, and the ratio to the compiled series of that order (not Koper's:
+    its series takes long to compile)."""
+    rows = []
+    for name in models:
         branch, grid, near = sheet(name, MANY)
         seconds = best(partial(zero_derivative, branch, grid, epsilon=EPSILON, order=8, near=near))
-        line = f"{name:18} {seconds:7.3f} s {'ok' if seconds < 1.0 else 'SLOW'}"
+        row = {"model": name, "seconds": seconds}
         if name != "koper":
             series = expand(branch, order=8)
-            other = best(partial(series.evaluate, grid, EPSILON, near=near))
-            line += f"   {seconds / other:.1f} times the series of order 8 once that is expanded and compiled"
+            row["to_series"] = seconds / best(partial(series.evaluate, grid, EPSILON, near=near))
+        rows.append(row)
+    return rows
+
+
+def show_points(rows: list[dict]) -> None:
+    """Print what `pointwise` found."""
+    print(f"zero_derivative, epsilon = {EPSILON:g}, {POINTS} points: microseconds a point")
+    print(f"{'model':18} " + " ".join(f"{name:>9}" for name in rows[0]["microseconds"]) + "  largest error")
+    for row in rows:
+        values = " ".join(f"{value:9.2f}" for value in row["microseconds"].values())
+        print(f"{row['model']:18} {values}        {row['error']:.1e}")
+
+
+def show_many(rows: list[dict]) -> None:
+    """Print what `many` found."""
+    print(f"\n{MANY} points at order 8")
+    for row in rows:
+        line = f"{row['model']:18} {row['seconds']:7.3f} s {'ok' if row['seconds'] < 1.0 else 'SLOW'}"
+        if "to_series" in row:
+            line += f"   {row['to_series']:.1f} times the series of order 8 once that is expanded and compiled"
         print(line)
 
 
@@ -132,8 +151,8 @@ def cases():
 
 def main() -> None:
     """Print the tables."""
-    pointwise()
-    many()
+    show_points(pointwise())
+    show_many(many())
     solved()
 
 

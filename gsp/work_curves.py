@@ -13,14 +13,14 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from gsp.comparison import layer_time, on_manifold, sense
-from gsp.errors import BranchError, DeclarationError, HyperbolicityError, Status
+from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status
 from gsp.fibres import project
 from gsp.flow import Flow, check_epsilon
 from gsp.inner import expand_inner
@@ -48,6 +48,8 @@ LIMIT = 2.0
 MAX_STEPS = 200_000
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
 MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
+# Characters of a failing peer's message that are kept.
+REASON = 120
 # Errors at which curves are compared in tables.
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
@@ -113,7 +115,8 @@ class WorkPrecision:
     """Error against seconds for one scene at one epsilon.
 
     `curves` in the order full, peers, reduced; `reference_error` is how far the two references differ; `start` says
-    from where the runs begin; `omitted` names peers that are not installed; `machine` holds what it ran on.
+    from where the runs begin; `omitted` names peers that are not installed or cannot take the flow, with the reason;
+    `machine` holds what it ran on.
     """
 
     scene: Scene
@@ -175,7 +178,10 @@ class WorkPrecision:
 
 @dataclass(frozen=True)
 class _Task:
-    """One curve to be measured: `run(rtol)` gives slow values (n_slow, m) on the grid, steps and calls."""
+    """One curve to be measured: `run(rtol)` gives slow values (n_slow, m) on the grid, steps and calls.
+
+    A run that fails gives nan; `failures` then holds the reason.
+    """
 
     label: str
     kind: ModelKind
@@ -183,6 +189,7 @@ class _Task:
     order: int | None = None
     version: str | None = None
     preparation: float = 0.0
+    failures: dict[float, str] = field(default_factory=dict)
 
 
 def work_precision(
@@ -376,14 +383,34 @@ def _peer_tasks(
             omitted[peer.name] = f"{peer.package} is not installed"
             continue
         begun = time.perf_counter()
-        solve = peer.prepare(system, p, y, placement.scene.span[0], grid)
+        try:
+            solve = peer.prepare(system, p, y, placement.scene.span[0], grid)
+        # Whatever somebody else's package raises is a reason, and no more.
+        except Exception as error:
+            omitted[peer.name] = _reason(error)
+            continue
+        failures: dict[float, str] = {}
 
-        def run(rtol: float, solve=solve) -> tuple[np.ndarray, int | None, int | None]:
-            found = solve(rtol, ATOL_SHARE * rtol)
+        def run(rtol: float, solve=solve, failures=failures) -> tuple[np.ndarray, int | None, int | None]:
+            try:
+                found = solve(rtol, ATOL_SHARE * rtol)
+            except Exception as error:
+                failures[rtol] = _reason(error)
+                return np.full((len(system.x), grid.size), np.nan), None, None
             return _slow(found.states, system, placement), found.steps, found.field_calls
 
         prepared = time.perf_counter() - begun
-        yield _Task(peer.name, ModelKind.PEER, run, version=peer.version, preparation=prepared)
+        yield _Task(
+            peer.name, ModelKind.PEER, run, version=peer.version, preparation=prepared, failures=failures
+        )
+
+
+def _reason(error: Exception) -> str:
+    """What an exception says, in one line."""
+    text = " ".join(str(error).split())
+    if isinstance(error, GspError):
+        return text
+    return f"{type(error).__name__}: {text}"[:REASON]
 
 
 def _reduced_tasks(
@@ -446,6 +473,9 @@ def _measure(
                 ended[task.label] = f"beyond {limit:g} s at rtol {rtol:.0e}"
             elif not np.isfinite(values).all() and steps is not None and steps >= MAX_STEPS // 2:
                 ended[task.label] = f"out of steps at rtol {rtol:.0e}"
+            elif not np.isfinite(values).all() and rtol == ladder[-1]:
+                why = task.failures.get(rtol, "did not reach the end")
+                ended[task.label] = f"{why} at rtol {rtol:.0e}"
         best = {label: points[label][rtol].seconds for label in counts}
         for _ in range(ROUNDS):
             for task in tasks:

@@ -115,6 +115,13 @@ LIBRARIES = {
     "markupsafe": {"report"},
     "click": {"cli"},
     "rich": {"cli"},
+    "casadi": {"peers"},
+    "diffrax": {"peers"},
+    "heyoka": {"peers"},
+    "jax": {"peers"},
+    "numbalsoda": {"peers"},
+    "pydiffsol": {"peers"},
+    "sksundae": {"peers"},
 }
 # Symbols stop here: nothing below may know SymPy, and what knows SymPy may not know numba.
 WITHOUT_SYMPY = {"errors", "kernels", "cli"}

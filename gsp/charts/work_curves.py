@@ -24,7 +24,9 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
     full = [c for c in result.curves if c.kind is ModelKind.FULL and c.points]
     reduced = [c for c in result.curves if c.kind is ModelKind.REDUCED and c.points]
     for i, curve in enumerate(peers):
-        _draw(axes, curve, GREY, MARKERS[i % len(MARKERS)], ("--", ":", "-.")[i % 3], filled=False)
+        # Each lap of the markers begins with another dash, so that no two peers look alike.
+        dash = ("--", ":", "-.")[(i + i // len(MARKERS)) % 3]
+        _draw(axes, curve, GREY, MARKERS[i % len(MARKERS)], dash, filled=False)
     for i, curve in enumerate(full):
         chosen = curve.label == "default"
         _draw(
