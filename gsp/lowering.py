@@ -8,6 +8,7 @@ names never reach the code. Arithmetic is IEEE double without fast-math: NaN and
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -180,10 +181,26 @@ class CompiledFlow:
         )
 
 
-@lru_cache(maxsize=1024)
 def compile_flow(flow: Flow) -> CompiledFlow:
     """Compiled form of a flow; flows that are equal or differ in parameter values only share their code."""
+    known = _KNOWN.get(id(flow))
+    if known is not None and known[0]() is flow:
+        return known[1]
+    compiled = _compiled_once(flow)
+    if len(_KNOWN) >= _MOST_KNOWN:
+        _KNOWN.clear()
+    _KNOWN[id(flow)] = weakref.ref(flow), compiled
+    return compiled
+
+
+@lru_cache(maxsize=1024)
+def _compiled_once(flow: Flow) -> CompiledFlow:
     return CompiledFlow(flow)
+
+
+# The flows asked for last, by identity: to compare two equal flows costs more than a short run.
+_KNOWN: dict[int, tuple[weakref.ref[Flow], CompiledFlow]] = {}
+_MOST_KNOWN = 4096
 
 
 def finite_rows(values: np.ndarray) -> np.ndarray:

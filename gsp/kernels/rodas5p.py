@@ -70,13 +70,15 @@ def _interpolate(shape, k, y, y_new, rtol, atol, rows):
     and the polynomial's error is not. The terms of the polynomial fall off like a geometric series.
     """
     _, n = sizes(shape)
+    for m in range(DENSE_ROWS):
+        for i in range(n):
+            rows[m, i] = DENSE[m, 0] * k[0, i]
+        for s in range(1, STAGES):
+            weight = DENSE[m, s]
+            for i in range(n):
+                rows[m, i] += weight * k[s, i]
     largest = 0.0
     for i in range(n):
-        for m in range(DENSE_ROWS):
-            total = 0.0
-            for s in range(STAGES):
-                total += DENSE[m, s] * k[s, i]
-            rows[m, i] = total
         last = LAST_TERM * abs(rows[2, i])
         before = LAST_BUT_ONE * abs(rows[1, i])
         if last < before:
