@@ -75,7 +75,8 @@ class Line:
         along, distance = self._along(z, beside.at(met)[:3] - z), frame.unit
         for _ in range(RUNGS):
             z = self._on(z + distance * along)
-            if self.side * frame.critical(z, _NOTHING)[4] >= 0.0:
+            # Where the line runs along the slow flow, beyond the weak canard, the family has passed what it is sought for.
+            if self.side * frame.critical(z, _NOTHING)[4] >= 0.0 or not self.enters(z):
                 return
             along = self._along(z, along)
             time = self._duration(z)
@@ -83,8 +84,11 @@ class Line:
                 yield z, time
             distance *= LADDER
 
-    def heading(self, z: np.ndarray) -> float:
-        """In which direction the desingularised reduced flow crosses the line at z."""
+    def enters(self, z: np.ndarray) -> bool:
+        """Whether the desingularised reduced flow crosses the line at z as along the strong canard, to the node."""
+        return self._heading(z) * self._heading(self.strong.at(self.crossing)[:3]) > 0.0
+
+    def _heading(self, z: np.ndarray) -> float:
         return float(self.desingularised.rates([*z, 0.0], _NOTHING)[self.plane.index])
 
     def _along(self, z: np.ndarray, towards: np.ndarray) -> np.ndarray:

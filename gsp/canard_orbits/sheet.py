@@ -262,7 +262,7 @@ class SheetBuilder:
             return trace
         if (normal[6] > 0.0) != inwards:
             normal, tangent = -normal, tangent.times(-1.0)
-        step, still, heading = FIRST, 0, self.start.heading(self._line_end(first))
+        step, still = FIRST, 0
         while len(trace.segments) < SEGMENTS:
             here = trace.segments[-1]
             taken = self._advance(here, normal, tangent, step)
@@ -288,7 +288,7 @@ class SheetBuilder:
             end = self._free_end(taken)
             moved = np.abs((end - self._free_end(here))[[self.other, 2]]) / self.scale
             still = still + 1 if moved.max() < RESOLUTION else 0
-            ending = self._ending(taken, heading)
+            ending = self._ending(taken)
             if inwards and ending is None and still >= STILL:
                 ending = SheetEnd.STILL
             if ending is not None:
@@ -298,12 +298,12 @@ class SheetBuilder:
             step = min(LONGEST, step * float(np.clip(AIM_TURN / max(turn, 1e-3), 0.5, 1.5)))
         return trace
 
-    def _ending(self, orbit: OrbitSegment, heading: float) -> SheetEnd | None:
+    def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
             return SheetEnd.WINDOW
         if orbit.time < SHRUNK * self.frame.time:
             return SheetEnd.LINE
-        return SheetEnd.PASSED if self.start.heading(self._line_end(orbit)) * heading <= 0.0 else None
+        return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
 
     def _tangent(self, orbit: OrbitSegment, along: np.ndarray | None):
         """Unit tangent of the family (7,) and the change of the whole orbit along it."""
