@@ -123,6 +123,9 @@ class CanardOrbits:
             )
         if self.unresolved:
             text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
+        ended = any(sheet.inner is SheetEnd.PASSED for sheet in (self.attracting, self.repelling))
+        if turning and ended and not any(c.kind is CanardKind.WEAK for c in self.canards):
+            text += "; the curves do not cross at gamma_w before they end"
         if self.touching:
             text += "; the curves touch at gamma_w, as for whole 1/mu: its place is known to the root of rounding only"
         if self.exhausted:
@@ -319,6 +322,8 @@ class _Finder:
         if not solved or (passed and not self._is_at(solved[-1], innermost)):
             return axis, None
         last = solved[-1]
+        if len(solved) == 1 and self._is_strong(last):
+            return axis, None
         off = deviation(last.orbit, last.share, axis, self.section, WEAK_REACH * self.frame.unit)
         if not passed and off > WEAK_DISTANCE * self.frame.width:
             return axis, None
@@ -330,6 +335,16 @@ class _Finder:
             return False
         off = np.abs((solved.state[self.columns] - innermost.place) / self.scale).max()
         return solved.crossing is innermost or bool(off < TOUCHING)
+
+    def _is_strong(self, solved: _Solved) -> bool:
+        """Whether a canard passes the node rather along its strong direction than along its weak one."""
+        frame, index = self.frame, self.section.index
+        sigma = np.linspace(0.0, 1.0, 20 * len(solved.orbit.mesh))
+        states = solved.orbit.at(sigma) - frame.point
+        near = np.abs(states[:, index]) <= WEAK_REACH * abs(frame.strong[index])
+        strong, weak = (v[2] / v[index] for v in (frame.strong, frame.weak))
+        slope = float(np.polyfit(states[near, index], states[near, 2], 1)[0])
+        return abs(slope - strong) < abs(slope - weak)
 
     def _touching(self, solved: list[_Solved], innermost: Crossing) -> _Solved | None:
         """The canard of the innermost crossing when Newton's method found none there: the curves touch."""
