@@ -131,6 +131,21 @@ def test_where_the_curves_touch_the_strong_canard_is_not_taken_for_the_weak_one(
     assert found["gamma_w"].point["x"] == pytest.approx(0.005 / 3, abs=1e-8)
 
 
+def test_a_sole_strong_canard_is_named_so_away_from_the_normal_form() -> None:
+    # The curves end before gamma_w, which the terms of higher order move by epsilon^(1/2).
+    system = gsp.SlowFastSystem(
+        slow={x: 7 * z / 20 - 17 * y / 10 + z * y / 3 + y**2 / 5, z: 1 + x / 2 - y / 4},
+        fast={y: x + y**2 + y**3 / 3 + x * y / 7},
+        epsilon=epsilon,
+    )
+    singularity = node(system, x=(-0.1, 0.1), y=(-0.1, 0.1), z=(-0.1, 0.1))
+    assert singularity.mu == sp.Rational(7, 10)
+    found = gsp.folded_canards(singularity, epsilon=0.001)
+    assert [c.name for c in found.canards] == ["gamma_0"]
+    assert found["gamma_0"].point["x"] == pytest.approx(0.0005, rel=1e-2)
+    assert "do not cross at gamma_w before they end" in found.message
+
+
 def test_the_strong_canard_of_the_normal_form_is_the_parabola_along_its_whole_length() -> None:
     strong = gsp.folded_canards(node(normal_form(sp.Rational(3, 10)), y=(-1, 1)), epsilon=0.02)["gamma_0"]
     # From starts on M0 orbits reach the slow manifold after a few epsilon.
@@ -311,7 +326,7 @@ def test_crossings_are_looked_at_until_the_work_allowed_is_used_up(
 def test_curves_that_run_along_each_other_have_a_bounded_number_of_crossings(koper: gsp.CanardOrbits) -> None:
     canard = sys.modules["gsp.canard_orbits.canard"]
     # A curve crosses itself wherever it is: the chords are parallel, or meet at their ends.
-    found, complete = canard.crossings(koper.attracting, koper.attracting)
+    found, _ = canard.crossings(koper.attracting, koper.attracting)
     assert len(found) <= canard.MOST_CROSSINGS
     few, all_of_them = canard.crossings(koper.attracting, koper.repelling)
     assert all_of_them

@@ -12,7 +12,7 @@ from gsp.trajectory import Trajectory
 
 # How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of these at
 # which the slow flow runs to the node from beside the strong canard too.
-DECAYS = (40.0, 32.0, 25.0, 20.0, 16.0)
+DECAYS = (40.0, 32.0, 25.0, 20.0, 16.0, 12.0)
 # Points of the strong singular canard that are looked at for the default line.
 LOOKS = 4000
 # Starts are one local unit apart and then this much more each, so often; where the first is too far, half of it, so
