@@ -1,5 +1,7 @@
 """Canards of folded nodes: exact orbits of the normal form, published systems, and two routes to each point."""
 
+import sys
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -101,6 +103,47 @@ def test_the_normal_form_has_its_canards_as_the_theory_counts_them(mu: str, seco
     if secondary < 5:
         assert found.canards[-1].kind is CanardKind.WEAK
         assert found["gamma_w"].point["x"] == pytest.approx(0.005 * float(sp.Rational(mu)), abs=1e-10)
+
+
+@pytest.mark.parametrize("mu", ["1/2", "7/10", "9/10", "99/100", "2"])
+def test_two_canards_where_the_weak_direction_is_not_much_weaker(mu: str) -> None:
+    # With mu = 2 in the equations the node has mu = 1/2, and the two parabolas change places.
+    strong, weak = max(sp.Rational(mu), sp.Integer(1)), min(sp.Rational(mu), sp.Integer(1))
+    found = gsp.folded_canards(node(normal_form(sp.Rational(mu)), y=(-1, 1)), epsilon=0.01)
+    assert [c.name for c in found.canards] == ["gamma_0", "gamma_w"]
+    assert found.status.ok
+    assert found["gamma_0"].half_turns == 1
+    assert found["gamma_0"].point["x"] == pytest.approx(0.005 * float(strong), abs=1e-12)
+    # Where 1/mu is whole the curves touch there: a multiple root.
+    assert found.touching == (mu in ("1/2", "2"))
+    assert found["gamma_w"].point["x"] == pytest.approx(0.005 * float(weak), abs=1e-8)
+    assert found["gamma_w"].error < (1e-4 if found.touching else 1e-10)
+    assert ("touch at gamma_w" in found.message) == found.touching
+    # The lines are left before the slow flow runs along them: no orbit goes round by far away.
+    assert max(orbit.time for orbit in found.attracting.segments) < 10
+    assert len(found.attracting.segments) < 300
+
+
+def test_where_the_curves_touch_the_strong_canard_is_not_taken_for_the_weak_one() -> None:
+    found = gsp.folded_canards(node(normal_form(sp.Rational(1, 3)), y=(-1, 1)), epsilon=0.01)
+    assert found.missing == ("xi_1",)
+    assert found["gamma_0"].point["x"] == pytest.approx(0.005, abs=1e-12)
+    assert found["gamma_w"].point["x"] == pytest.approx(0.005 / 3, abs=1e-8)
+
+
+def test_a_sole_strong_canard_is_named_so_away_from_the_normal_form() -> None:
+    # The curves end before gamma_w, which the terms of higher order move by epsilon^(1/2).
+    system = gsp.SlowFastSystem(
+        slow={x: 7 * z / 20 - 17 * y / 10 + z * y / 3 + y**2 / 5, z: 1 + x / 2 - y / 4},
+        fast={y: x + y**2 + y**3 / 3 + x * y / 7},
+        epsilon=epsilon,
+    )
+    singularity = node(system, x=(-0.1, 0.1), y=(-0.1, 0.1), z=(-0.1, 0.1))
+    assert singularity.mu == sp.Rational(7, 10)
+    found = gsp.folded_canards(singularity, epsilon=0.001)
+    assert [c.name for c in found.canards] == ["gamma_0"]
+    assert found["gamma_0"].point["x"] == pytest.approx(0.0005, rel=1e-2)
+    assert "do not cross at gamma_w before they end" in found.message
 
 
 def test_the_strong_canard_of_the_normal_form_is_the_parabola_along_its_whole_length() -> None:
@@ -254,6 +297,42 @@ def test_the_canard_of_the_neuron_turns_round_in_epsilon(neuron: gsp.CanardOrbit
     assert family.status is gsp.Status.TOO_MANY_STEPS
 
 
+# -- the work is bounded ---------------------------------------------------------------------------
+
+
+def test_a_sheet_ends_when_its_newton_steps_are_used_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["gsp.canard_orbits.sheet"], "WORK", 5000)
+    found = gsp.folded_canards(node(normal_form(sp.Rational(3, 10)), y=(-1, 1)), epsilon=0.01)
+    assert found.attracting.inner is SheetEnd.WORK
+    assert found.status is gsp.Status.TOO_MANY_STEPS
+    assert "the allowed number of Newton steps was used up" in found.message
+    # One segment more than allowed each way, of at most 480 elements and 3 x 8 steps.
+    assert sum(len(sheet.segments) for sheet in (found.attracting, found.repelling)) < 60
+
+
+def test_crossings_are_looked_at_until_the_work_allowed_is_used_up(
+    koper: gsp.CanardOrbits, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["gsp.canard_orbits.folded_canards"], "WORK", 3000)
+    found = gsp.folded_canards(koper.singularity, epsilon=0.01)
+    assert 1 <= len(found) < len(koper)
+    assert found.exhausted
+    assert found.status is gsp.Status.TOO_MANY_STEPS
+    assert "the work allowed for the crossings was used up" in found.message
+    # The outermost come first, and are those of the whole search.
+    assert found["gamma_0"].point == pytest.approx(koper["gamma_0"].point, abs=1e-9)
+
+
+def test_curves_that_run_along_each_other_have_a_bounded_number_of_crossings(koper: gsp.CanardOrbits) -> None:
+    canard = sys.modules["gsp.canard_orbits.canard"]
+    # A curve crosses itself wherever it is: the chords are parallel, or meet at their ends.
+    found, _ = canard.crossings(koper.attracting, koper.attracting)
+    assert len(found) <= canard.MOST_CROSSINGS
+    few, all_of_them = canard.crossings(koper.attracting, koper.repelling)
+    assert all_of_them
+    assert len(few) == 8
+
+
 # -- wrong calls -----------------------------------------------------------------------------------
 
 
@@ -270,6 +349,8 @@ def test_what_is_no_folded_node_is_named() -> None:
     )
     with pytest.raises(FoldedError, match="faux canards"):
         gsp.folded_canards(faux, epsilon=0.01)
+    with pytest.raises(FoldedError, match="Got mu = 1: at a degenerate node"):
+        gsp.folded_canards(node(normal_form(sp.Integer(1)), y=(-1, 1)), epsilon=0.01)
 
 
 def test_sections_and_lines_that_do_not_fit_are_named(koper: gsp.CanardOrbits) -> None:

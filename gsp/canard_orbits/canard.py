@@ -23,6 +23,8 @@ from gsp.flow import Flow
 PASSES = 3
 # Interpolation error that a canard's mesh is made for, and its elements at least and at most.
 PRECISION, FEWEST, MOST = 1e-11, 80, 1500
+# Crossings that are kept, and the places looked at for them, at most: curves that run along each other have more.
+MOST_CROSSINGS, MOST_PLACES = 300, 4000
 # Chords of the interpolant from one segment to the next on which crossings are looked for.
 CHORDS = 8
 # States of an orbit that are looked at where its turns are counted, an element.
@@ -136,6 +138,15 @@ class CanardSolver:
         """The same canard with every element halved."""
         return self.solver.solve(orbit.halved(), self.conditions)
 
+    def touching(self, guess: OrbitSegment) -> OrbitSegment | None:
+        """The canard near an orbit where the two manifolds touch, so that the problem is singular at it."""
+        elements = int(np.clip(guess.elements_for(PRECISION), FEWEST, MOST))
+        return self.solver.settled(guess.adapted(elements), self.conditions)
+
+    def touching_finer(self, orbit: OrbitSegment) -> OrbitSegment | None:
+        """The same with every element halved."""
+        return self.solver.settled(orbit.halved(), self.conditions)
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -146,12 +157,17 @@ class Crossing:
     repelling: tuple[int, float]
 
 
-def crossings(attracting: Sheet, repelling: Sheet) -> list[Crossing]:
-    """Where the curves of two sheets cross, from the outermost inwards, on their cubic Hermite interpolants."""
+def crossings(attracting: Sheet, repelling: Sheet) -> tuple[list[Crossing], bool]:
+    """Where the curves of two sheets cross, from the outermost inwards, on their cubic Hermite interpolants.
+
+    The second value is whether these are all: MOST_CROSSINGS and MOST_PLACES bound the search.
+    """
     a, b = (sheet.chords(CHORDS) for sheet in (attracting, repelling))
     found: list[Crossing] = []
+    places = 0
     lower, upper = b.min(axis=1), b.max(axis=1)
-    for i, points in enumerate(a):
+    for i in reversed(range(len(a))):
+        points = a[i]
         near = (lower <= points.max(axis=0)).all(axis=1) & (upper >= points.min(axis=0)).all(axis=1)
         for j in np.flatnonzero(near):
             step, across = np.diff(points, axis=0)[:, None], np.diff(b[j], axis=0)[None]
@@ -162,11 +178,18 @@ def crossings(attracting: Sheet, repelling: Sheet) -> list[Crossing]:
                 t = (away[..., 0] * step[..., 1] - away[..., 1] * step[..., 0]) / area
             # A little beyond the chords: the interpolants bulge.
             for k, m in zip(*np.nonzero((s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))):
+                if len(found) >= MOST_CROSSINGS or places >= MOST_PLACES:
+                    return _ordered(found), False
+                places += 1
                 start = (k + s[k, m]) / CHORDS, (m + t[k, m]) / CHORDS
                 refined = _refined(attracting, i, float(start[0]), repelling, int(j), float(start[1]))
                 if refined is not None and not any(_same(refined, other) for other in found):
                     found.append(refined)
-    return sorted(found, key=lambda c: -sum(c.attracting))
+    return _ordered(found), True
+
+
+def _ordered(found: list[Crossing]) -> list[Crossing]:
+    return sorted(found, key=lambda crossing: -sum(crossing.attracting))
 
 
 def _same(one: Crossing, other: Crossing) -> bool:

@@ -19,6 +19,9 @@ STAGES = 5
 ITERATIONS = 12
 # A Newton step of this length, relative to 1 + |z|, is rounding; one below LAST is followed by rounding.
 ROUNDING, LAST = 1e-13, 1e-8
+# At a multiple root Newton's method converges linearly, to the root of rounding of its multiplicity: it is given so
+# many steps, and the shortest has to be below this.
+PATIENT, SETTLED = 40, 1e-4
 # A step this much longer than the one before ends the iteration.
 GROWTH = 4.0
 # Share of the elements that is spread evenly, so that none grows too long.
@@ -143,13 +146,17 @@ Problem = Callable[[OrbitSegment], Conditions]
 
 
 class Collocation:
-    """Newton's method for orbit segments of one system; `epsilon_free` makes epsilon an unknown."""
+    """Newton's method for orbit segments of one system; `epsilon_free` makes epsilon an unknown.
+
+    `iterations` counts Newton steps, and `work` their elements.
+    """
 
     def __init__(self, system: SlowFastSystem, *, epsilon_free: bool = False) -> None:
         self.system = system
         self.flow = compile_flow(system)
         self.epsilon_free = epsilon_free
         self.iterations = 0
+        self.work = 0
         self.sensitivity = compile_function(
             [derivative(rate, system.epsilon) for rate in system.rates] if epsilon_free else [sp.Integer(0)],
             arguments=system.states,
@@ -163,6 +170,7 @@ class Collocation:
         step = Step(np.empty_like(orbit.states), np.empty_like(orbit.stages), np.empty_like(q))
         if not orbit.epsilon > 0.0:
             return None
+        self.work += len(orbit.mesh) - 1
         parts = (conditions.left, conditions.right, conditions.across, conditions.wanted)
         left, right, across, wanted = (np.ascontiguousarray(part, dtype=float) for part in parts)
         inner = np.zeros_like(orbit.states) if conditions.inner is None else conditions.inner
@@ -182,10 +190,7 @@ class Collocation:
             self.iterations += 1
             if step is None:
                 return None
-            length = float(
-                (np.abs(step.states).max(axis=1) / (1.0 + np.abs(orbit.states).max(axis=1))).max()
-                + np.abs(step.parameters / [orbit.time, orbit.epsilon][: len(step.parameters)]).max()
-            )
+            length = _length(step, orbit)
             if length > max(GROWTH * previous, 1.0) and previous < np.inf:
                 return None
             orbit = orbit.moved(step, min(1.0, 0.5 / length))
@@ -195,6 +200,22 @@ class Collocation:
                 return orbit
             previous = length
         return None
+
+    def settled(self, orbit: OrbitSegment, problem: Problem) -> OrbitSegment | None:
+        """As `solve` where the root is multiple: the iterate of the shortest step, which rounding ends."""
+        best, shortest = None, SETTLED
+        for _ in range(PATIENT):
+            step = self.linear(orbit, problem(orbit))
+            self.iterations += 1
+            if step is None:
+                break
+            length = _length(step, orbit)
+            orbit = orbit.moved(step, min(1.0, 0.5 / max(length, ROUNDING)))
+            if orbit.time <= 0.0:
+                break
+            if length < shortest:
+                best, shortest = orbit, length
+        return best
 
     def defect(self, orbit: OrbitSegment) -> float:
         """Largest defect |dz/dsigma - time F| of the polynomials, over 1 + |time F|, between the Gauss points."""
@@ -211,6 +232,14 @@ class Collocation:
         field = field.reshape(rate.shape)
         size = 1.0 + np.abs(field)
         return float((np.abs(rate - field) / size).max())
+
+
+def _length(step: Step, orbit: OrbitSegment) -> float:
+    """Largest change of a state over 1 + |z|, and of a parameter over its value, in a step."""
+    return float(
+        (np.abs(step.states).max(axis=1) / (1.0 + np.abs(orbit.states).max(axis=1))).max()
+        + np.abs(step.parameters / [orbit.time, orbit.epsilon][: len(step.parameters)]).max()
+    )
 
 
 def sampled(run: Trajectory, steps: np.ndarray, *, elements: int) -> OrbitSegment:

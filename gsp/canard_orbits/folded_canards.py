@@ -35,6 +35,12 @@ State = Mapping[str, float] | Mapping[sp.Symbol, float]
 # The innermost crossing is the weak canard when it is this near to the innermost orbits of both sheets, in local
 # widths over so many local units on each side of the section.
 WEAK_DISTANCE, WEAK_REACH = 1e-5, 2.0
+# A solved crossing this near the innermost one, in local units, is the same canard; there the curves touch.
+TOUCHING = 1e-2
+# Two crossings this near each other, in local units, are one to rounding.
+SAME = 1e-7
+# Elements of all Newton steps for the crossings, at most; 31 crossings at 28 canards take 120 000.
+WORK = 500_000
 # Fewer powers of e between a line and the node are said in the message.
 LITTLE = 15.0
 # Interpolation error of the orbits that stand for the axis.
@@ -52,6 +58,9 @@ class CanardOrbits:
     - `attracting` and `repelling` are the sheets' curves in the section, `section` its (name, value);
     - `expected` is how many secondary canards there are as epsilon goes to 0, `missing` their names and
       gamma_0's that were not found here; the number holds in the limit only, and there may be more here;
+    - `touching` tells that the curves touch at the weak canard, as where 1/mu is a whole number: it is known to
+      the root of rounding only, see its `error`;
+    - `exhausted` tells that the work allowed for the crossings was used up before the innermost;
     - `unresolved` is the number of crossings about the weak canard whose turns rounding hides;
     - `status` and `message` say how the curves ended, and why canards are missing.
     """
@@ -64,6 +73,8 @@ class CanardOrbits:
     repelling: Sheet
     expected: int
     unresolved: int
+    touching: bool
+    exhausted: bool
     frame: Frame
 
     @property
@@ -73,7 +84,9 @@ class CanardOrbits:
 
     @property
     def status(self) -> Status:
-        """SUCCESS when both curves were followed to their natural ends."""
+        """SUCCESS when both curves were followed to their natural ends, and all their crossings looked at."""
+        if self.exhausted and self.attracting.status.ok and self.repelling.status.ok:
+            return Status.TOO_MANY_STEPS
         return self.attracting.status if not self.attracting.status.ok else self.repelling.status
 
     @property
@@ -110,6 +123,13 @@ class CanardOrbits:
             )
         if self.unresolved:
             text += f"; {self.unresolved} more crossing{'s' * (self.unresolved > 1)} within rounding of the weak canard"
+        ended = any(sheet.inner is SheetEnd.PASSED for sheet in (self.attracting, self.repelling))
+        if turning and ended and not any(c.kind is CanardKind.WEAK for c in self.canards):
+            text += "; the curves do not cross at gamma_w before they end"
+        if self.touching:
+            text += "; the curves touch at gamma_w, as for whole 1/mu: its place is known to the root of rounding only"
+        if self.exhausted:
+            text += "; the work allowed for the crossings was used up before the innermost"
         for sheet in (self.attracting, self.repelling):
             if sheet.contraction < LITTLE:
                 side = "attracting" if sheet.attracting else "repelling"
@@ -208,7 +228,7 @@ def folded_canards(
             f"{error} Take a smaller {frame.system.epsilon}, or another line nearer to the fold, on the same sheet."
         ) from None
     finder = _Finder(frame, plane, builders, sheets)
-    canards, unresolved = finder.find()
+    canards = finder.find()
     return CanardOrbits(
         system=frame.system,
         singularity=singularity,
@@ -217,7 +237,9 @@ def folded_canards(
         attracting=sheets[0],
         repelling=sheets[1],
         expected=singularity.secondary_canards,
-        unresolved=unresolved,
+        unresolved=finder.unresolved,
+        touching=finder.touching,
+        exhausted=finder.exhausted,
         frame=frame,
     )
 
@@ -241,59 +263,103 @@ class _Finder:
         self.solver = CanardSolver(frame, self.lines)
         self.scale = builders[0].scale
         self.columns = [builders[0].other, 2]
+        # How many crossings were left because rounding hides their turns; what the search met.
+        self.unresolved, self.touching, self.exhausted = 0, False, False
 
-    def find(self) -> tuple[list[Canard], int]:
-        """The canards, and how many crossings were left because rounding hides their turns."""
-        solved = [s for s in map(self._solved, crossings(*self.sheets)) if s is not None]
-        axis, weak = self._axis(solved)
-        canards, unresolved, index = [], 0, -1
+    def find(self) -> list[Canard]:
+        """The canards, from the strong one inwards."""
+        crossed, complete = crossings(*self.sheets)
+        solved: list[_Solved] = []
+        self.exhausted = not complete
+        for crossing in crossed:
+            if self.solver.solver.work > WORK:
+                self.exhausted = True
+                break
+            each = self._solved(crossing, self.solver.solve(guess_at(crossing, *self.sheets)))
+            solved += [] if each is None else [each]
+        axis, weak = self._axis(solved, None if self.exhausted else crossed[-1] if crossed else None)
+        canards, index = [], -1
         for each in solved:
-            if each is weak:
-                canards.append(self._canard(each, CanardKind.WEAK, None, None))
+            if weak is not None and (each is weak or self._apart(each.state, weak.state) < SAME):
                 continue
             turns = half_turns(each.orbit, each.share, axis, self.section, self.frame.width)
             if turns is None:
-                unresolved += 1
+                self.unresolved += 1
                 continue
             # A crossing that was missed shows in the turns; turns that rounding or a bent axis hides, in the order.
             index = max(index + 1, (turns - 1) // 2)
             kind = CanardKind.STRONG if index == 0 else CanardKind.SECONDARY
             canards.append(self._canard(each, kind, index, turns))
-        return canards, unresolved
+        return canards if weak is None else [*canards, self._canard(weak, CanardKind.WEAK, None, None)]
 
-    def _solved(self, crossing: Crossing) -> _Solved | None:
-        guess = guess_at(crossing, *self.sheets)
-        orbit = self.solver.solve(guess)
+    def _apart(self, one: np.ndarray, other: np.ndarray) -> float:
+        """How far apart two states of the section are, in local units."""
+        return float(np.abs((one - other)[self.columns] / self.scale).max())
+
+    def _solved(self, crossing: Crossing, orbit: OrbitSegment | None) -> _Solved | None:
         if orbit is None:
             return None
-        near = self.sheets[0].segments[crossing.attracting[0]].time / guess.time
+        near = self.sheets[0].segments[crossing.attracting[0]].time / orbit.time
         met = section_crossing(orbit, self.section, near)
         # Newton's method may leave for another canard: it is found at its own crossing.
         off = np.inf if met is None else np.abs((met[1][self.columns] - crossing.place) / self.scale).max()
         return None if met is None or off > 0.1 else _Solved(crossing, orbit, *met)
 
-    def _axis(self, solved: list[_Solved]) -> tuple[tuple[OrbitSegment, OrbitSegment], _Solved | None]:
+    def _axis(
+        self, solved: list[_Solved], innermost: Crossing | None
+    ) -> tuple[tuple[OrbitSegment, OrbitSegment], _Solved | None]:
         """The weak canard up to the section and beyond: the innermost crossing, or the sheets' innermost orbits."""
+        passed = any(sheet.inner is SheetEnd.PASSED for sheet in self.sheets)
+        weak = self._touching(solved, innermost) if passed and innermost is not None else None
+        if weak is not None:
+            self.touching = True
+            return split(weak.orbit, weak.share), weak
         inner = []
         for builder, sheet in zip(self.builders, self.sheets):
             segment = sheet.segments[0]
             inner.append(builder.polished(segment, precision=AXIS_PRECISION) or segment)
         axis = (inner[0], inner[1])
-        if not solved:
+        if not solved or (passed and not self._is_at(solved[-1], innermost)):
             return axis, None
         last = solved[-1]
-        passed = any(sheet.inner is SheetEnd.PASSED for sheet in self.sheets)
+        if len(solved) == 1 and self._is_strong(last):
+            return axis, None
         off = deviation(last.orbit, last.share, axis, self.section, WEAK_REACH * self.frame.unit)
         if not passed and off > WEAK_DISTANCE * self.frame.width:
             return axis, None
         return split(last.orbit, last.share), last
 
+    def _is_at(self, solved: _Solved, innermost: Crossing | None) -> bool:
+        """Whether a canard is that of the innermost crossing, which curves that touch may have several of."""
+        if innermost is None:
+            return False
+        off = np.abs((solved.state[self.columns] - innermost.place) / self.scale).max()
+        return solved.crossing is innermost or bool(off < TOUCHING)
+
+    def _is_strong(self, solved: _Solved) -> bool:
+        """Whether a canard passes the node rather along its strong direction than along its weak one."""
+        frame, index = self.frame, self.section.index
+        sigma = np.linspace(0.0, 1.0, 20 * len(solved.orbit.mesh))
+        states = solved.orbit.at(sigma) - frame.point
+        near = np.abs(states[:, index]) <= WEAK_REACH * abs(frame.strong[index])
+        strong, weak = (v[2] / v[index] for v in (frame.strong, frame.weak))
+        slope = float(np.polyfit(states[near, index], states[near, 2], 1)[0])
+        return abs(slope - strong) < abs(slope - weak)
+
+    def _touching(self, solved: list[_Solved], innermost: Crossing) -> _Solved | None:
+        """The canard of the innermost crossing when Newton's method found none there: the curves touch."""
+        if solved and self._is_at(solved[-1], innermost):
+            return None
+        return self._solved(innermost, self.solver.touching(guess_at(innermost, *self.sheets)))
+
     def _canard(self, solved: _Solved, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
-        orbit, finer = solved.orbit, self.solver.finer(solved.orbit)
+        orbit = solved.orbit
+        touching = kind is CanardKind.WEAK and self.touching
+        finer = self.solver.touching_finer(orbit) if touching else self.solver.finer(orbit)
         again = None if finer is None else section_crossing(finer, self.section, solved.share)
         error = np.inf
         if again is not None:
-            error = float(np.abs((again[1] - solved.state)[self.columns] / self.scale).max())
+            error = self._apart(again[1], solved.state)
         gap = (solved.state[self.columns] - solved.crossing.place) / self.scale
         return Canard(
             system=self.frame.system,

@@ -29,6 +29,8 @@ PATIENCE = 40.0
 STEPS = 2000
 # A section further from the node than this, in local units, does not cut the canards where they turn.
 FURTHEST_SECTION = 3.0
+# 1 - mu below which gamma_0 and gamma_w are not told apart; at 5e-4 one of the two crossings is lost.
+DEGENERATE = 2e-3
 _NOTHING = [float("nan")]
 
 
@@ -223,6 +225,13 @@ def _single(
 def _check_kind(singularity: FoldedSingularity) -> None:
     kind = singularity.kind
     if kind is FoldedKind.NODE and singularity.to_repelling:
+        mu = float(sp.N(singularity.mu))
+        if 1.0 - mu < DEGENERATE:
+            raise FoldedError(
+                "canards of a folded node are sought between its strong and its weak direction, gamma_0 and gamma_w. "
+                f"Got mu = {mu:.15g}: at a degenerate node, mu = 1, these are one, and from 1 - mu = {DEGENERATE:g} on "
+                "they are not told apart. Change a parameter."
+            )
         return
     instead = {
         FoldedKind.NODE: "its eigenvalues are positive: orbits cross from the repelling to the attracting sheet only "

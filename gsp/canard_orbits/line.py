@@ -10,12 +10,14 @@ from gsp.canard_orbits.frame import DEPARTURE, Frame, Plane
 from gsp.lowering import compile_flow
 from gsp.trajectory import Trajectory
 
-# How many powers of e orbits come nearer to M_epsilon between a default line and the node.
-DECAY = 40.0
+# How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of these at
+# which the slow flow runs to the node from beside the strong canard too.
+DECAYS = (40.0, 32.0, 25.0, 20.0, 16.0, 12.0)
 # Points of the strong singular canard that are looked at for the default line.
 LOOKS = 4000
-# Starts are one local unit apart and then this much more each, so often.
-LADDER, RUNGS = 1.3, 24
+# Starts are one local unit apart and then this much more each, so often; where the first is too far, half of it, so
+# often at most.
+LADDER, RUNGS, HALVINGS = 1.3, 24, 5
 _NOTHING = [float("nan")]
 
 
@@ -27,21 +29,29 @@ class Line:
     """A line {state = value} on the attracting (`side` 1) or repelling (-1) sheet of M0.
 
     `plane` is the one given, or the level of the fast variable where the strong singular canard has contracted by
-    DECAY powers of e; where the next fold comes before, the level where |g_y| is largest. `contraction` is what it
-    has contracted there.
+    the first of DECAYS powers of e that has starts; where the next fold comes before, the level where |g_y| is
+    largest. `contraction` is what it has contracted there.
     """
 
     def __init__(self, frame: Frame, side: int, plane: Plane | None) -> None:
         self.frame, self.side = frame, side
         self.desingularised = compile_flow(frame.desingularised)
         self.strong = frame.strong_canard(side)
-        self.plane = self._default() if plane is None else plane
-        self.crossing = _crossing(self.strong, self.plane)
+        if plane is None:
+            for decay in DECAYS:
+                self._put(self._default(decay))
+                if self.crossing is not None and next(self.starts(), None) is not None:
+                    break
+        else:
+            self._put(plane)
         if self.crossing is None:
             raise SheetNotFound(
                 f"the strong singular canard does not cross {self.named()} on the {self.kind} sheet."
             )
         self.contraction = float(self.strong.at(self.crossing)[3] / frame.epsilon)
+
+    def _put(self, plane: Plane) -> None:
+        self.plane, self.crossing = plane, _crossing(self.strong, plane)
 
     @property
     def kind(self) -> str:
@@ -51,13 +61,13 @@ class Line:
         """The line for messages."""
         return f"the line {self.frame.system.states[self.plane.index].name} = {self.plane.value:.6g}"
 
-    def _default(self) -> Plane:
+    def _default(self, decay: float) -> Plane:
         times = np.linspace(0.0, self.strong.t[-1], LOOKS)
         states = self.strong.at(times).T
         fold = -self.side * self.frame.critical(states[:, :3], _NOTHING)[:, 4]
         turned = np.flatnonzero(~(fold > 0.0))
         last = int(turned[0]) if turned.size else LOOKS
-        enough = np.flatnonzero(states[:last, 3] >= DECAY * self.frame.epsilon)
+        enough = np.flatnonzero(states[:last, 3] >= decay * self.frame.epsilon)
         furthest = int(np.argmax(fold[:last])) if turned.size else LOOKS - 1
         place = int(enough[0]) if enough.size else furthest
         return Plane(2, float(states[place, 2]))
@@ -73,9 +83,13 @@ class Line:
             return
         z = self.strong.at(self.crossing)[:3]
         along, distance = self._along(z, beside.at(met)[:3] - z), frame.unit
+        for _ in range(HALVINGS):
+            if self._serves(self._on(z + distance * along)):
+                break
+            distance *= 0.5
         for _ in range(RUNGS):
             z = self._on(z + distance * along)
-            if self.side * frame.critical(z, _NOTHING)[4] >= 0.0:
+            if not self._serves(z):
                 return
             along = self._along(z, along)
             time = self._duration(z)
@@ -83,8 +97,17 @@ class Line:
                 yield z, time
             distance *= LADDER
 
-    def heading(self, z: np.ndarray) -> float:
-        """In which direction the desingularised reduced flow crosses the line at z."""
+    def enters(self, z: np.ndarray) -> bool:
+        """Whether the desingularised reduced flow crosses the line at z as along the strong canard, to the node."""
+        if self.crossing is None:
+            return False
+        return self._heading(z) * self._heading(self.strong.at(self.crossing)[:3]) > 0.0
+
+    def _serves(self, z: np.ndarray) -> bool:
+        """On the line's sheet, and before the line runs along the slow flow, where the family ends."""
+        return self.side * self.frame.critical(z, _NOTHING)[4] < 0.0 and self.enters(z)
+
+    def _heading(self, z: np.ndarray) -> float:
         return float(self.desingularised.rates([*z, 0.0], _NOTHING)[self.plane.index])
 
     def _along(self, z: np.ndarray, towards: np.ndarray) -> np.ndarray:

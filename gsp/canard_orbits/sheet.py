@@ -32,8 +32,12 @@ FIRST, LONGEST, SHORTEST = 0.02, 10.0, 1e-9
 WINDOW = 10.0
 # Inwards it is left when it moves by less than this share of the width in a step, STILL times.
 RESOLUTION, STILL = 1e-8, 3
-# Segments a direction, at most.
-SEGMENTS = 1500
+# Segments a direction, and elements of all Newton steps a sheet, at most; 800 segments of a sheet that turns 27 times
+# take 330 000.
+SEGMENTS, WORK = 1500, 600_000
+# The curves turn by about 1 - mu between gamma_0 and gamma_w. Turns from one segment to the next are shorter by
+# SHARPER (1 - mu) where that is below one, down to FINEST.
+SHARPER, FINEST = 10.0, 0.1
 # A segment this short, in local units of time, ends the curve.
 SHRUNK = 0.05
 # A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
@@ -50,6 +54,7 @@ class SheetEnd(StrEnum):
     SINGULAR = "its boundary-value problem is singular"
     STEPS = "its steps fell below rounding"
     SEGMENTS = "the allowed number of segments was used up"
+    WORK = "the allowed number of Newton steps was used up"
 
     @property
     def status(self) -> Status:
@@ -58,6 +63,7 @@ class SheetEnd(StrEnum):
             SheetEnd.SINGULAR: Status.SINGULAR_JACOBIAN,
             SheetEnd.STEPS: Status.STEP_TOO_SMALL,
             SheetEnd.SEGMENTS: Status.TOO_MANY_STEPS,
+            SheetEnd.WORK: Status.TOO_MANY_STEPS,
         }.get(self, Status.SUCCESS)
 
 
@@ -137,6 +143,8 @@ class SheetBuilder:
         self.solver = Collocation(frame.system)
         self.start = Line(frame, self.side, line)
         self.line = self.start.plane
+        mu = frame.rates[1] / frame.rates[0]
+        self.sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
         # In the section the other slow variable varies as g does.
         across = frame.depth / abs(frame.gradient(frame.point)[self.other])
         scale = np.array([frame.unit, frame.unit, frame.width])
@@ -182,7 +190,7 @@ class SheetBuilder:
             if guess is not None and self._away(guess) < best:
                 segment = self.polished(guess)
                 found, best = (found, best) if segment is None else (segment, self._away(segment))
-            if best <= NEAR:
+            if best <= NEAR or self.solver.work > WORK // 2:
                 break
         return found
 
@@ -262,8 +270,11 @@ class SheetBuilder:
             return trace
         if (normal[6] > 0.0) != inwards:
             normal, tangent = -normal, tangent.times(-1.0)
-        step, still, heading = FIRST, 0, self.start.heading(self._line_end(first))
+        step, still, allowed = FIRST, 0, self.solver.work + WORK // 2
         while len(trace.segments) < SEGMENTS:
+            if self.solver.work > allowed:
+                trace.ending = SheetEnd.WORK
+                return trace
             here = trace.segments[-1]
             taken = self._advance(here, normal, tangent, step)
             turn = 0.0
@@ -275,7 +286,7 @@ class SheetBuilder:
                 # Where the curve stands still its direction is noise.
                 if np.linalg.norm(before) * step < RESOLUTION:
                     turn = 0.0
-            if taken is None or new_tangent is None or turn > LARGEST_TURN:
+            if taken is None or new_tangent is None or turn > LARGEST_TURN * self.sharpness:
                 step *= 0.5
                 if step < SHORTEST:
                     trace.ending = SheetEnd.STEPS
@@ -288,22 +299,22 @@ class SheetBuilder:
             end = self._free_end(taken)
             moved = np.abs((end - self._free_end(here))[[self.other, 2]]) / self.scale
             still = still + 1 if moved.max() < RESOLUTION else 0
-            ending = self._ending(taken, heading)
+            ending = self._ending(taken)
             if inwards and ending is None and still >= STILL:
                 ending = SheetEnd.STILL
             if ending is not None:
                 trace.ending = ending
                 return trace
             normal, tangent = new_normal, new_tangent
-            step = min(LONGEST, step * float(np.clip(AIM_TURN / max(turn, 1e-3), 0.5, 1.5)))
+            step = min(LONGEST, step * float(np.clip(AIM_TURN * self.sharpness / max(turn, 1e-3), 0.5, 1.5)))
         return trace
 
-    def _ending(self, orbit: OrbitSegment, heading: float) -> SheetEnd | None:
+    def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
             return SheetEnd.WINDOW
         if orbit.time < SHRUNK * self.frame.time:
             return SheetEnd.LINE
-        return SheetEnd.PASSED if self.start.heading(self._line_end(orbit)) * heading <= 0.0 else None
+        return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
 
     def _tangent(self, orbit: OrbitSegment, along: np.ndarray | None):
         """Unit tangent of the family (7,) and the change of the whole orbit along it."""
