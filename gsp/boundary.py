@@ -104,9 +104,9 @@ def boundary_of(placement: Placement, hyperbolicity: Hyperbolicity) -> Boundary:
 
 
 def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
-    """M0 through its folds in a box around the region; None for explicit branches and more than two slow variables."""
+    """M0 through its folds in a box around the region; None where `not_followed` says why."""
     system, branch = placement.system, placement.branch
-    if branch.is_explicit or len(system.x) > 2:
+    if not_followed(placement):
         return None
     bounds = _box(placement)
     x = np.array([[placement.start[s.name] for s in system.x]])
@@ -114,9 +114,27 @@ def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
     start = {s.name: float(value) for s, value in zip(system.states, values)}
     if len(system.x) == 1:
         return continue_critical(system, start=start, bounds=bounds)
-    if not all(y.name in bounds for y in system.y):
-        return None
     return critical_sheet(system, start=start, bounds=bounds)
+
+
+def not_followed(placement: Placement) -> str:
+    """Why M0 is not followed through folds around the region, as a sentence; empty where it is."""
+    system, branch = placement.system, placement.branch
+    name = placement.scene.name or "the scene"
+    if branch.is_explicit:
+        return f"the branch of {name} is the explicit graph {branch}: it has no folds."
+    if len(system.x) > 2:
+        return (
+            f"folds are followed over one or two slow variables. Got {len(system.x)} in {name}. "
+            "Use gsp.continue_critical with free=... to follow them along one of the variables."
+        )
+    unbounded = [y.name for y in system.y if y.name not in placement.region]
+    if len(system.x) == 2 and unbounded:
+        return (
+            f"over two slow variables folds are followed in a box. Got no bounds on {', '.join(unbounded)} in the "
+            f"region of {name}. Bound the fast variables there."
+        )
+    return ""
 
 
 def _box(placement: Placement) -> dict[str, Interval]:

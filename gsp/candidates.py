@@ -83,7 +83,9 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
     if outlook.layer > LARGEST_LAYER * (last - first):
-        why = f"the initial layer takes {outlook.layer:.3g} of the span"
+        length = last - first
+        part = "the whole span" if outlook.layer >= length else "more than half of the span"
+        why = f"the initial layer takes {part}: {outlook.layer:.3g} of {length:.3g}"
     else:
         holds, failure = prediction.holds_until(order, limit, after=after, last=last)
         # Infinite where a run has ended; then the reason says more.
@@ -97,6 +99,23 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
+    if not end > first:
+        nothing = float("nan")
+        why = why or f"it ends where it begins: {prediction.runs[order].status.meaning}"
+        return Candidate(
+            *(
+                ModelKind.REDUCED,
+                order,
+                predicted,
+                holds,
+                nothing,
+                outlook.preparation[order],
+                nothing,
+                nothing,
+            ),
+            valid=False,
+            why_not=why,
+        )
     seconds, run = _timed(
         lambda: run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
     )
@@ -128,7 +147,7 @@ def solved_candidate(
 
     serving = next((c for c in reduced if c.valid), None)
     if serving is not None:
-        return left_out(f"not solved: {serving.label} serves")
+        return left_out(f"not solved: {serving.label} is exact enough")
     if not any(
         c.why_not.startswith((Failure.ERROR, Failure.ORDER)) and np.isfinite(c.predicted) for c in reduced
     ):

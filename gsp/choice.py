@@ -23,8 +23,8 @@ from gsp.candidates import (
     solved_candidate,
 )
 from gsp.errors import DeclarationError, GspError
-from gsp.flow import Flow
-from gsp.lowering import compile_flow
+from gsp.flow import Flow, check_orders
+from gsp.lowering import compile_flow, parameter_vector
 from gsp.manifold import SampledManifold
 from gsp.outlook import Outlook, SurfaceOutlook, foresee
 from gsp.prediction import CLEARER, SMALLEST_RTOL
@@ -144,9 +144,8 @@ def choose(
     True
     """
     scene = _asked(scene, tolerance, epsilon)
-    wanted = tuple(sorted(set(orders)))
-    if not wanted or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
-        raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2, 3).")
+    wanted = tuple(sorted(set(check_orders(orders))))
+    _check_start(scene)
     rtol = INTEGRATION * scene.tolerance
     try:
         outlook: Outlook | None = foresee(scene, wanted, fast=fast)
@@ -280,6 +279,18 @@ def _asked(scene: Scene, tolerance: float | None, epsilon: float | None) -> Scen
         tolerance=scene.tolerance if tolerance is None else tolerance,
         epsilon=scene.epsilon if epsilon is None else epsilon,
     )
+
+
+def _check_start(scene: Scene) -> None:
+    flow, start = scene.system, scene.system.initial(scene.start)
+    rates = compile_flow(flow).rates(np.array([start]), parameter_vector(flow, scene.epsilon))[0]
+    bad = [s.name for s, rate in zip(flow.states, rates) if not np.isfinite(rate)]
+    if bad:
+        place = ", ".join(f"{s.name} = {value:g}" for s, value in zip(flow.states, start))
+        raise DeclarationError(
+            f"the field is not finite at the scene's start: the rate of {', '.join(bad)} is not. Got {place}. "
+            "Move the start into the field's domain."
+        )
 
 
 def _shown(error: float) -> str:

@@ -177,7 +177,7 @@ def folds(model: str, as_json: bool) -> None:
     In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
     coefficients of v' = b dx + a v^2 along the null direction.
     """
-    from gsp.boundary import surroundings
+    from gsp.boundary import not_followed, surroundings
     from gsp.continuation import CriticalCurve
     from gsp.placement import place
 
@@ -185,17 +185,14 @@ def folds(model: str, as_json: bool) -> None:
     placement = place(scene)
     found = surroundings(placement)
     if found is None and placement.branch.is_explicit:
-        message = f"the branch of {scene.name} is the explicit graph {placement.branch}: it has no folds"
+        message = not_followed(placement).rstrip(".")
         if as_json:
             _print_json({"name": scene.name, "message": message, "special": []})
         else:
             click.echo(message)
         return
     if found is None:
-        raise GspError(
-            f"{scene.name} has {len(placement.system.x)} slow variables, or no bounds on the fast ones; folds are "
-            "followed over one or two, in a box. Use gsp.continue_critical with free=..., or bound the fast variables."
-        )
+        raise GspError(not_followed(placement))
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     if as_json:
         _print_json(
@@ -248,6 +245,8 @@ def chart(
     """
     scene = load_scene(model)
     target = output or Path(f"gsp-{'failures' if failures else 'chart'}-{scene.name or 'scene'}.png")
+    if target.suffix.lower() != ".png":
+        raise GspError(f"a chart is written as .png. Got {target.name}. Give a name that ends in .png.")
     for path in filter(None, (target, table)):
         if not path.absolute().parent.is_dir():
             raise GspError(f"there is no folder {path.absolute().parent}. Make it, or give another path.")

@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.errors import DeclarationError, HyperbolicityError, Status
+from gsp.flow import check_epsilons, check_orders
 from gsp.inner import InnerExpansion, expand_inner
 from gsp.placement import Placement, place
 from gsp.reduced import restrict
@@ -107,10 +108,12 @@ def compare(
     raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
     point; `DeclarationError` when the layer takes more than half of the span.
     """
-    wanted = tuple(dict.fromkeys(orders))
-    if not wanted or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
-        raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2, 3).")
-    ladder = scene.epsilons if epsilons is None else tuple(sorted(map(float, epsilons), reverse=True))
+    if not isinstance(scene, Scene):
+        raise DeclarationError(
+            f"compare takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name) or gsp.load(path)."
+        )
+    wanted = tuple(dict.fromkeys(check_orders(orders)))
+    ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     placement = place(scene)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
     series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)

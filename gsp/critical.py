@@ -10,12 +10,16 @@ import numpy as np
 import sympy as sp
 
 from gsp.branch import Branch, place
+from gsp.differentiation import derivative
 from gsp.elimination import pieces
 from gsp.errors import BranchError, GspError
 from gsp.flow import Point
 from gsp.laurent import laurent
 from gsp.splitting import split
 from gsp.system import SlowFastSystem, VectorField
+
+# A start counts as on a fold when the equations and their slopes are this small there, relative to their terms.
+ON_FOLD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,12 @@ class CriticalManifold:
                 continue
             if best is None or distance < best[0]:
                 best = (distance, sheet)
+        if best is None and any(_is_fold(branch, x, y) for branch in self.branches):
+            place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
+            raise BranchError(
+                "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest. "
+                f"Got {place_of}. Move the start along one of the sheets."
+            )
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
         return best[1]
@@ -53,6 +63,23 @@ class CriticalManifold:
         return f"CriticalManifold({', '.join(map(str, self.branches))})"
 
     __str__ = __repr__
+
+
+def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether the branch's equations E and E_y are both singular at a point, to `ON_FOLD` of their terms' sizes."""
+    system = branch.system
+    values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
+
+    def at(e: sp.Expr) -> tuple[float, float]:
+        terms = [float(term.xreplace(values)) for term in sp.Add.make_args(sp.expand(e))]
+        return sum(terms), sum(map(abs, terms))
+
+    residuals = [at(e) for e in branch.equations]
+    slopes = [[at(derivative(e, s)) for s in system.y] for e in branch.equations]
+    if not all(abs(value) <= ON_FOLD * size for value, size in residuals):
+        return False
+    least = np.linalg.svd([[value for value, _ in row] for row in slopes], compute_uv=False)[-1]
+    return bool(least <= ON_FOLD * max(size for row in slopes for _, size in row))
 
 
 def solve_critical(system: SlowFastSystem) -> CriticalManifold:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from enum import Enum
+from typing import Never
 
 
 class GspError(ValueError):
@@ -42,6 +43,12 @@ class ModelFileError(GspError):
 
 class OutputError(GspError):
     """A folder or file that cannot be written."""
+
+
+class UnknownNameError(GspError, KeyError):
+    """A name that a result does not have; what there is stands in the message."""
+
+    __str__ = Exception.__str__
 
 
 class Status(Enum):
@@ -108,6 +115,23 @@ class Status(Enum):
 
     def __str__(self) -> str:
         return f"{self.name}: {self.meaning}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+class Named(dict):
+    """Results by name; a name that is not there raises `UnknownNameError`, which says what is."""
+
+    def __missing__(self, name: object) -> Never:
+        raise unknown_name(name, self)
+
+
+def unknown_name(name: object, names: Iterable[str]) -> UnknownNameError:
+    """The error for a `name` that is none of `names`."""
+    known = list(names)
+    if not known:
+        return UnknownNameError(f"there is no {name!r} here, and no other name: nothing was asked for.")
+    return UnknownNameError(
+        f"there is no {name!r} here. The names are {', '.join(known)}." + nearest(str(name), known)
+    )
 
 
 def nearest(word: str, words: Iterable[str]) -> str:

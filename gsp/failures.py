@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from gsp.claims import Claim, Survey, demands_of, reduced_name
-from gsp.errors import DeclarationError, nearest
-from gsp.flow import check_epsilon
+from gsp.errors import DeclarationError, Named, nearest
+from gsp.flow import check_epsilon, check_epsilons, check_orders
 from gsp.placement import Placement, place
 from gsp.scene import Scene
 from gsp.series import expand
@@ -170,9 +170,7 @@ def failure_map(
         raise DeclarationError(
             f"failure_map takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name)."
         )
-    wanted = tuple(sorted(set(orders)))
-    if not wanted or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
-        raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2, 3).")
+    wanted = tuple(sorted(set(check_orders(orders))))
     allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
     placement = place(scene)
     name = _axis(placement, axis)
@@ -196,8 +194,8 @@ def failure_map(
         tolerances=asked,
         tolerance=allowed,
         orders=wanted,
-        places=survey.claims(),
-        demands={claim.method: claim for claim in demands},
+        places=Named(survey.claims()),
+        demands=Named({claim.method: claim for claim in demands}),
         best_order=survey.best_order,
         runs=survey.runs + ladder.size * (2 * asked.size + len(wanted) + 2),
     )
@@ -254,7 +252,7 @@ def _positions(placement: Placement, axis: str, positions: Sequence[float] | Non
 def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
     if tolerances is None:
         return np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
-    values = np.unique([check_epsilon(t, what="every tolerance") for t in tolerances])[::-1]
+    values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
     if values.size < 2:
         raise DeclarationError(f"tolerances are two numbers or more. Got {tolerances!r}. Try (1e-2, 1e-6).")
     return values
@@ -263,7 +261,7 @@ def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
 def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
     if epsilons is None:
         return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, EPSILONS)
-    values = np.unique([check_epsilon(e, what="every epsilon") for e in epsilons])
+    values = np.unique(check_epsilons(epsilons))
     if values.size < 2:
         raise DeclarationError(f"epsilons are two numbers or more. Got {epsilons!r}. Try (0.1, 0.01, 0.001).")
     return values

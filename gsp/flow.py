@@ -6,7 +6,7 @@ A flow is autonomous; a system that depends on time declares a state t with t' =
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 
 import numpy as np
@@ -109,13 +109,31 @@ def check_epsilon(value: float, *, what: str = "epsilon") -> float:
     """`value` as a float when it is finite and positive; raises `DeclarationError` otherwise."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
-        raise DeclarationError(f"{what} is a positive number. Got {value!r}.") from None
+    except (TypeError, ValueError, OverflowError):
+        raise DeclarationError(f"{what} is a positive number. Got {value!r}. Try 0.01.") from None
     if not 0.0 < number < float("inf"):
         raise DeclarationError(
             f"{what} must be finite and positive. Got {number}. For the limit use the series at order 0."
         )
     return number
+
+
+def check_epsilons(values: Iterable[float], *, what: str = "epsilon") -> tuple[float, ...]:
+    """Every one of `values` as `check_epsilon` gives it; raises `DeclarationError` for what is no sequence too."""
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise DeclarationError(f"{what}s is a sequence of positive numbers. Got {values!r}. Try (0.02, 0.01).")
+    return tuple(check_epsilon(value, what=f"every {what}") for value in values)
+
+
+def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = False) -> tuple[int, ...]:
+    """`values` as a tuple of non-negative integers, at least one unless `empty`; raises `DeclarationError` else."""
+    remedy = f"Got {values!r}. Try (0, 1, 2, 3)."
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise DeclarationError(f"{what} is a sequence of non-negative integers. {remedy}")
+    wanted = tuple(values)
+    if not (wanted or empty) or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
+        raise DeclarationError(f"{what} are non-negative integers. {remedy}")
+    return wanted
 
 
 def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.ndarray, bool]:

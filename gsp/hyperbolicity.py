@@ -15,7 +15,7 @@ import numpy as np
 
 from gsp.branch import Branch
 from gsp.errors import BranchError, DeclarationError
-from gsp.flow import as_points
+from gsp.flow import as_points, check_epsilon
 from gsp.losses import Loss, LossKind, examine, sheet_ends, singular_points
 from gsp.losses.locator import ZERO_TOLERANCE, unstable
 from gsp.losses.shrinking import SubRegion, largest_sub_region
@@ -61,7 +61,8 @@ class Rates:
 
     def r(self, epsilon: float) -> float:
         """The r of r-normal hyperbolicity: normal rate per tangential rate, normal/(epsilon tangential)."""
-        return self.normal / (epsilon * self.tangential) if self.tangential else float("inf")
+        small = check_epsilon(epsilon)
+        return self.normal / (small * self.tangential) if self.tangential else float("inf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +136,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     """
     if not isinstance(branch, Branch):
         raise DeclarationError(f"classify takes a Branch. Got {type(branch).__name__}.")
+    epsilon = None if epsilon is None else check_epsilon(epsilon)
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
     sampler = Sampler(branch)
@@ -256,7 +258,7 @@ def _conditions(
         "one type",
         "the number of unstable fast directions is the same everywhere",
         float(np.ptp(kinds)) if len(kinds) else 0.0,
-        "spread of that number, 0 needed",
+        "difference between the most and the fewest unstable fast directions, 0 needed",
         len(kinds) <= 1,
     )
     variation = sampler.jacobian_variation(z)

@@ -26,7 +26,7 @@ from gsp.declaration import exact
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, HyperbolicityError, nearest
 from gsp.exponentials import ExponentialRing, NotClosed
-from gsp.flow import Point, named
+from gsp.flow import Point, check_epsilon, named
 from gsp.landing import REFINEMENTS, Landing, land
 from gsp.laurent import laurent
 from gsp.power_series import SeriesProgram
@@ -70,19 +70,19 @@ class InnerExpansion:
 
     def layer(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
         """The decaying parts summed through `order`, by name, at fast times `tau` (m,)."""
-        times = np.atleast_1d(np.asarray(tau, dtype=float))
+        times, small = np.atleast_1d(np.asarray(tau, dtype=float)), check_epsilon(epsilon)
         return {
-            name: sum((epsilon**k * terms[k].decaying(times) for k in range(order + 1)), np.zeros(len(times)))
+            name: sum((small**k * terms[k].decaying(times) for k in range(order + 1)), np.zeros(len(times)))
             for name, terms in self.terms.items()
         }
 
     def matched(self, tau, epsilon: float, *, order: int) -> dict[str, np.ndarray]:
         """The polynomials summed through `order`, by name: the part that the slow flow shares."""
-        times = np.atleast_1d(np.asarray(tau, dtype=float))
+        times, small = np.atleast_1d(np.asarray(tau, dtype=float)), check_epsilon(epsilon)
         return {
             name: sum(
                 (
-                    epsilon**k * np.polyval([float(c) for c in reversed(tuple(terms[k].outer))], times)
+                    small**k * np.polyval([float(c) for c in reversed(tuple(terms[k].outer))], times)
                     for k in range(order + 1)
                 ),
                 np.zeros(len(times)),

@@ -15,8 +15,8 @@ import numpy as np
 from gsp.branch import Branch
 from gsp.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison import slope
-from gsp.errors import DeclarationError, Status
-from gsp.flow import as_points, check_epsilon
+from gsp.errors import DeclarationError, Status, unknown_name
+from gsp.flow import as_points, check_epsilons, check_orders
 from gsp.manifold import SampledManifold, solve_manifold
 from gsp.placement import place
 from gsp.region import Interval
@@ -85,7 +85,7 @@ class MethodTable:
         for row in self.rows:
             if row.label == label:
                 return row
-        raise KeyError(f"{label!r} is none of {', '.join(row.label for row in self.rows)}")
+        raise unknown_name(label, (row.label for row in self.rows))
 
     def as_rows(self) -> list[dict[str, object]]:
         """One dictionary per method, of numbers and text, for JSON or CSV."""
@@ -151,16 +151,11 @@ def method_table(
         raise DeclarationError(
             f"method_table takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name)."
         )
-    chosen = {"refinements": refinements, "iterates": iterates, "orders": orders}
-    for name, values in chosen.items():
-        if any(isinstance(k, bool) or not isinstance(k, int) or k < 0 for k in values):
-            raise DeclarationError(f"{name} are non-negative integers. Got {values!r}. Try (0, 1, 2).")
+    given = {"refinements": refinements, "iterates": iterates, "orders": orders}
+    chosen = {name: check_orders(values, what=name, empty=True) for name, values in given.items()}
     placement = place(scene)
     branch = placement.branch
-    if epsilons is None:
-        ladder = scene.epsilons
-    else:
-        ladder = tuple(sorted((check_epsilon(e, what="every epsilon") for e in epsilons), reverse=True))
+    ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if len(ladder) < 2:
         raise DeclarationError(f"an order needs two epsilons or more. Got {ladder}. Try (0.02, 0.01, 0.005).")
     box = {s.name: placement.region[s.name] for s in branch.system.x if s.name in placement.region}

@@ -49,8 +49,9 @@ class ReducedFlow(Flow):
     def initial(self, start: Point) -> tuple[float, ...]:
         """State over the slow variables that `start` names.
 
-        Fast variables may be named too: on an implicit branch they choose the sheet, otherwise the start is
-        moved to the manifold along x = const. Quantities that are reconstructed start at 0 when not named.
+        Fast variables may be named too: on an implicit branch without a fixed sheet they choose the sheet. Otherwise
+        they say nothing: the start is moved along x = const to the graph, or to the fixed sheet even where another is
+        nearer. Quantities that are reconstructed start at 0 when not named.
         """
         given = named(start, what="start")
         system = self.manifold.branch.system

@@ -15,15 +15,16 @@ Interval = tuple[float, float]
 
 def check_interval(bounds: Iterable[float], *, what: str, remedy: str) -> Interval:
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
+    be = "are" if what == "bounds" else "is"
     if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
-        raise DeclarationError(f"{what} is a pair of numbers. Got {bounds!r}. {remedy}")
+        raise DeclarationError(f"{what} {be} a pair of numbers. Got {bounds!r}. {remedy}")
     ends = tuple(bounds)
     if len(ends) != 2:
-        raise DeclarationError(f"{what} is a pair of numbers. Got {len(ends)} of them. {remedy}")
+        raise DeclarationError(f"{what} {be} a pair of numbers. Got {len(ends)} of them. {remedy}")
     values = named({"low": ends[0], "high": ends[1]}, what=f"the {what}")
     low, high = values["low"], values["high"]
     if not low < high:
-        fact = "is empty" if low == high else "is reversed"
+        fact = f"{be} empty" if low == high else f"{be} reversed"
         raise DeclarationError(f"the {what} {fact}. Got ({low:g}, {high:g}). {remedy}")
     return low, high
 

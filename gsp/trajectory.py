@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gsp.crossings import LOOK, Search, Settled, Stepper
 from gsp.endings import Ending
-from gsp.errors import GspError, Status, nearest
+from gsp.errors import GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
 from gsp.flow import Flow, Point
@@ -37,7 +37,7 @@ from gsp.lowering import compile_flow, parameter_vector
 from gsp.reduced import ReducedFlow
 
 _SHOWN_STATES = 4
-_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType({})
+_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,7 +248,9 @@ def integrate(
     if not record.status.ok:
         known, remedy = explain(flow, p, record, last)
         note, override = note or known, override or remedy
-    return _trajectory(flow, epsilon, grid, record, crossings, note, override)
+    # The checked float, which prints.
+    small = None if flow.epsilon is None else float(p[0])
+    return _trajectory(flow, small, grid, record, crossings, note, override)
 
 
 def _search(
@@ -287,7 +289,7 @@ def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record
 def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
     if asked is None:
         return _NO_EVENTS
-    result = {}
+    result = Named()
     for event, found in zip(asked.events, search.found):
         states = np.array([one.y for one in found]).reshape(-1, n).T
         result[event.name] = Crossings(_frozen(np.array([one.t for one in found])), _frozen(states))

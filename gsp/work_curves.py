@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from gsp.comparison import layer_time, on_manifold, sense
-from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status
+from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status, unknown_name
 from gsp.fibres import project
-from gsp.flow import Flow, check_epsilon
+from gsp.flow import Flow, check_epsilon, check_orders
 from gsp.inner import expand_inner
 from gsp.integrators import Method
 from gsp.lowering import parameter_vector
@@ -132,7 +132,7 @@ class WorkPrecision:
         for curve in self.curves:
             if curve.label == label:
                 return curve
-        raise KeyError(f"{label!r} is none of {', '.join(curve.label for curve in self.curves)}")
+        raise unknown_name(label, (curve.label for curve in self.curves))
 
     def fastest(self, error: float, *, kind: ModelKind | None = None) -> WorkCurve | None:
         """The curve that reaches `error` in the least time, among those of a `kind` or all; None when none does."""
@@ -225,9 +225,7 @@ def work_precision(
         )
     value = scene.epsilon if epsilon is None else check_epsilon(epsilon)
     ladder = _ladder(rtols)
-    wanted = tuple(dict.fromkeys(orders))
-    if any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
-        raise DeclarationError(f"orders are non-negative integers. Got {orders!r}. Try (0, 1, 2).")
+    wanted = tuple(dict.fromkeys(check_orders(orders, empty=True)))
     placement = place(scene)
     begun = time.perf_counter()
     series = expand(placement.branch, order=max(wanted, default=0) + 1, symbolic=False)

@@ -351,3 +351,15 @@ def test_on_manifold_is_where_the_surface_is() -> None:
     surface = foresee_surface(asked, outlook)
     there = on_manifold(outlook.series, {"y": 0.5, "x": 0}, asked.epsilon)
     assert float(surface.manifold.evaluate(0.5)[0]) == pytest.approx(there["x"], abs=1e-6)
+
+
+def test_a_layer_longer_than_the_span_is_named() -> None:
+    choice = choose(models.load("van_der_pol"), epsilon=5)
+    assert choice.model.kind is ModelKind.FULL
+    assert "the initial layer takes the whole span" in choice.reason
+
+
+def test_a_start_outside_the_domain_of_the_field_is_refused() -> None:
+    outside = scene(-x, sp.log(x) - y, region={"x": (-2, 2)}, start={"x": -1, "y": 1})
+    with pytest.raises(DeclarationError, match="not finite at the scene's start: the rate of y"):
+        choose(outside)

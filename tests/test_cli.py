@@ -184,3 +184,24 @@ def test_choose_prints_the_card_and_json() -> None:
     assert found["name"] == "linear"
     assert found["measured"] <= found["tolerance"]
     assert {row["kind"] for row in found["candidates"]} == {"reduced", "solved", "full"}
+
+
+def test_two_curves_of_folds_are_told_apart() -> None:
+    text = run("folds", "koper").output
+    assert "x = -1 throughout" in text
+    assert "x = 1 throughout" in text
+
+
+def test_folds_say_what_is_missing(tmp_path) -> None:
+    file = tmp_path / "open.toml"
+    file.write_text(
+        '[slow]\nx = "1"\ny = "-x"\n[fast]\nz = "x - z^3/3 + z"\n[region]\nx = [1, 2]\ny = [1, 2]\n'
+        "[start]\nx = 1.5\ny = 1.5\nz = 2\n[scene]\nspan = [0, 0.1]\nepsilon = 0.01\ntolerance = 1e-3\n"
+    )
+    with pytest.raises(GspError, match="no bounds on z in the region of open"):
+        run("folds", str(file))
+
+
+def test_a_chart_is_a_png(tmp_path) -> None:
+    with pytest.raises(GspError, match=r"written as \.png\. Got x\.txt"):
+        run("chart", "linear", "-o", str(tmp_path / "x.txt"))

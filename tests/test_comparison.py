@@ -98,3 +98,13 @@ def test_a_repelling_branch_is_compared_backward_in_time() -> None:
     comparison = compare(scene, orders=(0, 1, 2))
     for order in range(3):
         assert comparison.slopes[order] == pytest.approx(order + 1, abs=0.1)
+
+
+def test_what_is_compared_is_a_scene_over_sequences() -> None:
+    scene = models.load("linear")
+    with pytest.raises(DeclarationError, match=r"compare takes a Scene\. Got SlowFastSystem"):
+        compare(scene.system)
+    with pytest.raises(DeclarationError, match="orders is a sequence"):
+        compare(scene, orders=1)
+    with pytest.raises(DeclarationError, match="epsilons is a sequence"):
+        compare(scene, epsilons=0.01)

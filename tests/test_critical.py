@@ -298,3 +298,11 @@ def test_a_chain_of_cubics_is_not_multiplied_out() -> None:
     points = branch.through({"x": 0.0, **{s.name: 0.0 for s in chain}}).points([0.5, -0.7])
     # All components are equal: 3 s/2 + s^3 = x.
     assert np.abs(1.5 * points + points**3 - np.array([[0.5], [-0.7]])).max() < 1e-12
+
+
+def test_a_start_on_a_fold_has_no_nearest_sheet() -> None:
+    critical = solve_critical(systems.van_der_pol())
+    with pytest.raises(BranchError, match="lies on a fold"):
+        critical.nearest({"x": 1, "y": -2 / 3})
+    with pytest.raises(BranchError, match="no branch of the critical manifold is real"):
+        critical.nearest({"x": 1, "y": 1e300})

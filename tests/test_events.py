@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.errors import DeclarationError, Status
+from gsp.errors import DeclarationError, GspError, Status
 from gsp.events import Event
 from gsp.system import SlowFastSystem, VectorField
 from gsp.trajectory import Method, integrate
@@ -283,3 +283,14 @@ def test_an_interrupt_keeps_the_crossings_found():
     times = trajectory.events["x"].times
     assert times[-1] <= trajectory.t[-1] < times[-1] + np.pi + 0.1
     assert np.diff(times) == pytest.approx(np.full(times.size - 1, np.pi), abs=1e-3)
+
+
+def test_a_name_that_no_event_has_is_told_what_there_is() -> None:
+    x = sp.Symbol("x")
+    decay = VectorField(states={x: -x}, epsilon=None)
+    run = integrate(decay, start={"x": 1}, span=(0, 1), events=Event(x - sp.Rational(1, 2), name="half"))
+    assert "other" not in run.events
+    with pytest.raises(GspError, match=r"The names are half\. Did you mean"):
+        run.events["hlf"]
+    with pytest.raises(KeyError, match="nothing was asked for"):
+        integrate(decay, start={"x": 1}, span=(0, 1)).events["x"]

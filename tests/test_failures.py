@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp import charts, models
 from gsp.claims import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_name, series_name
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, GspError
 from gsp.failures import failure_map
 from gsp.scene import Scene
 from gsp.system import SlowFastSystem
@@ -172,3 +172,13 @@ def test_the_maps_lie_side_by_side_or_one_below_the_other(van_der_pol, stacked):
 def test_bad_input_is_named(arguments, message):
     with pytest.raises(DeclarationError, match=message):
         failure_map(models.load("van_der_pol"), **arguments)
+
+
+def test_claims_that_are_not_there_and_single_numbers_are_told(van_der_pol):
+    with pytest.raises(GspError, match=r"The names are .*reduced flow 3"):
+        van_der_pol.places["reduced flow 7"]
+    with pytest.raises(GspError, match="The names are"):
+        van_der_pol.demands["reduced flow 7"]
+    for arguments in ({"epsilons": 0.01}, {"tolerances": 1e-3}, {"orders": 1}):
+        with pytest.raises(DeclarationError, match="is a sequence of"):
+            failure_map(models.load("linear"), **arguments)

@@ -322,3 +322,20 @@ def test_a_verdict_prints_its_kind_gap_and_losses() -> None:
     assert repr(verdict).startswith("Hyperbolicity(lost, gap=0, sampled at")
     assert "zero eigenvalue at y = -0.666667, x = 1" in str(verdict)
     assert "FAILS  hyperbolic equilibria" in str(verdict)
+
+
+@pytest.mark.parametrize("value", [0, -1, [0.01], 1 + 0j, "small"])
+def test_an_epsilon_that_is_none_is_refused(value) -> None:
+    system = systems.michaelis_menten()
+    branch = solve_critical(system).branches[0]
+    with pytest.raises(DeclarationError, match=r"epsilon .*Got"):
+        classify(branch, region={"s": (0, 1)}, epsilon=value)
+
+
+def test_an_exact_epsilon_counts_as_its_number() -> None:
+    branch = solve_critical(systems.michaelis_menten()).branches[0]
+    r = [
+        classify(branch, region={"s": (0, 1)}, epsilon=e).conditions[-1].value
+        for e in (sp.Rational(1, 100), 0.01)
+    ]
+    assert r[0] == r[1]

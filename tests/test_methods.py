@@ -221,3 +221,8 @@ def test_bad_calls_are_named() -> None:
         method_table(scene, epsilons=(0.1,))
     with pytest.raises(DeclarationError, match="no interval for s"):
         method_table(replace(scene, region={"c": (0, 1)}))
+
+
+def test_orders_are_a_sequence() -> None:
+    with pytest.raises(DeclarationError, match="iterates is a sequence"):
+        method_table(models.load("linear"), iterates=1)

@@ -131,3 +131,8 @@ def test_listing_the_scenes_imports_nothing_heavy():
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
     assert dict(models.summary()).keys() == set(models.names())
+
+
+def test_a_path_is_sent_to_the_reader() -> None:
+    with pytest.raises(GspError, match=r"gsp\.load\(path\)"):
+        models.load("four.toml")

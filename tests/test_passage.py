@@ -558,3 +558,24 @@ def test_the_charts_draw_what_was_measured() -> None:
     assert charts.png(axes)[:4] == charts.png(drawn)[:4] == b"\x89PNG"
     two = fold_passage(TWO_AND_TWO, dict.fromkeys("xyzw", 0))
     assert charts.fold_passage(two, exits=[fold_exit(two, epsilon=0.01, section={"x": 0.5})]).lines
+
+
+def test_a_passage_without_an_exit_says_why() -> None:
+    found = entry_exit(branch(system({y: 1}, {x: x * (y + x)})), start={"y": -1})
+    outside = measure_delay(found, epsilon=0.05, radius=0.1, start={"y": -1, "x": 2})
+    assert outside.exit is None
+    assert "outside the branch's basin" in outside.why
+    assert "outside the branch's basin" in outside.double_why
+    assert "no early exit expected" in str(outside)
+    bounded = entry_exit(branch(system({y: 1}, {x: y * x - x**3})), start={"y": -1})
+    small = measure_delay(bounded, epsilon=0.05, radius=3)
+    assert small.exit is None
+    assert "never reaches the radius" in small.why
+    assert "never reaches the radius" in str(small)
+    assert measure_delay(bounded, epsilon=0.05, radius=0.3).why == ""
+
+
+def test_without_a_loss_the_remedy_is_that_of_the_passage() -> None:
+    found = entry_exit(branch(system({y: -y}, {x: y - x})), start={"y": 1}, longest=5)
+    assert "raise longest" in found.message
+    assert "max_steps" not in found.message

@@ -339,3 +339,9 @@ def test_an_orbit_of_another_flow_is_refused() -> None:
     orbit = gsp.periodic_orbit(circle(), start={"x": 0.5, "y": 0})
     with pytest.raises(DeclarationError, match="another flow"):
         gsp.periodic_orbit(van_der_pol(), start=orbit, epsilon=0.1)
+
+
+def test_an_equilibrium_below_the_tolerance_is_zero() -> None:
+    sink = gsp.SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=eps)
+    with pytest.raises(OrbitError, match="settles at the equilibrium y = 0, x = 0"):
+        gsp.periodic_orbit(sink, start={"y": 1, "x": 1}, epsilon=0.05)

@@ -511,3 +511,9 @@ def test_random_files_raise_nothing_but_our_own_error(tmp_path_factory, text):
     path.write_text(text, encoding="utf-8", errors="replace")
     with pytest.raises(ModelFileError):
         load(path)
+
+
+def test_a_missing_file_is_named_once() -> None:
+    with pytest.raises(ModelFileError) as caught:
+        load("nofile.toml")
+    assert str(caught.value).count("nofile.toml") == 1

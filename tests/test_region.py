@@ -53,3 +53,8 @@ def test_an_interval_is_named_in_its_error() -> None:
     assert check_interval((0, 20), what="span", remedy="") == (0.0, 20.0)
     with pytest.raises(DeclarationError, match=r"the span is reversed.*Swap them"):
         check_interval((1, 0), what="span", remedy="Swap them.")
+
+
+def test_bounds_are_plural() -> None:
+    with pytest.raises(DeclarationError, match="the bounds are reversed"):
+        check_interval((2, 1), what="bounds", remedy="Give (low, high).")

@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, analyse, charts, models
-from gsp.errors import OutputError
+from gsp.errors import DeclarationError, OutputError
 from gsp.readers.expressions import parse_expression
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
@@ -351,3 +351,8 @@ def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):
     assert "&lt;sup&gt;" not in page
     numbers = [int(n) for n in re.findall(r"<figcaption><b>Figure (\d+)", page)]
     assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_what_is_reported_is_an_analysis(tmp_path) -> None:
+    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got NoneType"):
+        write_report(None, tmp_path / "out")

@@ -388,3 +388,12 @@ def test_a_wrong_call_says_what_is_wrong(options, message):
 def test_a_wrong_epsilon_is_refused(value):
     with pytest.raises(DeclarationError, match="epsilon"):
         integrate(ENZYME, start={"s": 1, "c": 0}, span=(0, 1), epsilon=value)
+
+
+def test_a_run_keeps_the_checked_epsilon_and_prints() -> None:
+    y, x, epsilon = sp.symbols("y x epsilon")
+    system = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=epsilon)
+    for value in (sp.Rational(1, 100), "0.01"):
+        run = integrate(system, start={"y": 1, "x": 1}, span=(0, 1), epsilon=value)
+        assert run.epsilon == 0.01
+        assert "epsilon = 0.01" in str(run)

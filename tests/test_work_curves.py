@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.errors import DeclarationError, OutputError
+from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.integrators import Method
 from gsp.peers import PEERS, Peer, PeerRun
 from gsp.scene import Scene
@@ -165,3 +165,11 @@ def test_bad_input_is_named(arguments, message):
 def test_only_scenes_are_measured():
     with pytest.raises(DeclarationError, match="takes a Scene"):
         work_precision("michaelis_menten")  # pyright: ignore[reportArgumentType]
+
+
+def test_orders_are_a_sequence_and_curves_have_names() -> None:
+    with pytest.raises(DeclarationError, match="orders is a sequence"):
+        work_precision(models.load("linear"), orders=2)
+    found = work_precision(models.load("linear"), orders=(0,), rtols=(1e-4,), peers=())
+    with pytest.raises(GspError, match=r"The names are .*reduced 0"):
+        found["reduced 9"]

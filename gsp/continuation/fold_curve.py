@@ -63,7 +63,9 @@ class FoldCurve(NamedCurve):
         return f"FoldCurve({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
     def __str__(self) -> str:
-        return self._card(f"curve of folds over {', '.join(self.free)}", [])
+        still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
+        fixed = [f"  {name} = {self[name][0]:.6g} throughout" for name in still]
+        return self._card(f"curve of folds over {', '.join(self.free)}", fixed)
 
 
 def continue_folds(

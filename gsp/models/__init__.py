@@ -120,7 +120,7 @@ def friction_system(name: str) -> FrictionSystem:
 
 def _entry(name: str) -> tuple[str, str]:
     if name not in _SCENES:
-        raise GspError(
-            f'there is no scene "{name}". The scenes are {", ".join(_SCENES)}.' + nearest(str(name), _SCENES)
-        )
+        is_path = str(name).endswith(".toml") or "/" in str(name)
+        hint = " A model file is read by gsp.load(path)." if is_path else nearest(str(name), _SCENES)
+        raise GspError(f'there is no scene "{name}". The scenes are {", ".join(_SCENES)}.{hint}')
     return _SCENES[name]

@@ -117,12 +117,13 @@ class DelayedExit:
 
     def warning(self, epsilon: float) -> str:
         """What to know before integrating this passage in double precision at `epsilon`; empty when nothing."""
-        early = self.double_exit(epsilon)
+        small = check_epsilon(epsilon)
+        early = self.double_exit(small)
         if early is None:
             return ""
-        rise = (self._phi_at(self.t) - self._phi_at(self.loss.t)) / epsilon
+        rise = (self._phi_at(self.t) - self._phi_at(self.loss.t)) / small
         return (
-            f"double precision leaves early at epsilon = {epsilon:g}, near t = {early:.6g} instead of {self.t:.6g}: "
+            f"double precision leaves early at epsilon = {small:g}, near t = {early:.6g} instead of {self.t:.6g}: "
             f"the deviation falls to exp(-{rise:.1f}), rounding holds exp(-{self.rounding:.1f}). "
             f"Use follow(..., digits={int(rise / np.log(10.0)) + 16})."
         )
@@ -133,7 +134,11 @@ class DelayedExit:
         place = ", ".join(f"{name} = {v:.12g}" for name, v in self.point.items())
         if self.kind is ExitKind.NONE:
             why = "Phi has not come back" if self.losses else "no loss of stability was met"
-            return f"no exit up to slow time {self.t:.6g}, {place}: {why}; {self.status.remedy}"
+            remedy = {
+                Status.REGION_LEFT: "the orbit leaves the region there; enlarge it",
+                Status.TOO_MANY_STEPS: "raise longest, or start nearer to a loss of stability",
+            }.get(self.status, self.status.remedy)
+            return f"no exit up to slow time {self.t:.6g}, {place}: {why}; {remedy}"
         reason = {
             ExitKind.ENTRY_EXIT: "int Re lambda is back at 0",
             ExitKind.BUFFER: "no orbit stays longer than to the buffer point",

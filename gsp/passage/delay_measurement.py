@@ -31,7 +31,7 @@ class MeasuredDelay:
 
     `exit` is the slow time in extended precision (`digits` of them), `double_exit` in double precision, None where it
     does not leave; `expected` and `expected_double` are the theory's. `extended` and `double` are the runs, with the
-    distances (k,) from the branch along them.
+    distances (k,) from the branch along them. `why` and `double_why` say why there is no exit; empty where there is.
     """
 
     delayed: DelayedExit
@@ -55,18 +55,52 @@ class MeasuredDelay:
         """Slow times (k,) and distances from the branch (k,) along the run in double precision."""
         return self.double.t, _distances(self.delayed, self.double)
 
+    @property
+    def why(self) -> str:
+        """Why the extended run shows no exit; empty where it does."""
+        if self.exit is not None:
+            return ""
+        run = self.extended
+        return self._reason(*self.extended_distance, "" if run.status.ok else run.status.meaning)
+
+    @property
+    def double_why(self) -> str:
+        """Why the run in double precision shows no exit; empty where it does."""
+        if self.double_exit is not None:
+            return ""
+        run = self.double
+        return self._reason(*self.double_distance, "" if run.status.ok else run.status.meaning)
+
+    def _reason(self, t: np.ndarray, distance: np.ndarray, ended: str) -> str:
+        loss = self.delayed.loss.t
+        before, after = distance[t <= loss], distance[t > loss]
+        if not before.min() < self.radius:
+            least = before.min()
+            return f"the run starts outside the branch's basin: it comes no nearer than {least:.3g} before the loss"
+        if not before[-1] < self.radius:
+            return (
+                f"the run has left the neighbourhood before the loss, where it is at distance {before[-1]:.3g}"
+            )
+        if not after.size:
+            return f"the run ends before the loss, at t = {t[-1]:.6g}: {ended}"
+        tail = f", where it ends: {ended}" if ended else ""
+        return (
+            f"the run never reaches the radius: distance {after.max():.3g} at most up to t = {t[-1]:.6g}{tail}"
+        )
+
     def __repr__(self) -> str:
         return f"MeasuredDelay(epsilon={self.epsilon:g}, exit={self.exit}, double_exit={self.double_exit})"
 
     def __str__(self) -> str:
-        early = "none" if self.expected_double is None else f"{self.expected_double:.6g}"
-        shown = "none" if self.exit is None else sp.N(self.exit, 15)
-        double = "none" if self.double_exit is None else f"{self.double_exit:.8g}"
+        early = self.expected_double
+        foreseen = "no early exit expected" if early is None else f"expected to leave early at {early:.6g}"
+        shown = f"none: {self.why}" if self.exit is None else sp.N(self.exit, 15)
+        double = f"none: {self.double_why}" if self.double_exit is None else f"{self.double_exit:.8g}"
         return (
             f"exit at distance {self.radius:g} for epsilon = {self.epsilon:g}, in slow time\n"
             f"  as epsilon -> 0      {self.expected:.8g}\n"
             f"  {self.digits:>4} digits          {shown}\n"
-            f"  double precision     {double}  (expected to leave early at {early})"
+            f"  double precision     {double}  ({foreseen})"
         )
 
 
@@ -134,9 +168,11 @@ def measure_delay(
     distance = _distances(delayed, double)
     beyond = (double.t > loss) & (distance >= radius)
     early = None
-    if beyond.any():
+    # A run that is out there at the loss already does not leave after it.
+    inside = double.t[-1] > loss and _distances(delayed, double.sample([loss]))[0] < radius
+    if inside and beyond.any():
         i = int(np.argmax(beyond))
-        low, high = float(double.t[i - 1]), float(double.t[i])
+        low, high = max(float(double.t[i - 1]), loss), float(double.t[i])
         for _ in range(40):
             middle = 0.5 * (low + high)
             if _distances(delayed, double.sample([middle]))[0] < radius:

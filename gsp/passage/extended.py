@@ -101,7 +101,7 @@ def follow(
     >>> sp.N(orbit.time, 20)
     2.0000000000000000000
     """
-    check_epsilon(float(epsilon))
+    check_epsilon(epsilon)
     first, last = check_span(span)
     if not isinstance(digits, int) or not 5 <= digits <= 2000:
         raise DeclarationError(f"digits is a whole number from 5 to 2000. Got {digits!r}.")

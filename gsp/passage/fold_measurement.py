@@ -9,7 +9,7 @@ import numpy as np
 
 from gsp.continuation.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
-from gsp.flow import Point, check_epsilon, complete, named
+from gsp.flow import Point, check_epsilon, check_epsilons, complete, named
 from gsp.integrators import Method
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function, parameter_vector
@@ -155,7 +155,7 @@ def fit_omega0(
 
     Raises `DeclarationError` for fewer than four epsilons, `PassageError` when an orbit does not meet the section.
     """
-    ladder = np.array(sorted({check_epsilon(e) for e in epsilons}, reverse=True))
+    ladder = np.array(sorted(set(check_epsilons(epsilons)), reverse=True))
     if len(ladder) < 4:
         raise DeclarationError(f"a fit takes four epsilons or more. Got {len(ladder)}. Lengthen the ladder.")
     begin = upstream(passage, float(ladder[0]))[0]

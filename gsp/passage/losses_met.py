@@ -29,6 +29,7 @@ import sympy as sp
 from gsp.continuation import SpecialKind
 from gsp.continuation.layer_problem import LayerProblem
 from gsp.errors import GspError
+from gsp.flow import check_epsilon
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow
 from gsp.passage.complex_time import TurningPoint, turning_points
@@ -73,11 +74,12 @@ class PassedLoss:
 
     def escape(self, epsilon: float) -> float | None:
         """Slow time of an escape from a transcritical loss to leading order, O(epsilon^(1/2)) after it; else None."""
+        small = check_epsilon(epsilon)
         value = self.coefficients.get("lambda", 0.0)
         if self.outcome is not Outcome.ESCAPE or not value > 1.0:
             return None
         z = first_zero(value)
-        return None if z is None else self.t + z * float(np.sqrt(2.0 * epsilon / self.crossing))
+        return None if z is None else self.t + z * float(np.sqrt(2.0 * small / self.crossing))
 
     def __str__(self) -> str:
         place = ", ".join(f"{name} = {v:.8g}" for name, v in self.point.items())

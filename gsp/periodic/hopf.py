@@ -95,7 +95,7 @@ def hopf_points(
     return tuple(
         HopfPoint(
             flow=flow,
-            epsilon=epsilon,
+            epsilon=None if flow.epsilon is None else float(p[0]),
             parameter=symbol.name,
             value=found[symbol.name],
             point=MappingProxyType({name: found[name] for name in names}),

@@ -87,7 +87,9 @@ def settled_lap(
             flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
             atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps,
         )  # fmt: skip
-        last = {symbol.name: float(v) for symbol, v in zip(flow.states, run.at(run.t[-1]))}
+        # Below ATOL a state is 0 as far as the run knows.
+        ends = [0.0 if abs(v) <= ATOL else float(v) for v in run.at(run.t[-1])]
+        last = {symbol.name: v for symbol, v in zip(flow.states, ends)}
         if run.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         lap = _closed_lap(run, closes)

@@ -106,7 +106,9 @@ def _document(file: Path) -> dict:
         with file.open("rb") as stream:
             data = stream.read(BYTES + 1)
     except FileNotFoundError:
-        raise ModelFileError(f"there is no such file. Got {str(file)[:200]}. Check the path.") from None
+        # A bare name stands in front of the message already.
+        got = "" if str(file) == file.name else f" Got {str(file)[:200]}."
+        raise ModelFileError(f"there is no such file.{got} Check the path.") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelFileError(f"the file cannot be read ({reason}). Check its permissions.") from None

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gsp import charts
 from gsp.analysis import Analysis
-from gsp.errors import OutputError
+from gsp.errors import DeclarationError, OutputError
 from gsp.report.content import as_json
 from gsp.report.page import render
 
@@ -45,6 +45,10 @@ def write_report(
     goes on. Raises `OutputError` when the folder cannot be written; then, and when anything else fails or
     is interrupted, an older report is intact and nothing new is left.
     """
+    if not isinstance(analysis, Analysis):
+        raise DeclarationError(
+            f"write_report takes an Analysis. Got {type(analysis).__name__}. Use gsp.analyse(scene)."
+        )
     target = check_folder(folder)
     told = progress or (lambda share: None)
     told(0.0)
