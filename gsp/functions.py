@@ -71,7 +71,9 @@ def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
     if name not in RULES and name not in COMPOSED:
         known = ", ".join(sorted([*RULES, *COMPOSED], key=str.lower))
         if isinstance(expression, sp.Piecewise):
-            remedy = "Write it with Abs, sign, Max, Min or Heaviside, or take solve_manifold, which needs no series."
+            remedy = (
+                "Write it with Abs, sign, Max, Min or Heaviside, or take solve_manifold, which needs no series."
+            )
         else:
             remedy = "Replace it by one of them, or declare it as a state with its own equation."
         raise UnsupportedFunctionError(

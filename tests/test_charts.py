@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gsp import SlowFastSystem, analyse, charts, models
 from gsp.charts.streamlines import streamlines
-from gsp.charts.style import mathematics, plain
+from gsp.charts.style import LADDER, mathematics, plain
 from gsp.errors import DeclarationError
 from gsp.layers import composite
 from gsp.methods import method_table
@@ -169,3 +169,54 @@ def test_methods_and_composites_are_drawn_with_their_parts(analyses):
     axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}
+
+
+def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
+    x, y, u, w, epsilon = sp.symbols("x y u w epsilon")
+    system = SlowFastSystem(
+        slow={x: sp.Rational(1, 2) - u, y: u - y}, fast={u: x + u - u**3 / 3 - w, w: y / 4 - w}, epsilon=epsilon
+    )
+    scene = Scene(
+        system,
+        region={"x": (-0.1, 1), "y": (-1, 2), "u": (-3, 3)},
+        start={"x": 0.7, "y": 0.5, "u": 2, "w": 0},
+        span=(0, 0.6),
+        epsilon=0.01,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-4,
+    )
+    axes = charts.manifold(analyse(scene))
+    low, high = axes.get_xlim()
+    assert low == 0.0
+    assert high > 5.0
+    assert axes.get_ylim()[0] < 1e-3
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert "runs that have not landed on it" in labels
+
+
+def test_bands_and_orders_are_told_apart(analyses):
+    axes = charts.error_against_epsilon(analyses["michaelis_menten"].comparison)
+    assert "bands: expected slopes" in {text.get_text() for text in axes.get_legend().get_texts()}
+    assert len(set(LADDER)) == 5
+
+
+@pytest.mark.parametrize("fast", ["Abs", "Max"])
+def test_a_scene_off_a_kink_is_analysed_and_drawn(fast):
+    x, y, epsilon = sp.symbols("x y epsilon")
+    made = {"Abs": sp.Abs(x) + x * sp.sign(x), "Max": sp.Max(x**2, x / 4)}[fast]
+    system = SlowFastSystem(slow={x: -y}, fast={y: made - y}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"x": (0.5, 2)},
+        start={"x": 1.5, "y": 0},
+        span=(0, 0.9),
+        epsilon=0.02,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-6,
+    )
+    found = analyse(scene)
+    for order, slope in found.comparison.slopes.items():
+        assert slope == pytest.approx(order + 1, abs=0.15)
+    assert method_table(scene)["series 3"].fitted == pytest.approx(4.0, abs=0.1)
+    for draw in charts.applicable(found).values():
+        assert charts.png(draw(found)).startswith(b"\x89PNG")

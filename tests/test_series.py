@@ -328,9 +328,7 @@ def test_kinks_in_fast_variables_expand_on_an_implicit_branch() -> None:
     kinked = SlowFastSystem(slow={x: -x}, fast={y: sp.Max(x, y) - 2 * y - y * sp.Abs(y)}, epsilon=eps)
     smooth = SlowFastSystem(slow={x: -x}, fast={y: x - 2 * y - y**2}, epsilon=eps)
     points = np.array([[0.5], [2.0]])
-    found, expected = (
-        expand(solve_critical(s).nearest({x: 1.0, y: 0.4}), order=3) for s in (kinked, smooth)
-    )
+    found, expected = (expand(solve_critical(s).nearest({x: 1.0, y: 0.4}), order=3) for s in (kinked, smooth))
     near = np.sqrt(1 + points) - 1
     np.testing.assert_allclose(
         found.evaluate(points, 0.01, near=near), expected.evaluate(points, 0.01, near=near), rtol=1e-13
@@ -347,5 +345,5 @@ def test_a_kink_along_the_whole_branch_has_no_series() -> None:
 
 def test_piecewise_is_refused_with_its_equation_and_a_remedy() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=eps)
-    with pytest.raises(UnsupportedFunctionError, match="in the equation for y': Piecewise.*Write it with Abs"):
+    with pytest.raises(UnsupportedFunctionError, match=r"in the equation for y': Piecewise.*Write it with Abs"):
         expand(branch_of(system), order=1)
