@@ -50,7 +50,7 @@ class Element:
             exponents = _sum(self.exponents, other.exponents)
             return Element(self.ring, self.numerator * other.numerator, exponents)
         if isinstance(other, sp.Rational):
-            other = flint.fmpq(int(other.p), int(other.q))
+            return self * self.ring.constant(other)
         return Element(self.ring, self.numerator * other, self.exponents)
 
     __rmul__ = __mul__
