@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import sympy as sp
 
 from gsp.critical import Branch
+from gsp.differentiation import derivative, jacobian
 from gsp.errors import HyperbolicityError
-from gsp.functions import generators_needed
+from gsp.functions import generators_needed, require_rules
 from gsp.laurent import laurent
 from gsp.ring import Element, LocalisedRing, read
 
@@ -46,8 +47,9 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     graph = {symbol: put(value) for symbol, value in graph.items()}
     coordinates = tuple(symbol for symbol in (*system.x, *system.y) if symbol not in graph)
     parameters = tuple(p for p in system.parameters if p not in values)
-    g0 = sp.Matrix([put(laurent(g, system.epsilon, order=0).get(0, sp.Integer(0))) for g in system.g])
-    g_y, g_x = g0.jacobian(list(system.y)), g0.jacobian(list(system.x))
+    require_rules({f"{s.name}'": rate for s, rate in zip(system.states, (*system.f, *system.g))})
+    g0 = [put(laurent(g, system.epsilon, order=0).get(0, sp.Integer(0))) for g in system.g]
+    g_y, g_x = jacobian(g0, system.y), jacobian(g0, system.x)
     # Functions of eliminated variables become functions of their graphs, so those are counted too.
     expressions = [put(e) for e in (*system.f, *system.g)] + [*g_y, *g_x, *graph.values()]
     ring = LocalisedRing(
@@ -127,7 +129,7 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
         found = None
         for i, equation in enumerate(equations):
             for symbol in variables:
-                slope = sp.diff(equation, symbol) if equation.has(symbol) else sp.Integer(0)
+                slope = derivative(equation, symbol)
                 # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there.
                 if slope != 0 and not slope.has(*variables):
                     found = (i, symbol, sp.expand(-equation.subs(symbol, 0) / slope))

@@ -26,6 +26,8 @@ RTOL, ATOL = 1e-11, 1e-13
 # Explicit steps against implicit ones: with so many times the field calls stability holds them back.
 RIVALS, WASTE = (Method.RADAU9, Method.DOP853), 4.0
 MAX_STEPS = 20_000
+# Relative errors that differ by less are equal to rounding; it is what the points of reference are asked for.
+ROUNDING = 1e-13
 
 MANIFOLD = "slow manifold"
 NEWTON = "Newton's method"
@@ -37,13 +39,20 @@ IMPLICIT = "implicit steps"
 class Claim:
     """What one method did: `measure` (n_epsilons, n_columns), which holds where it is at most `bound` and finite.
 
-    `requirement` says what was measured. NaN stands for "could not be run here", which does not hold.
+    `requirement` says what was measured. NaN stands for "could not be run here", which does not hold; where that is
+    so in every cell, `reason` may say why.
     """
 
     method: str
     requirement: str
     measure: np.ndarray
     bound: float | np.ndarray
+    reason: str = ""
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether there is a measure in any cell."""
+        return not bool(np.isnan(self.measure).all())
 
     @property
     def holds(self) -> np.ndarray:
@@ -144,7 +153,8 @@ class Survey:
         for n in self.orders:
             self.measures[series_name(n)][i, j] = errors[n]
         if np.isfinite(errors).any():
-            self.best_order[i, j] = int(np.nanargmin(errors))
+            # Orders whose errors differ by rounding are as good as one another.
+            self.best_order[i, j] = int(np.flatnonzero(errors <= np.nanmin(errors) + ROUNDING)[-1])
 
     def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
         start = dict(zip(self.slow, map(float, self.x[j])))
@@ -246,11 +256,14 @@ def demands_of(
     cells = (epsilons.size, tolerances.size)
     errors = {n: np.full(cells, np.nan) for n in orders}
     ratios = np.full(cells, np.nan)
+    found, reasons = None, dict.fromkeys(orders, "")
     try:
         found = compare(placement.scene, orders=orders, epsilons=tuple(map(float, epsilons)))
-    except GspError:
-        found = None
+    except GspError as error:
+        reasons = dict.fromkeys(orders, str(error))
     if found is not None:
+        for n, statuses in found.statuses.items():
+            reasons[n] = "; ".join(dict.fromkeys(status.meaning for status in statuses if not status.ok))
         for n in orders:
             by_epsilon = dict(zip(found.epsilons, found.errors[n]))
             errors[n][:] = np.array([by_epsilon[float(e)] for e in epsilons])[:, None]
@@ -269,11 +282,13 @@ def demands_of(
                     method=method,
                     max_steps=MAX_STEPS,
                 )
-                calls.append(run.stats.field_calls if run.status.ok else np.nan)
-            ratios[i, j] = calls[1] / calls[0]
+                calls.append(run.stats.field_calls if run.status.ok else np.inf)
+            implicit, explicit = calls
+            ratios[i, j] = explicit / implicit if np.isfinite(implicit) else np.nan
     for n in orders:
         text = "largest relative error of the slow variables over the span"
-        yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells))
+        missing = reasons[n] if np.isnan(errors[n]).all() else ""
+        yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells), missing)
     yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
 
 

@@ -36,7 +36,8 @@ class FailureMap:
     `epsilons` (k,) ascend. `places[method]` are claims over `positions` (m,) along the slow variable `axis`, the
     others at the scene's start, at `tolerance`; `demands[method]` claims over `tolerances` (l,), descending, from the
     scene's start over its whole span. `best_order` (k, m) is the order at which the series came nearest to the slow
-    manifold, -1 where there is none: above it the series is past its optimal order. `runs` counts integrations.
+    manifold, the highest of those within rounding of it, -1 where there is none: above it the series is past its
+    optimal order. `runs` counts integrations.
     """
 
     scene: Scene
@@ -60,6 +61,14 @@ class FailureMap:
     def least_order_demanded(self) -> np.ndarray:
         """The same over tolerances (k, l)."""
         return _least(self.demands, self.orders)
+
+    @property
+    def unmeasured(self) -> str:
+        """Why no reduced flow was compared over the span, as when all end before it does; empty where one was."""
+        claims = [self.demands[reduced_name(n)] for n in self.orders]
+        if any(claim.is_measured for claim in claims):
+            return ""
+        return next((claim.reason for claim in claims if claim.reason), "no run reached the end of the span")
 
     def holds_up_to(self, order: int, *, between: tuple[float, float]) -> float:
         """The largest of `epsilons` up to which the reduced flow of `order` holds at all positions in the interval.
@@ -136,6 +145,8 @@ class FailureMap:
             f"  from the scene's start, tolerances {self.tolerances[0]:.0e} to {self.tolerances[-1]:.0e}"
         )
         lines += [f"    {_row(claim, width)}" for claim in self.demands.values()]
+        if self.unmeasured:
+            lines.append(f"    no reduced flow could be measured over the span: {self.unmeasured}")
         return "\n".join(lines)
 
 
@@ -217,7 +228,8 @@ def _least(claims: Mapping[str, Claim], orders: tuple[int, ...]) -> np.ndarray:
 
 
 def _row(claim: Claim, width: int) -> str:
-    return f"{claim.method:<{width}}  {100 * claim.share:5.1f} %  {claim.requirement}"
+    share = f"{100 * claim.share:5.1f} %" if claim.is_measured else "      -"
+    return f"{claim.method:<{width}}  {share}  {claim.requirement}"
 
 
 def _axis(placement: Placement, axis: str | None) -> str:

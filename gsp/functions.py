@@ -6,7 +6,7 @@ k v_k = sum_j j u_j rate_(k-j). The operands support + - *, `inverse()` and `app
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -48,13 +48,15 @@ RULES: dict[str, Rule] = {
     "erf": Rule(lambda v, u: (-(u * u)).apply("exp") * u.apply("pi").apply("sqrt").inverse() * 2, 4, at_zero=0),
     "sign": Rule(None, 1),
 }
+# Written with `sign`: by `composed`, once for every kind of operand.
+COMPOSED = ("Abs", "Heaviside", "Max", "Min")
 CONSTANTS = {"pi": sp.pi, "E": sp.E}
 
 
 def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
     """Name and operands of a node that is neither number, symbol, sum, product nor integer power.
 
-    The name is a key of `RULES` or `CONSTANTS`, or "pow" (base, exponent) or "Abs".
+    The name is a key of `RULES` or `CONSTANTS`, one of `COMPOSED`, or "pow" (base, exponent).
     Raises `UnsupportedFunctionError` for anything else.
     """
     if isinstance(expression, sp.exp):
@@ -66,27 +68,63 @@ def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
     if expression == sp.pi or expression == sp.E:
         return ("pi" if expression == sp.pi else "E"), ()
     name = type(expression).__name__
-    if name not in RULES and name != "Abs":
-        known = ", ".join(sorted([*RULES, "Abs"]))
+    if name not in RULES and name not in COMPOSED:
+        known = ", ".join(sorted([*RULES, *COMPOSED], key=str.lower))
+        if isinstance(expression, sp.Piecewise):
+            remedy = (
+                "Write it with Abs, sign, Max, Min or Heaviside, or take solve_manifold, which needs no series."
+            )
+        else:
+            remedy = "Replace it by one of them, or declare it as a state with its own equation."
         raise UnsupportedFunctionError(
-            f"{expression} has no power series rule. The functions that have one are {known}. "
-            "Replace it by one of them, or declare it as a state with its own equation."
+            f"{expression} has no power series rule. The functions that have one are {known}. {remedy}"
         )
-    return name, expression.args
+    # The second argument of Heaviside is its value on the switching set, where there is no series.
+    return name, expression.args[:1] if name == "Heaviside" else expression.args
+
+
+def composed(name: str, operands: Sequence[Operand]) -> Operand:
+    """One of `COMPOSED` of real operands off its switching set.
+
+    |u| = sign(u) u, Heaviside(u) = (1 + sign(u))/2, Max(a, b) = (a + b + |a - b|)/2, Min with a minus.
+    """
+    half = sp.Rational(1, 2)
+    first = operands[0]
+    if name == "Abs":
+        return first.apply("sign") * first
+    if name == "Heaviside":
+        return (first.apply("sign") + 1) * half
+    for other in operands[1:]:
+        difference = first + (-other)
+        distance = difference.apply("sign") * difference
+        first = (first + other + (distance if name == "Max" else -distance)) * half
+    return first
+
+
+def require_rules(equations: Mapping[str, sp.Expr]) -> None:
+    """Raise `UnsupportedFunctionError` for the first of `equations`, by the left side, that has no power series."""
+    for left, expression in equations.items():
+        try:
+            generators_needed([expression])
+        except UnsupportedFunctionError as error:
+            raise UnsupportedFunctionError(f"in the equation for {left}: {error}") from None
 
 
 def generators_needed(expressions: Iterable[sp.Expr]) -> int:
     """An upper bound on the generators that the functions in `expressions` adjoin."""
-    seen: set[sp.Expr] = set()
+    # In the order in which they are met, so that an error names the same function every time.
+    seen: dict[sp.Expr, int] = {}
     for expression in expressions:
         for piece in sp.preorder_traversal(expression):
-            if not is_rational_node(piece):
-                seen.add(piece)
-    total = 0
-    for piece in seen:
-        name = parts(piece)[0]
-        total += RULES[name].generators if name in RULES else 2
-    return total
+            if piece not in seen and not is_rational_node(piece):
+                name, operands = parts(piece)
+                if name in RULES:
+                    seen[piece] = RULES[name].generators
+                elif name in COMPOSED:
+                    seen[piece] = max(1, len(operands) - 1)
+                else:
+                    seen[piece] = 2
+    return sum(seen.values())
 
 
 def is_rational_node(piece: sp.Expr) -> bool:

@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from gsp.functions import CONSTANTS, RULES, is_rational_node, parts
+from gsp.errors import UnsupportedFunctionError
+from gsp.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.ring import Element, LocalisedRing, read
 
 
@@ -29,7 +30,7 @@ class Node:
     def __add__(self, other: Node | int) -> Node:
         return self.program.add(self, self.program.lift(other))
 
-    def __mul__(self, other: Node | int) -> Node:
+    def __mul__(self, other: Node | int | sp.Rational) -> Node:
         return self.program.multiply(self, self.program.lift(other))
 
     def __neg__(self) -> Node:
@@ -94,7 +95,10 @@ class SeriesProgram:
         else:
             name, operands = parts(expression)
             inner = [self.compile(operand) for operand in operands]
-            node = self.function(name, inner[0], inner[1] if len(inner) > 1 else None)
+            if name in COMPOSED:
+                node = composed(name, inner)
+            else:
+                node = self.function(name, inner[0], inner[1] if len(inner) > 1 else None)
         self._read[expression] = node
         return node
 
@@ -107,8 +111,8 @@ class SeriesProgram:
             self._known[key] = self._append(kind, operands)
         return self._known[key]
 
-    def lift(self, value: Node | int) -> Node:
-        """`value` as a node; integers become constants."""
+    def lift(self, value: Node | int | sp.Rational) -> Node:
+        """`value` as a node; rational numbers become constants."""
         return value if isinstance(value, Node) else self._constant(self.ring.constant(value))
 
     def add(self, a: Node, b: Node) -> Node:
@@ -127,8 +131,6 @@ class SeriesProgram:
         """v = F(u) by its differential equation, F one of the elementary functions."""
         if name in CONSTANTS:
             return self._constant(self.ring.zero.apply(name))
-        if name == "Abs":
-            return self.multiply(self.function("sign", u), u)
         if exponent is not None and exponent.kind != "constant":
             return self.function("exp", self.multiply(exponent, self.function("log", u)))
         key = (name, u.index, exponent.index if exponent else None)
@@ -205,6 +207,12 @@ class SeriesProgram:
         if k == 0:
             arguments = () if exponent is None else (exponent.coefficients[0],)
             return u.coefficients[0].apply(name, *arguments)
+        if name == "sign" and u.coefficients[0].is_zero and not u.coefficients[k].is_zero:
+            raise UnsupportedFunctionError(
+                "the switching function of Abs, sign, Max, Min or Heaviside is zero on the whole branch at epsilon = 0 "
+                "and not beyond: the slow manifold has no power series across that kink. Declare the smooth field of "
+                "one side, or take solve_manifold."
+            )
         # k v_k = sum_(j=1..k) j u_j rate_(k-j): v' = rate u'; the rate is needed through order k - 1 only.
         terms = [u.coefficients[j] * rate.coefficients[k - j] * j for j in range(1, k + 1)]
         return (_sum(terms, ring) * (ring.constant(sp.Rational(1, k)))).reduced()

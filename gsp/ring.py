@@ -14,7 +14,7 @@ import flint
 import sympy as sp
 
 from gsp.errors import HyperbolicityError
-from gsp.functions import CONSTANTS, RULES, is_rational_node, parts
+from gsp.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
 
 # Numerators longer than this are shown expanded: factoring them costs more than it explains.
@@ -45,10 +45,12 @@ class Element:
     def __sub__(self, other: Element) -> Element:
         return self + (-other)
 
-    def __mul__(self, other: Element | int | flint.fmpq) -> Element:
+    def __mul__(self, other: Element | int | flint.fmpq | sp.Rational) -> Element:
         if isinstance(other, Element):
             exponents = _sum(self.exponents, other.exponents)
             return Element(self.ring, self.numerator * other.numerator, exponents)
+        if isinstance(other, sp.Rational):
+            return self * self.ring.constant(other)
         return Element(self.ring, self.numerator * other, self.exponents)
 
     __rmul__ = __mul__
@@ -74,8 +76,8 @@ class Element:
 
     def apply(self, name: str, exponent: Element | None = None) -> Element:
         """The elementary function `name` of this element, adjoined to the ring; "pow" takes an exponent."""
-        if name == "Abs":
-            return self.apply("sign") * self
+        if name == "sign":
+            return self._sign()
         if name == "pow":
             assert exponent is not None
             if not self.ring.is_constant(exponent):
@@ -93,6 +95,18 @@ class Element:
         if self.is_zero and name in RULES and RULES[name].at_zero is not None:
             return self.ring.constant(RULES[name].at_zero)
         return self.ring.adjoin(name, self.ring.zero if name in CONSTANTS else self.reduced())
+
+    def _sign(self) -> Element:
+        """sign(u), made once for u, its multiples and -u."""
+        own = self.reduced()
+        if own.is_zero:
+            # SymPy's sign(0). A series whose argument then leaves 0 is refused by `SeriesProgram`.
+            return own
+        leading = own.numerator.leading_coefficient()
+        one = self.ring.one if leading > 0 else -self.ring.one
+        if _number(own) is not None:
+            return one
+        return one * self.ring.adjoin("sign", own * (1 / flint.fmpq(leading)))
 
     def reduced(self) -> Element:
         """The same element with every common factor of numerator and denominator divided out."""
@@ -159,6 +173,8 @@ class LocalisedRing:
         self.context = flint.fmpq_mpoly_ctx.get(names, ordering)
         self.relations: list[flint.fmpq_mpoly] = []
         self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], Element]]] = []
+        # sign(u) and u, which are shown as |u| where they are multiplied.
+        self._distances: list[tuple[flint.fmpq_mpoly, flint.fmpq_mpoly]] = []
         self._adjoined_count = 0
         self.denominators: list[flint.fmpq_mpoly] = []
         self._powers: list[list[flint.fmpq_mpoly]] = []
@@ -273,8 +289,14 @@ class LocalisedRing:
         return element
 
     def _relate(self, name: str, element: Element, u: Element, exponent: Element | None) -> None:
-        """Record the algebraic relations that keep representations short: q^n = u, s^2 + c^2 = 1."""
+        """Record the algebraic relations that keep representations short: q^n = u, s^2 + c^2 = 1, sign^2 = 1."""
         v = element.numerator
+        if name == "sign":
+            self.relations.append(v * v - 1)
+            self.roots.append((v, lambda: element))
+            if not any(u.exponents):
+                self._distances.append((v, u.numerator))
+            return
         for sine, cosine, sign in (("sin", "cos", 1), ("sinh", "cosh", -1)):
             if name in (sine, cosine) and {(sine, *u.key), (cosine, *u.key)} <= set(self._adjoined):
                 s, c = self._adjoined[sine, *u.key].numerator, self._adjoined[cosine, *u.key].numerator
@@ -316,7 +338,16 @@ class LocalisedRing:
         if factored and len(a.numerator) <= FACTOR_LIMIT:
             content, factors = a.numerator.factor()
             scale = rational(content)
-            numerator = sp.Mul(*[polynomial_expression(p, self._meaning) ** int(k) for p, k in factors])
+            powers = [(p, int(k)) for p, k in factors]
+            distances = []
+            for sign, u in self._distances:
+                present = [p for p, _ in powers]
+                other = next((p for p in present if p == u or p == -u), None)
+                if sign in present and other is not None:
+                    powers = [(p, k - int(p in (sign, other))) for p, k in powers]
+                    scale = scale if other == u else -scale
+                    distances.append(sp.Abs(polynomial_expression(u, self._meaning)))
+            numerator = sp.Mul(*distances, *[polynomial_expression(p, self._meaning) ** k for p, k in powers])
         else:
             numerator = polynomial_expression(a.numerator, self._meaning)
         denominator = []
@@ -363,7 +394,10 @@ def read(
     else:
         name, operands = parts(expression)
         inner = [read(operand, ring, environment, cache) for operand in operands]
-        value = inner[0].apply(name, *inner[1:]) if inner else ring.zero.apply(name)
+        if name in COMPOSED:
+            value = composed(name, inner)
+        else:
+            value = inner[0].apply(name, *inner[1:]) if inner else ring.zero.apply(name)
     cache[expression] = value
     return value
 

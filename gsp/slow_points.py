@@ -87,7 +87,7 @@ def zero_derivative(
     `tolerance` (1 + |y|), or, where the estimate starts to grow before that, the order where it is least.
 
     Raises `DeclarationError` for arguments that are not well formed, `BranchError` where the branch has no point
-    over `x`, and `UnsupportedFunctionError` for a field with Piecewise, Max and the like, which have no jets.
+    over `x`, and `UnsupportedFunctionError` for a field with Piecewise and the like, which have no jets.
 
     The points belong to the formal slow manifold: where its series converges, as at a node of the slow flow, that
     may be another invariant curve than the one followed from upstream (see `solve_manifold`).

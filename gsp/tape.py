@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from gsp.functions import CONSTANTS, RULES, parts
+from gsp.functions import COMPOSED, CONSTANTS, RULES, composed, parts
 from gsp.kernels import jets
 from gsp.lowering import CompiledFunction, compile_function
 from gsp.system import SlowFastSystem
@@ -83,7 +83,7 @@ class _Value:
     def __neg__(self) -> _Value:
         return self * -1
 
-    def __mul__(self, other: _Value | int) -> _Value:
+    def __mul__(self, other: _Value | int | sp.Rational) -> _Value:
         a, b = self, self.writer.lift(other)
         if a.constant is not None and b.constant is not None:
             return self.writer.lift(a.constant * b.constant)
@@ -179,9 +179,9 @@ class _Writer:
         if e.is_Pow and e.exp.is_Integer:
             return self._power(e.base, int(e.exp))
         name, arguments = parts(e)
+        if name in COMPOSED:
+            return composed(name, [self.read(argument) for argument in arguments])
         u = self.read(arguments[0])
-        if name == "Abs":
-            return u.apply("sign") * u
         if name != "pow":
             return u.apply(name)
         exponent = arguments[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -11,9 +12,9 @@ import pytest
 import sympy as sp
 from matplotlib.figure import Figure
 
-from gsp import SlowFastSystem, analyse, charts, models
+from gsp import SlowFastSystem, analyse, charts, compare, models
 from gsp.charts.streamlines import streamlines
-from gsp.charts.style import mathematics, plain
+from gsp.charts.style import LADDER, mathematics, plain
 from gsp.errors import DeclarationError
 from gsp.layers import composite
 from gsp.methods import method_table
@@ -169,3 +170,61 @@ def test_methods_and_composites_are_drawn_with_their_parts(analyses):
     axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}
+
+
+def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
+    x, y, u, w, epsilon = sp.symbols("x y u w epsilon")
+    system = SlowFastSystem(
+        slow={x: sp.Rational(1, 2) - u, y: u - y}, fast={u: x + u - u**3 / 3 - w, w: y / 4 - w}, epsilon=epsilon
+    )
+    scene = Scene(
+        system,
+        region={"x": (-0.1, 1), "y": (-1, 2), "u": (-3, 3)},
+        start={"x": 0.7, "y": 0.5, "u": 2, "w": 0},
+        span=(0, 0.6),
+        epsilon=0.01,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-4,
+    )
+    axes = charts.manifold(analyse(scene))
+    low, high = axes.get_xlim()
+    assert low == 0.0
+    assert high > 5.0
+    assert axes.get_ylim()[0] < 1e-3
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert "runs that have not landed on it" in labels
+
+
+def test_bands_and_orders_are_told_apart(analyses):
+    axes = charts.error_against_epsilon(analyses["michaelis_menten"].comparison)
+    assert "bands: expected slopes" in {text.get_text() for text in axes.get_legend().get_texts()}
+    assert len(set(LADDER)) == 5
+
+
+@pytest.mark.parametrize(
+    ("kinked", "smooth"),
+    [
+        (lambda x: sp.Abs(x) + x * sp.sign(x), lambda x: 2 * x),
+        (lambda x: sp.Max(x**2, x / 4), lambda x: x**2),
+    ],
+)
+def test_a_scene_off_a_kink_is_that_of_the_smooth_field_on_its_side(kinked, smooth):
+    x, y, epsilon = sp.symbols("x y epsilon")
+    scene = Scene(
+        SlowFastSystem(slow={x: -y}, fast={y: kinked(x) - y}, epsilon=epsilon),
+        region={"x": (0.5, 2)},
+        start={"x": 1.5, "y": 0},
+        span=(0, 0.4),
+        epsilon=0.02,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-6,
+    )
+    found = analyse(scene)
+    twin = replace(scene, system=SlowFastSystem(slow={x: -y}, fast={y: smooth(x) - y}, epsilon=epsilon))
+    for order, errors in compare(twin).errors.items():
+        assert found.comparison.errors[order] == pytest.approx(errors, rel=1e-4, abs=1e-13)
+    assert method_table(scene)["series 3"].errors == pytest.approx(
+        method_table(twin)["series 3"].errors, rel=1e-3
+    )
+    for draw in charts.applicable(found).values():
+        assert charts.png(draw(found)).startswith(b"\x89PNG")

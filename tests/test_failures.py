@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -182,3 +183,36 @@ def test_claims_that_are_not_there_and_single_numbers_are_told(van_der_pol):
     for arguments in ({"epsilons": 0.01}, {"tolerances": 1e-3}, {"orders": 1}):
         with pytest.raises(DeclarationError, match="is a sequence of"):
             failure_map(models.load("linear"), **arguments)
+
+
+def test_a_span_that_ends_at_a_fold_is_said_to(van_der_pol):
+    assert van_der_pol.unmeasured == ""
+    long = replace(models.load("van_der_pol"), span=(0.0, 0.9))
+    found = failure_map(
+        long, epsilons=(1e-3, 1e-2), positions=(0.2, 0.6, 1.0), tolerances=(1e-3, 1e-6), orders=(0, 1)
+    )
+    assert "fold of the critical manifold was reached" in found.unmeasured
+    assert found.unmeasured in str(found)
+    assert "  0.0 %  largest relative error" not in str(found)
+    panel = charts.failure_map(found).figure.axes[1]
+    assert "no reduced flow reaches the end" in " ".join(text.get_text() for text in panel.texts)
+
+
+def test_the_legend_lists_what_is_drawn_and_nothing_else(van_der_pol):
+    def labels(result):
+        return {text.get_text() for text in charts.failure_map(result).figure.legends[0].get_texts()}
+
+    assert {"full system only", "no slow manifold here", "reduced flow of order 1"} <= labels(van_der_pol)
+    assert "Newton's method goes astray" not in labels(van_der_pol)
+    easy = failure_map(models.load("linear"), epsilons=(1e-4, 1e-3), tolerances=(1e-1, 1e-2), orders=(0, 1, 2))
+    assert labels(easy) <= {"reduced flow of order 0", "stability holds explicit steps back"}
+
+
+def test_a_series_at_rounding_is_not_past_its_optimal_order():
+    # h = k x/(1 - epsilon): the series converges, and at these epsilons is at rounding from order 2 or 3 on.
+    found = failure_map(
+        scene(-x, sp.Rational(7, 3) * x - y, {"x": 1, "y": 2}, {"x": (0.5, 2)}),
+        epsilons=np.geomspace(1e-7, 1e-3, 5),
+        tolerances=(1e-3, 1e-6),
+    )
+    assert (found.best_order >= max(found.orders)).all()

@@ -123,3 +123,42 @@ def test_an_unknown_function_is_named_with_those_that_are_known() -> None:
     ring = ring_for(x)
     with pytest.raises(UnsupportedFunctionError, match=r"gamma\(x\) has no power series rule.*tanh"):
         read(sp.gamma(x), ring, {})
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        sp.Abs(x - 3) * sp.sign(x),
+        sp.sign(3 - 2 * x) + sp.sign(2 * x - 3) + sp.sign(4 * x - 6),
+        sp.Max(x, 2 - x, a * x**2),
+        sp.Min(x, 2 - x) * sp.Max(1, sp.Abs(x)),
+        sp.Heaviside(a - x) / (2 + sp.sign(x)),
+    ],
+)
+def test_functions_with_a_kink_have_their_real_values_and_derivatives_off_it(f: sp.Expr) -> None:
+    ring = ring_for(f)
+    element = read(f, ring, {})
+    value, slope = ring.to_sympy(element), ring.to_sympy(ring.derive(element, 0).reduced())
+    step = sp.Rational(1, 10**12)
+    for at in (sp.Rational(-7, 3), sp.Rational(2, 7), sp.Rational(9, 5), sp.Rational(17, 4)):
+        put = {a: sp.Rational(13, 10)}
+        assert value.subs({x: at, **put}) == f.subs({x: at, **put})
+        # Pieces are at most quadratic (times a constant), so that a central difference is their slope.
+        difference = (f.subs({x: at + step, **put}) - f.subs({x: at - step, **put})) / (2 * step)
+        assert slope.subs({x: at, **put}) == difference
+
+
+def test_the_square_of_a_sign_is_one_and_a_distance_is_shown_as_one() -> None:
+    ring = ring_for(sp.Abs(x - a))
+    element = read(sp.Abs(x - a), ring, {})
+    assert sp.expand(ring.to_sympy((element * element).reduced()) - (a - x) ** 2) == 0
+    assert ring.to_sympy((element.inverse() * element).reduced()) == 1
+    assert ring.to_sympy(element) in (sp.Abs(x - a), sp.Abs(a - x))
+
+
+def test_the_function_that_an_error_names_is_the_first_one_met() -> None:
+    f = sp.besselj(0, x) + sp.gamma(sp.zeta(x)) + sp.zeta(x)
+    with pytest.raises(UnsupportedFunctionError) as first:
+        generators_needed([f])
+    name = str(first.value).split(" has ")[0]
+    assert name == next(str(e) for e in sp.preorder_traversal(f) if isinstance(e, sp.Function))

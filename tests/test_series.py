@@ -316,3 +316,55 @@ def test_terms_that_are_rounding_altogether_do_not_count():
     assert abs(series.evaluate(point, 0.02, order=3) - exact).max() > 1e-4
     # The level of the terms kept; the lost one, 2.5e-2, is not among them.
     assert series.truncation_error(point, 0.02) < 1e-3
+
+
+@pytest.mark.parametrize("real", [False, True])
+@pytest.mark.parametrize(
+    ("make", "pieces"),
+    [
+        (sp.Abs, (1, -1)),
+        (lambda u: sp.sign(u) * u, (1, -1)),
+        (lambda u: sp.Max(u, 0), (1, 0)),
+        (lambda u: sp.Min(u, 2 * u), (1, 2)),
+        (lambda u: sp.Heaviside(u) * u, (1, 0)),
+        (lambda u: sp.Max(-u, u / 2, u), (1, -1)),
+    ],
+)
+def test_the_series_off_a_kink_is_that_of_each_side(real: bool, make, pieces: tuple[int, int]) -> None:
+    # epsilon y' = k x - y with x' = -x: h = k x/(1 - epsilon), k on either side.
+    x, y = sp.symbols("x y", real=True) if real else sp.symbols("x y")
+    system = SlowFastSystem(slow={x: -x}, fast={y: make(x) - y}, epsilon=eps)
+    series = expand(branch_of(system), order=4)
+    for at, k in zip((sp.Rational(7, 5), sp.Rational(-3, 5)), pieces):
+        assert [row[0].subs(x, at) for row in series.coefficients] == [k * at] * 5
+
+
+def test_an_absolute_value_is_shown_as_one() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: sp.Abs(x) - y}, epsilon=eps)
+    assert expand(branch_of(system), order=1).coefficients == ((sp.Abs(x),), (sp.Abs(x),))
+
+
+def test_kinks_in_fast_variables_expand_on_an_implicit_branch() -> None:
+    # For x > y > 0: epsilon y' = x - 2 y - y^2 without the kinks.
+    kinked = SlowFastSystem(slow={x: -x}, fast={y: sp.Max(x, y) - 2 * y - y * sp.Abs(y)}, epsilon=eps)
+    smooth = SlowFastSystem(slow={x: -x}, fast={y: x - 2 * y - y**2}, epsilon=eps)
+    points = np.array([[0.5], [2.0]])
+    found, expected = (expand(solve_critical(s).nearest({x: 1.0, y: 0.4}), order=3) for s in (kinked, smooth))
+    near = np.sqrt(1 + points) - 1
+    np.testing.assert_allclose(
+        found.evaluate(points, 0.01, near=near), expected.evaluate(points, 0.01, near=near), rtol=1e-13
+    )
+
+
+def test_a_kink_along_the_whole_branch_has_no_series() -> None:
+    # y = epsilon x + ..., so that z = |y| is no power series, though M0 itself is found.
+    system = SlowFastSystem(slow={x: -x}, fast={y: eps * x - y, z: sp.Abs(y) - z}, epsilon=eps)
+    assert expand(branch_of(system), order=0).coefficients == ((0, 0),)
+    with pytest.raises(UnsupportedFunctionError, match="across that kink"):
+        expand(branch_of(system), order=1)
+
+
+def test_piecewise_is_refused_with_its_equation_and_a_remedy() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=eps)
+    with pytest.raises(UnsupportedFunctionError, match=r"in the equation for y': Piecewise.*Write it with Abs"):
+        expand(branch_of(system), order=1)

@@ -17,6 +17,7 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
     smallest = np.finfo(float).eps / 4
     floor = np.array(comparison.floor)
     seen: list[np.ndarray] = []
+    guided = False
     for i, (order, values) in enumerate(comparison.errors.items()):
         errors = np.maximum(values, smallest)
         colour, marker = SERIES[i % len(SERIES)], MARKERS[i % len(MARKERS)]
@@ -39,6 +40,7 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
             anchor = np.flatnonzero(clear)[-1]
             guide = errors[anchor] * (epsilons / epsilons[anchor]) ** comparison.expected[order]
             axes.plot(epsilons, guide, color=colour, lw=6, alpha=0.16, solid_capstyle="butt", zorder=1)
+            guided = True
         seen.append(errors)
     for i, (name, values) in enumerate(comparison.claims.items()):
         measured = comparison.claim_slopes[name]
@@ -53,6 +55,10 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
     if not everything.size:
         axes.text(0.5, 0.5, "no full run reached the end", ha="center", transform=axes.transAxes)
         everything = np.array([1e-15, 1.0])
+    if guided:
+        axes.plot(
+            [], [], color=SERIES[0], lw=6, alpha=0.16, solid_capstyle="butt", label="bands: expected slopes"
+        )
     bottom, top = everything.min() / 10, max(everything.max() * 10, 1e-11)
     axes.fill_between(
         epsilons, bottom, floor, color=PALE, lw=0, label="error of the reference itself", zorder=0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
@@ -17,6 +20,9 @@ from gsp.failures import FailureMap
 # Light to dark as more orders are needed.
 ORDER_COLOURS = ("#FBE3C8", "#F2B27A", "#E07B39", "#B4501B", "#7A2E00", "#4A1C00")
 
+# Cells without a reduced flow that holds.
+FULL, NOTHING = -1, -2
+
 
 @chart(height=4.4)
 def failures_along(result: FailureMap, axes: Axes) -> None:
@@ -25,13 +31,10 @@ def failures_along(result: FailureMap, axes: Axes) -> None:
     Hatched: explicit steps are held back by stability. Dots: the series is past its optimal order. Crosses: Newton's
     method from the scene's start does not reach this sheet.
     """
-    cells = _cells(result.least_order, result.places[MANIFOLD].holds)
-    _colour(axes, result, result.positions, cells)
-    _hatch(axes, result, result.positions, ~result.places[EXPLICIT].holds & result.places[MANIFOLD].holds)
-    past = (result.best_order >= 0) & (result.best_order < max(result.orders))
-    _mark(axes, result, past, ".", 3.0)
-    measured = np.isfinite(result.places[MANIFOLD].measure)
-    _mark(axes, result, measured & ~result.places[NEWTON].holds, "x", 3.0)
+    _colour(axes, result, result.positions, _cells_along(result))
+    _hatch(axes, result, result.positions, _held_back_along(result))
+    _mark(axes, result, _past(result), ".", 3.0)
+    _mark(axes, result, _astray(result), "x", 3.0)
     axes.set_xlabel(mathematics(result.axis))
     axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
     axes.set_title(f"tolerance {result.tolerance:g}", fontsize=10, loc="right", color=INK)
@@ -40,11 +43,16 @@ def failures_along(result: FailureMap, axes: Axes) -> None:
 @chart(height=4.4)
 def failures_by_tolerance(result: FailureMap, axes: Axes) -> None:
     """Over (tolerance, epsilon): the lowest order whose reduced flow meets the tolerance over the scene's span."""
-    cells = _cells(result.least_order_demanded, np.ones(result.least_order_demanded.shape, dtype=bool))
-    _colour(axes, result, result.tolerances, cells)
-    _hatch(axes, result, result.tolerances, ~result.demands[EXPLICIT].holds)
+    _colour(axes, result, result.tolerances, _cells_demanded(result))
+    _hatch(axes, result, result.tolerances, _held_back_demanded(result))
     axes.set_xscale("log")
     axes.invert_xaxis()
+    if result.unmeasured:
+        text = "\n".join(["no reduced flow reaches the end of the span:", *wrap(result.unmeasured, 44)])
+        axes.text(
+            0.5, 0.5, text, ha="center", va="center", fontsize=9, color=INK, transform=axes.transAxes, zorder=5,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 5.0},
+        )  # fmt: skip
     axes.set_xlabel("tolerance over the span")
     axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
 
@@ -68,7 +76,33 @@ def failure_map(result: FailureMap, *, stacked: bool = False) -> Axes:
 
 def _cells(least: np.ndarray, manifold: np.ndarray) -> np.ndarray:
     """0.. for orders; -1 for full only; -2 for no slow manifold."""
-    return np.where(least >= 0, least, np.where(manifold, -1, -2))
+    return np.where(least >= 0, least, np.where(manifold, FULL, NOTHING))
+
+
+def _cells_along(result: FailureMap) -> np.ndarray:
+    return _cells(result.least_order, result.places[MANIFOLD].holds)
+
+
+def _cells_demanded(result: FailureMap) -> np.ndarray:
+    return _cells(result.least_order_demanded, np.ones(result.least_order_demanded.shape, dtype=bool))
+
+
+def _held_back_along(result: FailureMap) -> np.ndarray:
+    return ~result.places[EXPLICIT].holds & result.places[MANIFOLD].holds
+
+
+def _held_back_demanded(result: FailureMap) -> np.ndarray:
+    # Where implicit steps do not reach the end either, nothing is known.
+    claim = result.demands[EXPLICIT]
+    return ~claim.holds & ~np.isnan(claim.measure)
+
+
+def _past(result: FailureMap) -> np.ndarray:
+    return (result.best_order >= 0) & (result.best_order < max(result.orders))
+
+
+def _astray(result: FailureMap) -> np.ndarray:
+    return np.isfinite(result.places[MANIFOLD].measure) & ~result.places[NEWTON].holds
 
 
 def _edges(values: np.ndarray, logarithmic: bool) -> np.ndarray:
@@ -115,17 +149,26 @@ def _mark(axes: Axes, result: FailureMap, where: np.ndarray, marker: str, size: 
 
 
 def _key(result: FailureMap) -> list:
-    from matplotlib.lines import Line2D
+    """Handles of what either map shows, and of nothing else."""
+    cells = np.unique(np.concatenate([_cells_along(result).ravel(), _cells_demanded(result).ravel()]))
+    held_back = _held_back_along(result).any() or _held_back_demanded(result).any()
+    hatched = Patch(facecolor="none", edgecolor=BLUE, hatch="////", label="stability holds explicit steps back")
+    past = Line2D([], [], ls="", marker=".", color=INK, ms=4, label="series past its optimal order")
+    astray = Line2D([], [], ls="", marker="x", color=INK, ms=4, label="Newton's method goes astray")
+    handles = [
+        *(
+            Patch(facecolor=_order_colour(n), label=f"reduced flow of order {n}")
+            for n in result.orders
+            if n in cells
+        ),
+        *([Patch(facecolor=SKY, label="full system only")] if FULL in cells else []),
+        *([Patch(facecolor=PALE, label="no slow manifold here")] if NOTHING in cells else []),
+        *([hatched] if held_back else []),
+        *([past] if _past(result).any() else []),
+        *([astray] if _astray(result).any() else []),
+    ]
+    return handles
 
-    patches = [
-        Patch(facecolor=ORDER_COLOURS[min(n, len(ORDER_COLOURS) - 1)], label=f"reduced flow of order {n}")
-        for n in result.orders
-    ]
-    return [
-        *patches,
-        Patch(facecolor=SKY, label="full system only"),
-        Patch(facecolor=PALE, label="no slow manifold here"),
-        Patch(facecolor="none", edgecolor=BLUE, hatch="////", label="stability holds explicit steps back"),
-        Line2D([], [], ls="", marker=".", color=INK, ms=4, label="series past its optimal order"),
-        Line2D([], [], ls="", marker="x", color=INK, ms=4, label="Newton's method goes astray"),
-    ]
+
+def _order_colour(order: int) -> str:
+    return ORDER_COLOURS[min(order, len(ORDER_COLOURS) - 1)]

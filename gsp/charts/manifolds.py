@@ -25,6 +25,7 @@ from gsp.charts.sampling import (
 )
 from gsp.charts.style import (
     BLUE,
+    GREY,
     INK,
     PALE,
     SERIES,
@@ -41,6 +42,8 @@ from gsp.trajectory import Trajectory
 
 # Runs that start off the manifold are drawn for this many times 1/gap of fast time: e^-20 is 2e-9.
 LAYER = 20.0
+# A run that ends farther off than this share of where it began is on its way still, or to another sheet.
+LANDED = 0.1
 
 
 def _is_surface(analysis: Analysis) -> bool:
@@ -157,22 +160,33 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
         text = f"{analysis.hyperbolicity.kind}: no run lands on it"
         axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
         return
+    tails = [float(np.quantile(gaps[-LINE // 4 :], 0.9)) for _, _, gaps in curves]
+    landed = [tail <= LANDED * gaps[0] for tail, (_, _, gaps) in zip(tails, curves)]
     # Where the runs stop falling, the series and the runs themselves are known no better.
-    level = 2.0 * max(float(np.quantile(gaps[-LINE // 4 :], 0.9)) for _, _, gaps in curves)
+    level = 2.0 * max((tail for tail, on in zip(tails, landed) if on), default=0.0)
     tallest = max(float(gaps[0]) for _, _, gaps in curves)
+    lowest = level / 6 if level else min(float(gaps.min()) for _, _, gaps in curves) / 2
     end = 0.0
     seen: dict[str, str] = {}
-    for name, tau, gaps in curves:
-        label = None if name in seen else f"runs that start off in {mathematics(name)}"
-        colour = seen.setdefault(name, SERIES[len(seen) % len(SERIES)])
-        axes.semilogy(tau, np.maximum(gaps, 1e-300), color=colour, lw=1.2, alpha=0.8, label=label)
-        below = np.flatnonzero(gaps < level)
-        end = max(end, float(tau[below[0]] if below.size else tau[-1]))
+    for on, (name, tau, gaps) in zip(landed, curves):
+        if on:
+            label = None if name in seen else f"runs that start off in {mathematics(name)}"
+            colour = seen.setdefault(name, SERIES[sum(map(bool, seen)) % len(SERIES)])
+            axes.semilogy(tau, np.maximum(gaps, 1e-300), color=colour, lw=1.2, alpha=0.8, label=label)
+            below = np.flatnonzero(gaps < level)
+            end = max(end, float(tau[below[0]] if below.size else tau[-1]))
+        else:
+            label = None if "" in seen else "runs that have not landed on it"
+            seen[""] = GREY
+            axes.semilogy(tau, np.maximum(gaps, 1e-300), color=GREY, lw=1.0, ls=":", label=label)
+    # Without one that lands, all of what was run is shown.
+    end = end or max(float(tau[-1]) for _, tau, _ in curves) / 1.4
     tau = np.array([0.0, LAYER / gap])
     guide = r"$e^{-\mathrm{gap}\,\tau}$, the slowest"
     axes.semilogy(tau, 1.6 * tallest * np.exp(-gap * tau), color=INK, lw=1.0, ls="--", label=guide)
-    axes.axhspan(level / 100, level, color=PALE, lw=0, zorder=4, label="known no better")
-    axes.set_ylim(level / 6, 4 * tallest)
+    if level:
+        axes.axhspan(level / 100, level, color=PALE, lw=0, zorder=4, label="known no better")
+    axes.set_ylim(lowest, 4 * tallest)
     axes.set_xlim(0.0, min(1.4 * end, LAYER / gap))
     legend(axes, columns=3)
 

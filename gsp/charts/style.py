@@ -15,6 +15,7 @@ import sympy as sp
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.markers import MarkerStyle
 from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path as Outline
@@ -27,7 +28,7 @@ INK, GREY, PALE, FLOW = "#222222", "#767676", "#C9CED6", "#93A5B8"
 SERIES = (BLUE, GREEN, VERMILION, PURPLE, AMBER, SKY)
 MARKERS = ("o", "s", "^", "D", "v", "P")
 # Light to dark, as epsilon falls towards the limit.
-LADDER = ("#F2B27A", "#D55E00", "#7A2E00", "#4A1C00")
+LADDER = ("#F5C79A", "#F08C2E", "#C4480A", "#7D2600", "#2B0E00")
 # 5.1 inches are 130 mm: set at 100 mm, the 9 point letters are 7 point.
 WIDTH, HEIGHT, DPI = 5.1, 3.5, 200
 STYLE: Any = {
@@ -60,7 +61,8 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
         def drawn(result, axes: Axes | None = None, /, *args: P.args, **kwargs: P.kwargs) -> Axes:
             with matplotlib.rc_context(STYLE):
                 if axes is None:
-                    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+                    # Twice matplotlib's margin at the sides, where the last tick label ends.
+                    figure = Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=0.08))
                     FigureCanvasAgg(figure)
                     axes = cast(Axes, figure.add_subplot(projection="3d" if solid(result) else None))
                 elif solid(result) != (axes.name == "3d"):
