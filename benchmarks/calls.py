@@ -15,7 +15,8 @@ from problems import sleigh
 
 import gsp
 from gsp.models import load
-from gsp.work_curves import ModelKind, work_precision
+from gsp.work_curves import work_precision
+from gsp.work_runs import ModelKind
 
 COLD = """
 import time

@@ -12,27 +12,35 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from enum import StrEnum
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from gsp.comparison import layer_time, on_manifold, sense
-from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status, unknown_name
+from gsp.errors import BranchError, DeclarationError, HyperbolicityError, unknown_name
 from gsp.fibres import project
-from gsp.flow import Flow, check_epsilon, check_orders
+from gsp.flow import check_epsilon, check_orders
 from gsp.inner import expand_inner
 from gsp.integrators import Method
-from gsp.lowering import parameter_vector
 from gsp.peers import PEERS, Peer
 from gsp.placement import Placement, place
-from gsp.reduced import restrict
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
 from gsp.tables import write_rows
 from gsp.trajectory import integrate
+from gsp.work_runs import (
+    ATOL_SHARE,
+    ModelKind,
+    WorkCurve,
+    full_tasks,
+    largest_errors,
+    measure,
+    peer_tasks,
+    reduced_tasks,
+    slow_values,
+)
 
 # Times at which every run is compared, and asked for its values.
 GRID_POINTS = 25
@@ -41,73 +49,10 @@ REFERENCE = (Method.RADAU13, Method.RADAU9)
 REFERENCE_RTOL = 1e-13
 RTOLS = tuple(10.0**-k for k in range(2, 13))
 ORDERS = (0, 1, 2, 3, 4)
-# atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.
-ATOL_SHARE = 1e-2
 # A curve ends with the first run that takes longer than this (seconds); tighter tolerances would take longer still.
 LIMIT = 2.0
-MAX_STEPS = 200_000
-# One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
-MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
-# Characters of a failing peer's message that are kept.
-REASON = 120
 # Errors at which curves are compared in tables.
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
-
-
-class ModelKind(StrEnum):
-    """What is integrated, and by whom."""
-
-    FULL = "full"
-    PEER = "full, peer"
-    REDUCED = "reduced"
-
-
-@dataclass(frozen=True)
-class WorkPoint:
-    """One run: tolerance asked for, errors over the grid and at its end, seconds a call, and counters."""
-
-    rtol: float
-    error: float
-    end_error: float
-    seconds: float
-    steps: int | None
-    field_calls: int | None
-
-
-@dataclass(frozen=True)
-class WorkCurve:
-    """One method or model over the ladder of tolerances; `preparation` seconds were spent once, before all runs.
-
-    `ended` says why the ladder was not finished, if it was not. `order` is that of a reduced model.
-    """
-
-    label: str
-    kind: ModelKind
-    points: tuple[WorkPoint, ...]
-    order: int | None = None
-    version: str | None = None
-    preparation: float = 0.0
-    ended: str = ""
-
-    @property
-    def floor(self) -> float:
-        """The least error of any tolerance; nan for a curve without points."""
-        return min((point.error for point in self.points), default=float("nan"))
-
-    def seconds_at(self, error: float) -> float:
-        """The least seconds for an error of `error` or less, interpolated between runs; nan where it is not reached.
-
-        Between two neighbouring tolerances log seconds is linear in log error.
-        """
-        best = float("inf")
-        for a in self.points:
-            if a.error <= error:
-                best = min(best, a.seconds)
-        for a, b in zip(self.points, self.points[1:]):
-            if b.error < error < a.error:
-                share = np.log(error / a.error) / np.log(b.error / a.error)
-                best = min(best, float(np.exp((1 - share) * np.log(a.seconds) + share * np.log(b.seconds))))
-        return best if np.isfinite(best) else float("nan")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,22 +121,6 @@ class WorkPrecision:
         return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """One curve to be measured: `run(rtol)` gives slow values (n_slow, m) on the grid, steps and calls.
-
-    A run that fails gives nan; `failures` then holds the reason.
-    """
-
-    label: str
-    kind: ModelKind
-    run: Callable[[float], tuple[np.ndarray, int | None, int | None]]
-    order: int | None = None
-    version: str | None = None
-    preparation: float = 0.0
-    failures: dict[float, str] = field(default_factory=dict)
-
-
 def work_precision(
     scene: Scene,
     *,
@@ -237,11 +166,11 @@ def work_precision(
     omitted: dict[str, str] = {}
     reference, disagreement = _reference(placement, start, value, grid)
     tasks = [
-        *_full_tasks(placement, start, value, grid, list(Method) if methods is None else methods),
-        *_peer_tasks(placement, start, value, grid, PEERS if peers is None else peers, omitted),
-        *_reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
+        *full_tasks(placement, start, value, grid, list(Method) if methods is None else methods),
+        *peer_tasks(placement, start, value, grid, PEERS if peers is None else peers, omitted),
+        *reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
     ]
-    curves = _measure(tasks, ladder, reference, limit, progress)
+    curves = measure(tasks, ladder, reference, limit, progress)
     return WorkPrecision(
         scene=scene,
         epsilon=value,
@@ -319,183 +248,6 @@ def _reference(
                 f"there is no reference for {placement.scene.name} at epsilon = {epsilon:g}: {run.message}. "
                 "Shorten the span, move the start or take another epsilon."
             )
-        runs.append(_slow(run.y, placement.system, placement))
-    error, _ = _errors(runs[1], runs[0])
+        runs.append(slow_values(run.y, placement.system, placement))
+    error, _ = largest_errors(runs[1], runs[0])
     return runs[0], error
-
-
-def _slow(states: np.ndarray, flow: Flow, placement: Placement) -> np.ndarray:
-    return states[[flow.states.index(s) for s in placement.system.x]]
-
-
-def _errors(values: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """Largest error over the grid and at its end, each variable relative to its largest value."""
-    sizes = np.abs(reference).max(axis=1)
-    scaled = np.abs(values - reference) / np.where(sizes > 0.0, sizes, 1.0)[:, None]
-    return float(scaled.max()), float(scaled[:, -1].max())
-
-
-def _full_tasks(
-    placement: Placement,
-    start: Mapping[str, float],
-    epsilon: float,
-    grid: np.ndarray,
-    methods: Sequence[Method],
-) -> Iterator[_Task]:
-    system = placement.system
-    span = (placement.scene.span[0], float(grid[-1]))
-
-    def run(rtol: float, method: Method | None) -> tuple[np.ndarray, int | None, int | None]:
-        found = integrate(
-            system,
-            start=start,
-            span=span,
-            epsilon=epsilon,
-            rtol=rtol,
-            atol=ATOL_SHARE * rtol,
-            method=method,
-            max_steps=MAX_STEPS,
-        )
-        if found.status is Status.SUCCESS:
-            return _slow(found.at(grid), system, placement), found.stats.steps, found.stats.field_calls
-        return np.full((len(system.x), grid.size), np.nan), found.stats.steps, found.stats.field_calls
-
-    for method in methods:
-        yield _Task(method.value, ModelKind.FULL, lambda rtol, method=method: run(rtol, method))
-    yield _Task("default", ModelKind.FULL, lambda rtol: run(rtol, None))
-
-
-def _peer_tasks(
-    placement: Placement,
-    start: Mapping[str, float],
-    epsilon: float,
-    grid: np.ndarray,
-    peers: Sequence[Peer],
-    omitted: dict[str, str],
-) -> Iterator[_Task]:
-    system = placement.system
-    p = parameter_vector(system, epsilon)
-    y = np.array(system.initial(start))
-    for peer in peers:
-        if peer.version is None:
-            omitted[peer.name] = f"{peer.package} is not installed"
-            continue
-        begun = time.perf_counter()
-        try:
-            solve = peer.prepare(system, p, y, placement.scene.span[0], grid)
-        # Whatever somebody else's package raises is a reason, and no more.
-        except Exception as error:
-            omitted[peer.name] = _reason(error)
-            continue
-        failures: dict[float, str] = {}
-
-        def run(rtol: float, solve=solve, failures=failures) -> tuple[np.ndarray, int | None, int | None]:
-            try:
-                found = solve(rtol, ATOL_SHARE * rtol)
-            except Exception as error:
-                failures[rtol] = _reason(error)
-                return np.full((len(system.x), grid.size), np.nan), None, None
-            return _slow(found.states, system, placement), found.steps, found.field_calls
-
-        prepared = time.perf_counter() - begun
-        yield _Task(
-            peer.name, ModelKind.PEER, run, version=peer.version, preparation=prepared, failures=failures
-        )
-
-
-def _reason(error: Exception) -> str:
-    """What an exception says, in one line."""
-    text = " ".join(str(error).split())
-    if isinstance(error, GspError):
-        return text
-    return f"{type(error).__name__}: {text}"[:REASON]
-
-
-def _reduced_tasks(
-    series: SeriesManifold,
-    start: Mapping[str, float],
-    epsilon: float,
-    grid: np.ndarray,
-    begin: float,
-    orders: Sequence[int],
-    expanded: float,
-) -> Iterator[_Task]:
-    names = [s.name for s in series.branch.system.x]
-    for order in orders:
-        begun = time.perf_counter()
-        flow = restrict(series, order=order)
-        prepared = expanded + time.perf_counter() - begun
-
-        def run(rtol: float, flow=flow) -> tuple[np.ndarray, int | None, int | None]:
-            found = integrate(
-                flow,
-                start=start,
-                span=(begin, float(grid[-1])),
-                epsilon=epsilon,
-                rtol=rtol,
-                atol=ATOL_SHARE * rtol,
-                max_steps=MAX_STEPS,
-            )
-            if found.status is Status.SUCCESS:
-                sampled = found.sample(grid)
-                return np.array([sampled[name] for name in names]), found.stats.steps, found.stats.field_calls
-            return np.full((len(names), grid.size), np.nan), found.stats.steps, found.stats.field_calls
-
-        yield _Task(f"reduced {order}", ModelKind.REDUCED, run, order=order, preparation=prepared)
-
-
-def _measure(
-    tasks: Sequence[_Task],
-    ladder: Sequence[float],
-    reference: np.ndarray,
-    limit: float,
-    progress: Callable[[float], object] | None,
-) -> Iterator[WorkCurve]:
-    points: dict[str, dict[float, WorkPoint]] = {task.label: {} for task in tasks}
-    ended: dict[str, str] = {}
-    for i, rtol in enumerate(ladder):
-        # All runs of one tolerance are interleaved: first once each for the errors, then round by round for the time.
-        counts: dict[str, int] = {}
-        for task in tasks:
-            if task.label in ended:
-                continue
-            task.run(rtol)
-            begun = time.perf_counter()
-            values, steps, calls = task.run(rtol)
-            seconds = time.perf_counter() - begun
-            if np.isfinite(values).all():
-                points[task.label][rtol] = WorkPoint(rtol, *_errors(values, reference), seconds, steps, calls)
-                if seconds < SLOW:
-                    counts[task.label] = max(1, int(MEASURED / seconds))
-            if seconds > limit:
-                ended[task.label] = f"beyond {limit:g} s at rtol {rtol:.0e}"
-            elif not np.isfinite(values).all() and steps is not None and steps >= MAX_STEPS // 2:
-                ended[task.label] = f"out of steps at rtol {rtol:.0e}"
-            elif not np.isfinite(values).all() and rtol == ladder[-1]:
-                why = task.failures.get(rtol, "did not reach the end")
-                ended[task.label] = f"{why} at rtol {rtol:.0e}"
-        best = {label: points[label][rtol].seconds for label in counts}
-        for _ in range(ROUNDS):
-            for task in tasks:
-                count = counts.get(task.label, 0)
-                if count == 0:
-                    continue
-                begun = time.perf_counter()
-                for _ in range(count):
-                    task.run(rtol)
-                best[task.label] = min(best[task.label], (time.perf_counter() - begun) / count)
-        for label, seconds in best.items():
-            old = points[label][rtol]
-            points[label][rtol] = WorkPoint(rtol, old.error, old.end_error, seconds, old.steps, old.field_calls)
-        if progress is not None:
-            progress((i + 1) / len(ladder))
-    for task in tasks:
-        yield WorkCurve(
-            label=task.label,
-            kind=task.kind,
-            points=tuple(points[task.label].values()),
-            order=task.order,
-            version=task.version,
-            preparation=task.preparation,
-            ended=ended.get(task.label, ""),
-        )

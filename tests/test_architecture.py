@@ -84,6 +84,7 @@ LAYERS = [
     "classical_methods",
     "methods",
     "peers",
+    "work_runs",
     "work_curves",
     "claims",
     "failures",

@@ -15,7 +15,8 @@ from gsp.integrators import Method
 from gsp.peers import PEERS, Peer, PeerRun
 from gsp.scene import Scene
 from gsp.system import SlowFastSystem
-from gsp.work_curves import ModelKind, WorkCurve, WorkPoint, work_precision
+from gsp.work_curves import work_precision
+from gsp.work_runs import ModelKind, WorkCurve, WorkPoint
 
 RTOLS = (1e-4, 1e-8)
 

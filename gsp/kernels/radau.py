@@ -17,15 +17,8 @@ from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.decomposition import (
-    SPARSE,
-    factorise_sparse,
-    factorise_sparse_pair,
-    factors_size,
-    solve_sparse_pair,
-    solve_with,
-)
-from gsp.kernels.linear_algebra import factorise_inline
+from gsp.kernels.decomposition import SPARSE, factors_size, solve_sparse_pair, solve_with
+from gsp.kernels.radau_systems import decompose, solve_complex
 from gsp.kernels.radau_tableau import (
     A_COLUMNS,
     DEFECT,
@@ -88,62 +81,6 @@ def memory_size(stages: int, n: int) -> int:
     return PIECE + (stages + 1) * n
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _size(z):
-    return abs(z.real) + abs(z.imag)
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _factorise_complex(matrices, m, pivots, shape):
-    """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
-
-    Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
-    """
-    _, n = sizes(shape)
-    for k in range(n):
-        row = k
-        largest = _size(matrices[m, k, k])
-        for i in range(k + 1, n):
-            size = _size(matrices[m, i, k])
-            if size > largest:
-                largest = size
-                row = i
-        pivots[m, k] = row
-        if not largest > 0.0:
-            return False
-        if row != k:
-            for j in range(n):
-                matrices[m, k, j], matrices[m, row, j] = matrices[m, row, j], matrices[m, k, j]
-        inverse = 1.0 / matrices[m, k, k]
-        matrices[m, k, k] = inverse
-        for i in range(k + 1, n):
-            factor = matrices[m, i, k] * inverse
-            matrices[m, i, k] = factor
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    matrices[m, i, j] -= factor * matrices[m, k, j]
-    return True
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _solve_complex(factors, m, pivots, b, shape):
-    """`solve` with what `_factorise_complex` left."""
-    _, n = sizes(shape)
-    for k in range(n):
-        row = pivots[m, k]
-        b[k], b[row] = b[row], b[k]
-    for i in range(1, n):
-        total = b[i]
-        for j in range(i):
-            total -= factors[m, i, j] * b[j]
-        b[i] = total
-    for i in range(n - 1, -1, -1):
-        total = b[i]
-        for j in range(i + 1, n):
-            total -= factors[m, i, j] * b[j]
-        b[i] = total * factors[m, i, i]
-
-
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _multiply(columns, shape, x, out):
     """`out` (WIDTH, n) = M `x` for the family's M (WIDTH, stages); the eight sums stay in vector registers."""
@@ -169,48 +106,6 @@ def _multiply(columns, shape, x, out):
         out[5, i] = f
         out[6, i] = g
         out[7, i] = h
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _decompose_sparse(code, jacobian_flat, step, shape, system):
-    """Straight-line factors for all eigenvalues; False where there are none, or one cannot be trusted."""
-    stages, _ = sizes(shape)
-    family = (stages - 3) // 2
-    _, _, pivots, _, sparse, sparse_pairs, scratch = system
-    if not factorise_sparse(code, jacobian_flat, EIGENVALUES[family, 0].real / step, scratch, sparse):
-        return False
-    for m in range(stages // 2):
-        shift = EIGENVALUES[family, m + 1] / step
-        if not factorise_sparse_pair(code, jacobian_flat, shift, scratch, sparse_pairs[m]):
-            return False
-    pivots[0] = SPARSE
-    return True
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _decompose(code, jacobian_flat, step, shape, system):
-    """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
-    stages, n = sizes(shape)
-    family = (stages - 3) // 2
-    real, complexes, pivots, complex_pivots, _, _, _ = system
-    pairs = stages // 2
-    if _decompose_sparse(code, jacobian_flat, step, shape, system):
-        return True
-    for i in range(n):
-        for j in range(n):
-            entry = -jacobian_flat[i * n + j]
-            real[i, j] = entry
-            for m in range(pairs):
-                complexes[m, i, j] = entry
-        real[i, i] += EIGENVALUES[family, 0].real / step
-        for m in range(pairs):
-            complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
-    if not factorise_inline(real, pivots, shape):
-        return False
-    for m in range(pairs):  # noqa: SIM110 - a generator does not compile
-        if not _factorise_complex(complexes, m, complex_pivots, shape):
-            return False
-    return True
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -271,7 +166,7 @@ def _iterate(code, field, p, t, step, y, weight, tolerance, shape, system, work,
             if pivots[0] == SPARSE:
                 solve_sparse_pair(code, sparse_pairs[m], scratch, b)
             else:
-                _solve_complex(complexes, m, complex_pivots, b, shape)
+                solve_complex(complexes, m, complex_pivots, b, shape)
             for i in range(n):
                 f[2 * m + 1, i] = b[i].real
                 f[2 * m + 2, i] = b[i].imag
@@ -443,7 +338,7 @@ def radau(
         factor = FAILURE_FACTOR
         safety = SAFETY
         failure = ledger.STEP_TOO_SMALL
-        if not _decompose(code, jacobian_flat, step, shape, system):
+        if not decompose(code, jacobian_flat, step, shape, system):
             failure = ledger.SINGULAR_JACOBIAN
         else:
             _guess(memory, step, shape, z)

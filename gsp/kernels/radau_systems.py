@@ -1,0 +1,108 @@
+"""The linear systems of Radau's iteration: (lambda/h - J) x = b for one real and several complex eigenvalues."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from gsp.kernels.decomposition import SPARSE, factorise_sparse, factorise_sparse_pair
+from gsp.kernels.linear_algebra import factorise_inline
+from gsp.kernels.radau_tableau import EIGENVALUES
+from gsp.kernels.shape import sizes
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _size(z):
+    return abs(z.real) + abs(z.imag)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def factorise_complex(matrices, m, pivots, shape):
+    """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
+
+    Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
+    """
+    _, n = sizes(shape)
+    for k in range(n):
+        row = k
+        largest = _size(matrices[m, k, k])
+        for i in range(k + 1, n):
+            size = _size(matrices[m, i, k])
+            if size > largest:
+                largest = size
+                row = i
+        pivots[m, k] = row
+        if not largest > 0.0:
+            return False
+        if row != k:
+            for j in range(n):
+                matrices[m, k, j], matrices[m, row, j] = matrices[m, row, j], matrices[m, k, j]
+        inverse = 1.0 / matrices[m, k, k]
+        matrices[m, k, k] = inverse
+        for i in range(k + 1, n):
+            factor = matrices[m, i, k] * inverse
+            matrices[m, i, k] = factor
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    matrices[m, i, j] -= factor * matrices[m, k, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def solve_complex(factors, m, pivots, b, shape):
+    """`solve` with what `factorise_complex` left."""
+    _, n = sizes(shape)
+    for k in range(n):
+        row = pivots[m, k]
+        b[k], b[row] = b[row], b[k]
+    for i in range(1, n):
+        total = b[i]
+        for j in range(i):
+            total -= factors[m, i, j] * b[j]
+        b[i] = total
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= factors[m, i, j] * b[j]
+        b[i] = total * factors[m, i, i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def _decompose_sparse(code, jacobian_flat, step, shape, system):
+    """Straight-line factors for all eigenvalues; False where there are none, or one cannot be trusted."""
+    stages, _ = sizes(shape)
+    family = (stages - 3) // 2
+    _, _, pivots, _, sparse, sparse_pairs, scratch = system
+    if not factorise_sparse(code, jacobian_flat, EIGENVALUES[family, 0].real / step, scratch, sparse):
+        return False
+    for m in range(stages // 2):
+        shift = EIGENVALUES[family, m + 1] / step
+        if not factorise_sparse_pair(code, jacobian_flat, shift, scratch, sparse_pairs[m]):
+            return False
+    pivots[0] = SPARSE
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def decompose(code, jacobian_flat, step, shape, system):
+    """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
+    stages, n = sizes(shape)
+    family = (stages - 3) // 2
+    real, complexes, pivots, complex_pivots, _, _, _ = system
+    pairs = stages // 2
+    if _decompose_sparse(code, jacobian_flat, step, shape, system):
+        return True
+    for i in range(n):
+        for j in range(n):
+            entry = -jacobian_flat[i * n + j]
+            real[i, j] = entry
+            for m in range(pairs):
+                complexes[m, i, j] = entry
+        real[i, i] += EIGENVALUES[family, 0].real / step
+        for m in range(pairs):
+            complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
+    if not factorise_inline(real, pivots, shape):
+        return False
+    for m in range(pairs):  # noqa: SIM110 - a generator does not compile
+        if not factorise_complex(complexes, m, complex_pivots, shape):
+            return False
+    return True
