@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -56,9 +57,12 @@ class Method(Enum):
     DOP853 = "dop853"
 
 
-# Sizes for which machine code of their own is made: 1.3 to 1.5 times as fast, for some seconds once per machine.
-# Else, and for RADAU5, which is never chosen, one code serves all sizes. No bit of the results depends on it.
+# Sizes for which machine code of their own is made: 1.3 to 1.5 times as fast, for some seconds once per machine, hence
+# only when a process has made so many steps with a method at a size. Else, and for RADAU5, which is never chosen, one
+# code serves all sizes. No bit of the results depends on it.
 _FIXED_SIZES = range(2, 7)
+_SPECIALISED_AFTER = 100_000
+_steps_made: defaultdict[tuple[Method, int], int] = defaultdict(int)
 
 
 def _shapes(rows: int) -> dict[int, tuple[tuple[int, ...], tuple[int, ...]]]:
@@ -222,7 +226,7 @@ def advance(
     if first_step != 0.0:
         memory[ledger.STEP] = first_step
         rate[:] = compiled.rates(y, p)
-    shape = shapes.get(n)
+    shape = shapes.get(n) if _steps_made[method, n] >= _SPECIALISED_AFTER else None
     # The start is row 0, so that a run of one piece is its own record.
     length = min(FIRST_RECORD, rows_kept)
     all_times, all_states = np.empty(length + 1), np.empty((length + 1, n))
@@ -254,6 +258,7 @@ def advance(
         status = Status.INTERRUPTED
     # The interrupt may have come between any two lines above: what counts is what the counters say.
     steps, rejected, field_calls, jacobian_calls, decompositions, stiff = counters.tolist()[: ledger.STIFF + 1]
+    _steps_made[method, n] += steps
     if not pieces:
         record = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
     else:
