@@ -303,25 +303,20 @@ def choose(model: str, tolerance: float | None, epsilon: float | None, as_json: 
 @_json_option
 def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
     """Analyse MODEL and write report.html, report.json and the figures."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from gsp.report import check_folder
 
     scene = load_scene(model)
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
     check_folder(folder)
-    columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with _progress("") as show:
         from gsp.analysis import STAGES, analyse
         from gsp.report import as_json as report_json
         from gsp.report import write_report
 
         stages = (*STAGES, "report")
-        task = bar.add_task("", total=len(stages))
 
         def progress(stage: str, share: float) -> None:
-            bar.update(task, description=stage, completed=stages.index(stage) + share)
+            show((stages.index(stage) + share) / len(stages), stage)
 
         analysis = analyse(scene, order=order, progress=progress)
         page = write_report(analysis, folder, progress=lambda share: progress("report", share))
@@ -337,15 +332,19 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
 
 
 @contextmanager
-def _progress(description: str) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error for one stage; gives what takes the fraction done."""
+def _progress(description: str) -> Iterator[Callable[..., None]]:
+    """A bar on standard error; gives what takes the fraction done, and the stage where there are several."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(description, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+
+        def show(share: float, stage: str = description) -> None:
+            bar.update(task, completed=share, description=stage)
+
+        yield show
 
 
 def load_scene(model: str) -> Scene:

@@ -12,7 +12,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import GspError, Status, nearest
-from gsp.flow import Flow
+from gsp.flow import Flow, frozen
 from gsp.integrators import (
     EXPLICIT_ATTEMPTS,
     KERNELS,
@@ -151,7 +151,7 @@ class Ensemble:
         kernels.evaluate_members(compile_flow(self.flow).observables.address, kept, constants, out)
         # An observable may be finite where the state is not a number.
         values = np.where(np.isnan(kept[:, :, 0]), np.nan, out[:, :, observables.index(name)])
-        return _frozen(values)
+        return frozen(values)
 
     def member(self, i: int) -> Member:
         """The run with index `i`, from 0; raises `GspError` when there is none."""
@@ -352,13 +352,13 @@ def integrate_many(
         flow=flow,
         method=chosen,
         members=members,
-        t=_frozen(t),
-        y=_frozen(kept).transpose(0, 2, 1),
+        t=frozen(t),
+        y=frozen(kept).transpose(0, 2, 1),
         statuses=tuple(endings[code] for code in codes.tolist()),
-        reached=_frozen(reached),
-        last=_frozen(ends),
-        _counters=_frozen(counters[:, : ledger.STIFF + 1].copy()),
-        _explicit=_frozen(explicit),
+        reached=frozen(reached),
+        last=frozen(ends),
+        _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
+        _explicit=frozen(explicit),
     )
 
 
@@ -367,8 +367,3 @@ def _range(values: np.ndarray | None) -> str:
         return ""
     low, high = values.min(), values.max()
     return f", epsilon = {low:g}" + ("" if low == high else f" to {high:g}")
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

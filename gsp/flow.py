@@ -175,3 +175,9 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
     raise DeclarationError(
         f"{what} has shape {array.shape}. It takes (m, {n}) for {', '.join(names)}, or a mapping by name."
     )
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """The same array, read-only from now on: what a result holds."""
+    array.setflags(write=False)
+    return array

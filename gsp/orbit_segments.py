@@ -15,6 +15,7 @@ import numpy as np
 
 from gsp.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
+from gsp.gauss import gauss_tableau
 from gsp.kernels import orbit_segments as kernel
 from gsp.kernels.zero_derivative import CONVERGED
 from gsp.lowering import compile_flow, parameter_vector
@@ -87,13 +88,7 @@ class SegmentSolver:
         except UnsupportedFunctionError:
             # Max, Piecewise and the like have no jets; segments do not need them, only good guesses do.
             self.tape = None
-        points, weights = np.polynomial.legendre.leggauss(STAGES)
-        self.c = (1.0 + points) / 2.0
-        self.b = weights / 2.0
-        # A_jk = integral from 0 to c_j of the k-th Lagrange polynomial.
-        powers = np.arange(1, STAGES + 1)
-        vandermonde = self.c[:, None] ** (powers - 1)
-        self.A = np.ascontiguousarray((self.c[:, None] ** powers / powers) @ np.linalg.inv(vandermonde))
+        self.c, self.b, self.A = gauss_tableau(STAGES)
         # From the polynomial through an element's start and stages to both its halves.
         nodes = np.append(0.0, self.c)
         wanted = np.concatenate([self.c / 2, [0.5], (1 + self.c) / 2])

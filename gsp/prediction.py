@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 
-from gsp.errors import Status
 from gsp.reduced import ReducedFlow, restrict
 from gsp.region import Interval
 from gsp.sampling import Sampler
@@ -206,8 +205,3 @@ def predict(
     return Prediction(
         series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch)
     )
-
-
-def why_it_ended(run: Trajectory) -> str:
-    """How a reduced run ended, in words; empty when it reached its end."""
-    return "" if run.status is Status.SUCCESS else f"{run.status.meaning} at t = {run.t[-1]:.4g}"

@@ -15,7 +15,7 @@ from gsp.endings import Ending
 from gsp.errors import GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
-from gsp.flow import Flow, Point
+from gsp.flow import Flow, Point, frozen
 from gsp.integrators import (
     EXPLICIT_ATTEMPTS,
     RECORD,
@@ -71,7 +71,7 @@ class Trajectory:
         observables = [symbol.name for symbol in self.flow.observables]
         if name in observables:
             values = compile_flow(self.flow).observables(self.y.T, parameter_vector(self.flow, self.epsilon))
-            return _frozen(values[:, observables.index(name)].copy())
+            return frozen(values[:, observables.index(name)].copy())
         known = [*states, *observables]
         raise GspError(
             f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
@@ -109,7 +109,7 @@ class Trajectory:
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.array(t, dtype=float, ndmin=1, order="C")
-        return replace(self, t=_frozen(times), y=_frozen(self.at(times)))
+        return replace(self, t=frozen(times), y=frozen(self.at(times)))
 
     @property
     def message(self) -> str:
@@ -292,7 +292,7 @@ def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[
     result = Named()
     for event, found in zip(asked.events, search.found):
         states = np.array([one.y for one in found]).reshape(-1, n).T
-        result[event.name] = Crossings(_frozen(np.array([one.t for one in found])), _frozen(states))
+        result[event.name] = Crossings(frozen(np.array([one.t for one in found])), frozen(states))
     return MappingProxyType(result)
 
 
@@ -305,7 +305,7 @@ def _trajectory(
     note: str,
     remedy: str,
 ) -> Trajectory:
-    times, states, dense = map(_frozen, (record.times, record.states, record.dense))
+    times, states, dense = map(frozen, (record.times, record.states, record.dense))
     if grid is None:
         t, y = times, states.T
     else:
@@ -314,12 +314,12 @@ def _trajectory(
         if not record.status.ok:
             reached = t.searchsorted(ends[-1], side="right")
             t, grid = t[:reached], grid[:reached]
-        y = _frozen(states[ends.searchsorted(t)].T)
+        y = frozen(states[ends.searchsorted(t)].T)
         t = grid
     return Trajectory(
         flow=flow,
         epsilon=epsilon,
-        t=_frozen(t),
+        t=frozen(t),
         y=y,
         status=record.status,
         stats=record.stats,
@@ -339,8 +339,3 @@ def _start(flow: Flow, start: Point) -> np.ndarray:
             f"the flow has {len(flow.states)} states. Its initial() gave {y.shape}. Report this as a bug."
         )
     return y
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

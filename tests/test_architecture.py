@@ -45,6 +45,7 @@ LAYERS = [
     "tape",
     "slow_points",
     "slow_track",
+    "gauss",
     "orbit_segments",
     "chebyshev",
     "manifold",

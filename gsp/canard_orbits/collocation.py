@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.differentiation import derivative
+from gsp.gauss import gauss_tableau
 from gsp.kernels.boundary_values import newton_step
 from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.system import SlowFastSystem
@@ -268,15 +269,6 @@ def joined(first: OrbitSegment, second: OrbitSegment) -> OrbitSegment:
     return OrbitSegment(mesh, states, np.concatenate([first.stages, second.stages]), time, first.epsilon)
 
 
-def _tableau() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    points, weights = np.polynomial.legendre.leggauss(STAGES)
-    c = (1.0 + points) / 2.0
-    powers = np.arange(1, STAGES + 1)
-    # A_jk = integral from 0 to c_j of the k-th Lagrange polynomial.
-    A = (c[:, None] ** powers / powers) @ np.linalg.inv(c[:, None] ** (powers - 1))
-    # Coefficients, by powers, of the polynomials through an element's start and stages.
-    basis = np.linalg.inv(np.append(0.0, c)[:, None] ** np.arange(STAGES + 1))
-    return np.ascontiguousarray(A), weights / 2.0, c, basis
-
-
-_A, _B, _C, _BASIS = _tableau()
+_C, _B, _A = gauss_tableau(STAGES)
+# Coefficients, by powers, of the polynomials through an element's start and stages.
+_BASIS = np.linalg.inv(np.append(0.0, _C)[:, None] ** np.arange(STAGES + 1))
