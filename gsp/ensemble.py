@@ -26,6 +26,7 @@ from gsp.integrators import (
     check_step_limit,
     check_tolerances,
     choose_method,
+    program_of,
     remedy_of,
     stops_of,
 )
@@ -297,15 +298,13 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows, _ = KERNELS[chosen]
+    kernel, rows = KERNELS[chosen]
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
     compiled = compile_flow(flow)
-    sparse = None if chosen is Method.DOP853 else compiled.decomposition
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[kernel], compiled.field, 0 if chosen is Method.DOP853 else compiled.jacobian,
-        None if sparse is None else sparse.code,
+        _INDEX[kernel], program_of(compiled, chosen),
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
         (border, EXPLICIT_ATTEMPTS),
     )  # fmt: skip

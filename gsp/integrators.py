@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import operator
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -57,25 +56,13 @@ class Method(Enum):
     DOP853 = "dop853"
 
 
-# Sizes for which machine code of their own is made: 1.3 to 1.5 times as fast, for some seconds once per machine, hence
-# only when a process has made so many steps with a method at a size. Else, and for RADAU5, which is never chosen, one
-# code serves all sizes. No bit of the results depends on it.
-_FIXED_SIZES = range(2, 7)
-_SPECIALISED_AFTER = 100_000
-_steps_made: defaultdict[tuple[Method, int], int] = defaultdict(int)
-
-
-def _shapes(rows: int) -> dict[int, tuple[tuple[int, ...], tuple[int, ...]]]:
-    return {n: ((0,) * rows, (0,) * n) for n in _FIXED_SIZES}
-
-
-# The kernel, the rows of its dense output, and the shapes it is compiled for, by the number of states.
+# The kernel and the rows of its dense output.
 KERNELS = {
-    Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS, _shapes(rodas5p_tableau.DENSE_ROWS)),
-    Method.RADAU5: (radau, radau_tableau.STAGES[0], {}),
-    Method.RADAU9: (radau, radau_tableau.STAGES[1], _shapes(radau_tableau.STAGES[1])),
-    Method.RADAU13: (radau, radau_tableau.STAGES[2], _shapes(radau_tableau.STAGES[2])),
-    Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS, _shapes(dop853_tableau.DENSE_ROWS)),
+    Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS),
+    Method.RADAU5: (radau, radau_tableau.STAGES[0]),
+    Method.RADAU9: (radau, radau_tableau.STAGES[1]),
+    Method.RADAU13: (radau, radau_tableau.STAGES[2]),
+    Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS),
 }
 STATUS = {
     ledger.FINISHED: Status.SUCCESS,
@@ -214,10 +201,8 @@ def advance(
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C ends it with the steps that were made.
     """
-    kernel, rows, shapes = KERNELS[method]
-    jacobian = 0 if method is Method.DOP853 else compiled.jacobian
-    sparse = None if method is Method.DOP853 else compiled.decomposition
-    elimination = None if sparse is None else sparse.code
+    kernel, rows = KERNELS[method]
+    program = program_of(compiled, method)
     n = y.size
     memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
     memory[ledger.TIME] = first
@@ -226,7 +211,6 @@ def advance(
     if first_step != 0.0:
         memory[ledger.STEP] = first_step
         rate[:] = compiled.rates(y, p)
-    shape = shapes.get(n) if _steps_made[method, n] >= _SPECIALISED_AFTER else None
     # The start is row 0, so that a run of one piece is its own record.
     length = min(FIRST_RECORD, rows_kept)
     all_times, all_states = np.empty(length + 1), np.empty((length + 1, n))
@@ -240,8 +224,8 @@ def advance(
     try:
         while True:
             code = kernel(
-                compiled.field, jacobian, p, stops, rtol, atol, max_steps,
-                y, rate, memory, counters, times, states, records, shape, elimination,
+                program, p, stops, rtol, atol, max_steps,
+                y, rate, memory, counters, times, states, records,
             )  # fmt: skip
             new = int(counters[ledger.STEPS]) - kept
             if watch is not None and watch(times[:new], states[:new], records[:new]):
@@ -258,7 +242,6 @@ def advance(
         status = Status.INTERRUPTED
     # The interrupt may have come between any two lines above: what counts is what the counters say.
     steps, rejected, field_calls, jacobian_calls, decompositions, stiff = counters.tolist()[: ledger.STIFF + 1]
-    _steps_made[method, n] += steps
     if not pieces:
         record = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
     else:
@@ -271,6 +254,16 @@ def advance(
         status=status or STATUS[code],
         stats=Stats(method, steps, rejected, field_calls, jacobian_calls, decompositions, stiff == 1),
     )
+
+
+def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
+    """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
+    if method is Method.DOP853:
+        return np.array([compiled.field, 0, 0])
+    code = compiled.rosenbrock if method is Method.RODAS5P else None
+    if code is None:
+        return np.array([compiled.field, compiled.jacobian, 0])
+    return np.array([compiled.field, compiled.jacobian, *code.program])
 
 
 def check_span(span: tuple[float, float]) -> tuple[float, float]:

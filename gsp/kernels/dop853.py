@@ -16,7 +16,6 @@ from numba.misc.special import literally
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
-from gsp.kernels.shape import shape_of, sizes
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in DOP853: safety 0.9, change between 1/3 and 6.
@@ -39,7 +38,7 @@ NON_STIFF_SIGNS = 6
 def _stage(s, shape, field, p, t, h, y, k, argument, value):
     """Rate s, the row k[s] of `k` (16, n), at `argument`. A literal `s` unrolls the sum."""
     literally(s)
-    _, n = sizes(shape)
+    _, n = shape
     for i in range(n):
         total = 0.0
         for q in range(s):
@@ -55,7 +54,7 @@ def _stage(s, shape, field, p, t, h, y, k, argument, value):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _error(h, shape, y, y_new, k, rtol, atol):
     """Norm of the error, the estimate of order 5 damped by that of order 3; section II.10."""
-    _, n = sizes(shape)
+    _, n = shape
     fifth = 0.0
     third = 0.0
     for i in range(n):
@@ -76,7 +75,7 @@ def _error(h, shape, y, y_new, k, rtol, atol):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _record_dense(row, shape, h, y, y_new, k, dense):
     """Coefficients of the dense output in the nesting of `interpolate_many`; section II.6."""
-    _, n = sizes(shape)
+    _, n = shape
     for i in range(n):
         rise = y_new[i] - y[i]
         dense[row, 0, i] = h * k[0, i] - rise
@@ -91,7 +90,7 @@ def _record_dense(row, shape, h, y, y_new, k, dense):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _looks_stiff(h, shape, y_new, last_argument, k):
     """Hairer's test: h times a Lipschitz quotient between the two points at t + h is beyond the border."""
-    _, n = sizes(shape)
+    _, n = shape
     rise = 0.0
     run = 0.0
     for i in range(n):
@@ -102,8 +101,7 @@ def _looks_stiff(h, shape, y_new, last_argument, k):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def dop853(
-    field,
-    jacobian,
+    program,
     p,
     stops,
     rtol,
@@ -116,12 +114,11 @@ def dop853(
     times,
     states,
     dense,
-    shape=None,
-    code=None,
 ):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    shape = shape_of(dense, shape)
-    _, n = sizes(shape)
+    field = program[ledger.FIELD]
+    shape = dense.shape[1:]
+    _, n = shape
     k = np.empty((EXTENDED_STAGES, n))
     argument = np.empty(n)
     last_argument = np.empty(n)

@@ -22,27 +22,21 @@ NOT_FINISHED = ledger.RECORD_FULL
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(kernel, field, jacobian, code, p, stops, control, y, rate, memory, counters, record):
+def _advance(kernel, program, p, stops, control, y, rate, memory, counters, record):
     rtol, atol, max_steps = control
     times, states, dense = record
     if kernel == RODAS5P:
         return rodas5p(
-            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
-            None, code,
-        )  # fmt: skip
+            program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
+        )
     if kernel == RADAU:
-        return radau(
-            field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
-            None, code,
-        )  # fmt: skip
-    return dop853(
-        field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
-    )
+        return radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
+    return dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _run_member(
-    kernel, field, jacobian, elimination, p, stops, before, control, halt, y, kept, counters, rate, memory, record
+    kernel, program, p, stops, before, control, halt, y, kept, counters, rate, memory, record
 ):  # fmt: skip
     """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
     times, states, _ = record
@@ -51,9 +45,7 @@ def _run_member(
     while code == ledger.RECORD_FULL and halt[0] == 0:
         begun = counters[ledger.STEPS]
         stop = counters[ledger.NEXT_STOP]
-        code = _advance(
-            kernel, field, jacobian, elimination, p, stops, control, y, rate, memory, counters, record
-        )
+        code = _advance(kernel, program, p, stops, control, y, rate, memory, counters, record)
         for row in range(counters[ledger.STEPS] - begun):
             # Steps end on the stops exactly, so that equality is meant here.
             if stop < stops.shape[0] and times[row] == stops[stop]:
@@ -66,7 +58,7 @@ def _run_member(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def run_members(
-    kernel, field, jacobian, elimination, constants, first, stops, before, control, mild, low, high, halt,
+    kernel, program, constants, first, stops, before, control, mild, low, high, halt,
     ends, reached, kept, counters, codes, explicit, rate, memory, record, explicit_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
@@ -92,11 +84,14 @@ def run_members(
         code = ledger.RECORD_FULL
         explicit[i] = kernel == DOP853
         if kernel != DOP853 and border > 0.0:
-            begins = largest_rate(jacobian, first, ends[i], constants[i]) * abs(stops[-1] - first) <= border
+            begins = (
+                largest_rate(program[ledger.JACOBIAN], first, ends[i], constants[i]) * abs(stops[-1] - first)
+                <= border
+            )
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
                 code = _run_member(
-                    DOP853, field, jacobian, elimination, constants[i], stops, before, limited, halt,
+                    DOP853, program, constants[i], stops, before, limited, halt,
                     ends[i], kept[i], counters[i], rate, memory, explicit_record,
                 )  # fmt: skip
                 used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
@@ -113,7 +108,7 @@ def run_members(
         if not (explicit[i] and kernel != DOP853):
             left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
             code = _run_member(
-                kernel, field, jacobian, elimination, constants[i], stops, before, left, halt,
+                kernel, program, constants[i], stops, before, left, halt,
                 ends[i], kept[i], counters[i], rate, memory, record,
             )  # fmt: skip
             for k in range(ledger.STIFF):

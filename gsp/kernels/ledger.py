@@ -2,8 +2,7 @@
 
 An integrator is resumable: all it knows lies in arrays of the caller's. Each one has the signature
 
-    method(field, jacobian, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense,
-           shape=None, code=None)
+    method(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
 
 and advances `y` (n,), its rate `rate` (n,), `memory` (MEMORY_SIZE,) and `counters` (COUNTERS_SIZE,) in place.
 Every accepted step fills one row of the record: its end in `times` (k,), its state in `states` (k, n), the
@@ -11,12 +10,17 @@ coefficients of its dense output in `dense` (k, rows, n), or nothing there when 
 The record starts afresh at each call; a step starts at the row before it. `stops` (s,) are monotone, ahead of the
 start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
-else is 0. `shape`, two tuples ((0,) * rows, (0,) * n), makes the kernel compile for this size; the results are the
-same to the last bit. `code` is that of a decomposition for the Jacobian's pattern of zeros; see `decomposition`.
-A method may keep more in a longer `memory`, as `radau.memory_size` says for the Radau methods.
+else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, and what
+`gsp.machine_code` wrote of the method for this flow, or 0, when loops do the same for any flow. A method may keep more
+in a longer `memory`, as `radau.memory_size` says for the Radau methods.
 """
 
 from __future__ import annotations
+
+# program.
+FIELD = 0
+JACOBIAN = 1
+CODE = 2
 
 # Codes.
 RECORD_FULL = 0

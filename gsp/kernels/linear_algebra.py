@@ -7,25 +7,11 @@ from __future__ import annotations
 
 from numba import njit
 
-from gsp.kernels.shape import sizes
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def factorise(matrix, pivots):
     """Overwrite `matrix` (n, n) by its LU factors, U's diagonal inverted; False when a pivot is 0 or NaN."""
-    return factorise_inline(matrix, pivots, (0, matrix.shape[0]))
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def solve(factors, pivots, b):
-    """Overwrite `b` (n,) by the solution, with what `factorise` left in `factors` and `pivots`."""
-    solve_inline(factors, pivots, b, (0, b.shape[0]))
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def factorise_inline(matrix, pivots, shape):
-    """`factorise` for a caller that may know n when it is compiled; see `shape`."""
-    _, n = sizes(shape)
+    n = matrix.shape[0]
     for k in range(n):
         row = k
         largest = abs(matrix[k, k])
@@ -51,10 +37,10 @@ def factorise_inline(matrix, pivots, shape):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def solve_inline(factors, pivots, b, shape):
-    """`solve` for a caller that may know n when it is compiled; see `shape`."""
-    _, n = sizes(shape)
+@njit(cache=True, error_model="numpy", nogil=True)
+def solve(factors, pivots, b):
+    """Overwrite `b` (n,) by the solution, with what `factorise` left in `factors` and `pivots`."""
+    n = b.shape[0]
     for k in range(n):
         row = pivots[k]
         b[k], b[row] = b[row], b[k]

@@ -17,7 +17,7 @@ from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.decomposition import SPARSE, factors_size, solve_sparse_pair, solve_with
+from gsp.kernels.linear_algebra import solve
 from gsp.kernels.radau_systems import decompose, solve_complex
 from gsp.kernels.radau_tableau import (
     A_COLUMNS,
@@ -30,7 +30,6 @@ from gsp.kernels.radau_tableau import (
     T_INVERSE_COLUMNS,
     WIDTH,
 )
-from gsp.kernels.shape import shape_of, sizes
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in RADAU: safety 0.9, change between 1/5 and 8, estimate of local order stages + 1.
@@ -84,7 +83,7 @@ def memory_size(stages: int, n: int) -> int:
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _multiply(columns, shape, x, out):
     """`out` (WIDTH, n) = M `x` for the family's M (WIDTH, stages); the eight sums stay in vector registers."""
-    stages, n = sizes(shape)
+    stages, n = shape
     family = (stages - 3) // 2
     for i in range(n):
         a = b = c = d = e = f = g = h = 0.0
@@ -111,7 +110,7 @@ def _multiply(columns, shape, x, out):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _guess(memory, step, shape, z):
     """First guess of the rises `z` (WIDTH, n): the last step's dense output, continued; 0 where there is none."""
-    stages, n = sizes(shape)
+    stages, n = shape
     length = memory[LENGTH]
     if length == 0.0:
         z[:] = 0.0
@@ -127,13 +126,13 @@ def _guess(memory, step, shape, z):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _iterate(code, field, p, t, step, y, weight, tolerance, shape, system, work, memory):
+def _iterate(field, p, t, step, y, weight, tolerance, shape, system, work, memory):
     """Simplified Newton iteration for Z = h A F(Z); (outcome, rounds, factor for the next attempt).
 
     The residual is taken in this form, not multiplied by A^-1: the rises are then exact to rounding.
     """
-    stages, n = sizes(shape)
-    real, complexes, pivots, complex_pivots, sparse, sparse_pairs, scratch = system
+    stages, n = shape
+    real, complexes, pivots, complex_pivots = system
     z, f, w, b, twist, argument, value = work
     pairs = stages // 2
     family = (stages - 3) // 2
@@ -157,16 +156,13 @@ def _iterate(code, field, p, t, step, y, weight, tolerance, shape, system, work,
         _multiply(T_INVERSE_COLUMNS, shape, w, f)
         for i in range(n):
             value[i] = f[0, i] * twist[0].real
-        solve_with(code, sparse, real, pivots, value, shape)
+        solve(real, pivots, value)
         for i in range(n):
             f[0, i] = value[i]
         for m in range(pairs):
             for i in range(n):
                 b[i] = twist[m + 1] * complex(f[2 * m + 1, i], f[2 * m + 2, i])
-            if pivots[0] == SPARSE:
-                solve_sparse_pair(code, sparse_pairs[m], scratch, b)
-            else:
-                solve_complex(complexes, m, complex_pivots, b, shape)
+            solve_complex(complexes, m, complex_pivots, b, shape)
             for i in range(n):
                 f[2 * m + 1, i] = b[i].real
                 f[2 * m + 2, i] = b[i].imag
@@ -202,7 +198,7 @@ def _iterate(code, field, p, t, step, y, weight, tolerance, shape, system, work,
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _norm(values, y, y_new, rtol, atol, shape):
-    _, n = sizes(shape)
+    _, n = shape
     total = 0.0
     for i in range(n):
         total += (values[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))) ** 2
@@ -216,7 +212,7 @@ def _gap(z, y, y_new, rtol, atol, shape):
     The estimate (8.19) is damped in the fast variables, by the factor 1/(h lambda), and the polynomial's error in one
     that is slaved is not. The terms of the polynomial fall off like a geometric series.
     """
-    stages, n = sizes(shape)
+    stages, n = shape
     family = (stages - 3) // 2
     largest = 0.0
     for i in range(n):
@@ -239,7 +235,7 @@ def _piece(z, defect, shape, w, memory):
 
     y - u = gamma e K(theta) in the notation of the tableau, for the estimate e = h (f0 - u'(0))/gamma.
     """
-    stages, n = sizes(shape)
+    stages, n = shape
     family = (stages - 3) // 2
     _multiply(DENSE_COLUMNS, shape, z, w)
     for k in range(stages):
@@ -250,8 +246,7 @@ def _piece(z, defect, shape, w, memory):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def radau(
-    field,
-    jacobian,
+    program,
     p,
     stops,
     rtol,
@@ -264,12 +259,12 @@ def radau(
     times,
     states,
     dense,
-    shape=None,
-    code=None,
 ):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    shape = shape_of(dense, shape)
-    stages, n = sizes(shape)
+    field = program[ledger.FIELD]
+    jacobian = program[ledger.JACOBIAN]
+    shape = dense.shape[1:]
+    stages, n = shape
     family = (stages - 3) // 2
     z = np.empty((WIDTH, n))
     f = np.empty((WIDTH, n))
@@ -288,10 +283,7 @@ def radau(
     twist = np.empty(1 + stages // 2, np.complex128)
     pivots = np.empty(n, np.int64)
     complex_pivots = np.empty((stages // 2, n), np.int64)
-    sparse = np.empty(factors_size(code))
-    sparse_pairs = np.empty((stages // 2, 2 * factors_size(code)))
-    scratch = np.empty(2 * n)
-    system = (real, complexes, pivots, complex_pivots, sparse, sparse_pairs, scratch)
+    system = (real, complexes, pivots, complex_pivots)
     work = (z, f, w, b, twist, argument, value)
 
     controlled = rtol ** TRANSFORM[family]
@@ -338,12 +330,12 @@ def radau(
         factor = FAILURE_FACTOR
         safety = SAFETY
         failure = ledger.STEP_TOO_SMALL
-        if not decompose(code, jacobian_flat, step, shape, system):
+        if not decompose(jacobian_flat, step, shape, system):
             failure = ledger.SINGULAR_JACOBIAN
         else:
             _guess(memory, step, shape, z)
             outcome, rounds, factor = _iterate(
-                code, field, p, t, step, y, weight, tolerance, shape, system, work, memory
+                field, p, t, step, y, weight, tolerance, shape, system, work, memory
             )
             counters[ledger.FIELD_CALLS] += rounds * stages
             most = 7 + 5 * (stages - 3) // 2
@@ -359,7 +351,7 @@ def radau(
                         total += DENSE[family, 0, a] * z[a, i]
                     slope[i] = total / step
                     defect[i] = rate[i] - slope[i]
-                solve_with(code, sparse, real, pivots, defect, shape)
+                solve(real, pivots, defect)
                 error = _norm(defect, y, y_new, rtol, atol, shape)
                 if error >= 1.0 and (counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1):
                     # (8.20), for a start off the slow manifold.
@@ -369,7 +361,7 @@ def radau(
                     counters[ledger.FIELD_CALLS] += 1
                     for i in range(n):
                         defect[i] -= slope[i]
-                    solve_with(code, sparse, real, pivots, defect, shape)
+                    solve(real, pivots, defect)
                     error = _norm(defect, y, y_new, rtol, atol, shape)
                 # The gap counts in units of the tolerance asked for.
                 error = max(error, gap_share * _gap(z, y, y_new, rtol, atol, shape))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from gsp.kernels.decomposition import SPARSE, factorise_sparse, factorise_sparse_pair
-from gsp.kernels.linear_algebra import factorise_inline
+from gsp.kernels.linear_algebra import factorise
 from gsp.kernels.radau_tableau import EIGENVALUES
-from gsp.kernels.shape import sizes
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -21,7 +19,7 @@ def factorise_complex(matrices, m, pivots, shape):
 
     Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
     """
-    _, n = sizes(shape)
+    _, n = shape
     for k in range(n):
         row = k
         largest = _size(matrices[m, k, k])
@@ -50,7 +48,7 @@ def factorise_complex(matrices, m, pivots, shape):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def solve_complex(factors, m, pivots, b, shape):
     """`solve` with what `factorise_complex` left."""
-    _, n = sizes(shape)
+    _, n = shape
     for k in range(n):
         row = pivots[m, k]
         b[k], b[row] = b[row], b[k]
@@ -67,30 +65,12 @@ def solve_complex(factors, m, pivots, b, shape):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _decompose_sparse(code, jacobian_flat, step, shape, system):
-    """Straight-line factors for all eigenvalues; False where there are none, or one cannot be trusted."""
-    stages, _ = sizes(shape)
-    family = (stages - 3) // 2
-    _, _, pivots, _, sparse, sparse_pairs, scratch = system
-    if not factorise_sparse(code, jacobian_flat, EIGENVALUES[family, 0].real / step, scratch, sparse):
-        return False
-    for m in range(stages // 2):
-        shift = EIGENVALUES[family, m + 1] / step
-        if not factorise_sparse_pair(code, jacobian_flat, shift, scratch, sparse_pairs[m]):
-            return False
-    pivots[0] = SPARSE
-    return True
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def decompose(code, jacobian_flat, step, shape, system):
+def decompose(jacobian_flat, step, shape, system):
     """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
-    stages, n = sizes(shape)
+    stages, n = shape
     family = (stages - 3) // 2
-    real, complexes, pivots, complex_pivots, _, _, _ = system
+    real, complexes, pivots, complex_pivots = system
     pairs = stages // 2
-    if _decompose_sparse(code, jacobian_flat, step, shape, system):
-        return True
     for i in range(n):
         for j in range(n):
             entry = -jacobian_flat[i * n + j]
@@ -100,7 +80,7 @@ def decompose(code, jacobian_flat, step, shape, system):
         real[i, i] += EIGENVALUES[family, 0].real / step
         for m in range(pairs):
             complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
-    if not factorise_inline(real, pivots, shape):
+    if not factorise(real, pivots):
         return False
     for m in range(pairs):  # noqa: SIM110 - a generator does not compile
         if not factorise_complex(complexes, m, complex_pivots, shape):

@@ -10,13 +10,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numba.misc.special import literally
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.decomposition import decompose_with, factors_size, solve_with
-from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, NODES, STAGES, A, C
-from gsp.kernels.shape import shape_of, sizes
+from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, NODES, STAGES, A, C
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in RODAS (Hairer, Wanner II, section IV.7): safety 0.9, change between 1/5 and 6.
@@ -29,47 +27,48 @@ MAXIMUM_FACTOR = 6.0
 LARGEST_GROWTH = 1e-2**-EXPONENT
 # No estimate exists when a value is not finite or a pivot is 0; a tenth is RODAS's choice for a bad first step.
 FAILURE_FACTOR = 0.1
-# The largest values on (0, 1) of the factors of the dense output's last two coefficients, x^2 (1-x)^2, x^2 (1-x).
-LAST_TERM = 1.0 / 16.0
-LAST_BUT_ONE = 4.0 / 27.0
 # The series falls off faster than the estimate supposes. With this share the dense output's error, on the nine problems
 # of `benchmarks`, is near the tolerance where one slaved variable decides it, and no step is lost where none does.
 GAP_SHARE = 0.3
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _stage(s, shape, code, field, p, t, h, y, sparse, factors, pivots, k, argument, value):
-    """Increment s, the row k[s] of `k` (8, n). A literal `s` unrolls the sums."""
-    literally(s)
-    _, n = sizes(shape)
-    for i in range(n):
-        if s < 6:
-            total = y[i]
-            for q in range(s):
-                total += A[s, q] * k[q, i]
-        else:
-            total = argument[i] + k[s - 1, i]
-        argument[i] = total
-    call(field, t + NODES[s] * h, argument, p, value)
+@njit(cache=True, error_model="numpy", nogil=True)
+def _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value):
+    """The eight increments, rows of `k` (8, n); `argument` is left at that of the last, `value` at the last itself."""
+    n = y.shape[0]
     inverse = 1.0 / h
-    for i in range(n):
-        total = 0.0
-        for q in range(s):
-            total += C[s, q] * k[q, i]
-        value[i] += total * inverse
-    solve_with(code, sparse, factors, pivots, value, shape)
-    for i in range(n):
-        k[s, i] = value[i]
+    for s in range(STAGES):
+        if s == 0:
+            for i in range(n):
+                value[i] = rate[i]
+        else:
+            for i in range(n):
+                if s < A.shape[0]:
+                    total = y[i]
+                    for q in range(s):
+                        total += A[s, q] * k[q, i]
+                else:
+                    total = argument[i] + k[s - 1, i]
+                argument[i] = total
+            call(field, t + NODES[s] * h, argument, p, value)
+            for i in range(n):
+                total = 0.0
+                for q in range(s):
+                    total += C[s, q] * k[q, i]
+                value[i] += total * inverse
+        solve(factors, pivots, value)
+        for i in range(n):
+            k[s, i] = value[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def _interpolate(shape, k, y, y_new, rtol, atol, rows):
+@njit(cache=True, error_model="numpy", nogil=True)
+def _interpolate(k, y, y_new, rtol, atol, rows):
     """Fill `rows` (3, n) of the dense output; return its error, the first term left out, over the tolerance.
 
     The embedded error says nothing about a fast variable that is slaved: it is damped by the factor 1/(h lambda),
     and the polynomial's error is not. The terms of the polynomial fall off like a geometric series.
     """
-    _, n = sizes(shape)
+    n = y.shape[0]
     for m in range(DENSE_ROWS):
         for i in range(n):
             rows[m, i] = DENSE[m, 0] * k[0, i]
@@ -88,54 +87,91 @@ def _interpolate(shape, k, y, y_new, rtol, atol, rows):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def rodas5p(
-    field,
-    jacobian,
-    p,
-    stops,
-    rtol,
-    atol,
-    max_steps,
-    y,
-    rate,
-    memory,
-    counters,
-    times,
-    states,
-    dense,
-    shape=None,
-    code=None,
-):
-    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
-    shape = shape_of(dense, shape)
-    _, n = sizes(shape)
+def _step_by_code(step, h, p, block, end, y_new, rate_new, rows):
+    """One step by the flow's own code, `step` on `block` and `end` of `machine_code.rosenbrock`.
+
+    Its error over the tolerance; infinite where the pivots cannot be used or something is not finite.
+    """
+    n = y_new.shape[0]
+    size = block.shape[0] - 2
+    call(step, h, block, p, end)
+    for i in range(n):
+        y_new[i] = end[i]
+        rate_new[i] = end[n + i]
+    for m in range(DENSE_ROWS):
+        for i in range(n):
+            rows[m, i] = end[size + 3 + m * n + i]
+    error = max(math.sqrt(end[size + 1]), GAP_SHARE * end[size + 2])
+    if end[size] == 1.0 and math.isfinite(error) and all_finite(y_new) and all_finite(rate_new):
+        return error
+    return math.inf
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters):
+    """One step for any flow, with partial pivoting: (error over the tolerance, what is wrong if it is infinite)."""
+    n = y.shape[0]
     k = np.empty((STAGES, n))
-    rows = np.empty((DENSE_ROWS, n))
-    value = np.empty(n)
     argument = np.empty(n)
-    y_new = np.empty(n)
-    rate_new = np.empty(n)
-    jacobian_flat = np.empty(n * n)
+    value = np.empty(n)
     factors = np.empty((n, n))
     pivots = np.empty(n, np.int64)
-    sparse = np.empty(factors_size(code))
-    scratch = np.empty(1)
-    if not begin(field, p, y, rate, stops[-1], rtol, atol, 5, argument, rate_new, memory, counters):
+    diagonal = 1.0 / (h * GAMMA)
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] = -jacobian_flat[i * n + j]
+        factors[i, i] += diagonal
+    if not factorise(factors, pivots):
+        return math.inf, ledger.SINGULAR_JACOBIAN
+    _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value)
+    counters[ledger.FIELD_CALLS] += STAGES - 1
+    total = 0.0
+    for i in range(n):
+        y_new[i] = argument[i] + value[i]
+        ratio = value[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
+        total += ratio * ratio
+    if not all_finite(y_new):
+        return math.inf, ledger.NON_FINITE
+    error = max(math.sqrt(total / n), GAP_SHARE * _interpolate(k, y, y_new, rtol, atol, rows))
+    if error <= 1.0:
+        call(field, t + h, y_new, p, rate_new)
+        counters[ledger.FIELD_CALLS] += 1
+        if not all_finite(rate_new):
+            return math.inf, ledger.NON_FINITE
+    return error, ledger.STEP_TOO_SMALL
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
+    """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
+    n = y.shape[0]
+    field = program[ledger.FIELD]
+    # Addresses of the flow's own code and the size of its blocks; see `machine_code.rosenbrock`.
+    coded = program[ledger.CODE] != 0
+    linearise = program[ledger.CODE]
+    step_code = program[ledger.CODE + 1] if coded else 0
+    size = program[ledger.CODE + 2] if coded else 0
+    block = np.empty(size + 2)
+    end = np.empty(size + 3 + DENSE_ROWS * n)
+    y_new = np.empty(n)
+    rate_new = np.empty(n)
+    rows = np.empty((DENSE_ROWS, n))
+    jacobian_flat = np.empty(n * n)
+    if not begin(field, p, y, rate, stops[-1], rtol, atol, 5, y_new, rate_new, memory, counters):
         return ledger.NON_FINITE
+    if coded:
+        call(linearise, memory[ledger.TIME], y, p, block)
+        block[size] = rtol
+        block[size + 1] = atol
     recorded = 0
     have_jacobian = False
+    by_code = False
     while True:
         if recorded == times.shape[0]:
             return ledger.RECORD_FULL
         if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
             return ledger.TOO_MANY_STEPS
         t = memory[ledger.TIME]
-        if not have_jacobian:
-            call(jacobian, t, y, p, jacobian_flat)
-            counters[ledger.JACOBIAN_CALLS] += 1
-            if not all_finite(jacobian_flat):
-                return ledger.SINGULAR_JACOBIAN
-            have_jacobian = True
         stop = stops[counters[ledger.NEXT_STOP]]
         step = step_towards(stop, t, memory[ledger.STEP])
         clipped = abs(step) < abs(memory[ledger.STEP])
@@ -146,44 +182,23 @@ def rodas5p(
         if step == 0.0:
             return ledger.STEP_TOO_SMALL
 
-        diagonal = 1.0 / (step * GAMMA)
-        regular = decompose_with(code, jacobian_flat, diagonal, sparse, scratch, factors, pivots, shape)
         counters[ledger.DECOMPOSITIONS] += 1
         error = math.inf
         failure = ledger.STEP_TOO_SMALL
-        if not regular:
-            failure = ledger.SINGULAR_JACOBIAN
-        else:
-            for i in range(n):
-                value[i] = rate[i]
-            solve_with(code, sparse, factors, pivots, value, shape)
-            for i in range(n):
-                k[0, i] = value[i]
-            _stage(1, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(2, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(3, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(4, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(5, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(6, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            _stage(7, shape, code, field, p, t, step, y, sparse, factors, pivots, k, argument, value)
-            counters[ledger.FIELD_CALLS] += STAGES - 1
-            total = 0.0
-            for i in range(n):
-                y_new[i] = argument[i] + value[i]
-                ratio = value[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
-                total += ratio * ratio
-            if all_finite(y_new):
-                error = max(
-                    math.sqrt(total / n), GAP_SHARE * _interpolate(shape, k, y, y_new, rtol, atol, rows)
-                )
-                if error <= 1.0:
-                    call(field, t_new, y_new, p, rate_new)
-                    counters[ledger.FIELD_CALLS] += 1
-                    if not all_finite(rate_new):
-                        error = math.inf
-                        failure = ledger.NON_FINITE
-            else:
-                failure = ledger.NON_FINITE
+        if coded:
+            error = _step_by_code(step_code, step, p, block, end, y_new, rate_new, rows)
+            counters[ledger.FIELD_CALLS] += STAGES
+            by_code = error < math.inf
+        if not error < math.inf:
+            # The loops pivot, and say what is wrong where that does not help.
+            if not have_jacobian:
+                call(program[ledger.JACOBIAN], t, y, p, jacobian_flat)
+                have_jacobian = True
+                if not all_finite(jacobian_flat):
+                    return ledger.SINGULAR_JACOBIAN
+            error, failure = _step_by_loops(
+                field, p, t, step, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters
+            )
 
         if error <= 1.0:
             times[recorded] = t_new
@@ -209,7 +224,14 @@ def rodas5p(
             for i in range(n):
                 y[i] = y_new[i]
                 rate[i] = rate_new[i]
+            counters[ledger.JACOBIAN_CALLS] += 1
             have_jacobian = False
+            if coded:
+                if by_code:
+                    for i in range(size):
+                        block[i] = end[i]
+                else:
+                    call(linearise, t_new, y, p, block)
             if counters[ledger.NEXT_STOP] == stops.shape[0]:
                 return ledger.FINISHED
         else:

@@ -94,3 +94,6 @@ _H = np.array(
 )
 # H2 + s H3 = (H2 + H3) - (1-s) H3: the nesting that `interpolate_many` evaluates.
 DENSE = np.array([_H[0], _H[1] + _H[2], -_H[2]])
+# The largest values on (0, 1) of the factors of the last two rows, x^2 (1-x)^2 and x^2 (1-x).
+LAST_TERM = 1.0 / 16.0
+LAST_BUT_ONE = 4.0 / 27.0

@@ -1,0 +1,329 @@
+"""SymPy expressions to values in LLVM's intermediate code: one number, or several side by side in a vector.
+
+Expressions go straight to IR, without numba's front end, in milliseconds. Symbols are looked up as objects; their
+names never reach the code. Arithmetic is IEEE double without fast-math: NaN and infinity propagate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import sympy as sp
+from llvmlite import ir
+from sympy.logic.boolalg import BooleanFalse, BooleanTrue
+
+from gsp.errors import GspError, UnsupportedFunctionError
+
+DOUBLE = ir.DoubleType()
+POINTER = DOUBLE.as_pointer()
+_BIT = ir.IntType(1)
+_LANE = ir.IntType(32)
+_INDEX = ir.IntType(64)
+# That of every compiled function: void f(double t, double* z, double* p, double* out).
+SIGNATURE = ir.FunctionType(ir.VoidType(), [DOUBLE, POINTER, POINTER, POINTER])
+
+_ZERO = ir.Constant(DOUBLE, 0.0)
+_ONE = ir.Constant(DOUBLE, 1.0)
+_NAN = ir.Constant(DOUBLE, float("nan"))
+
+# Up to here repeated squaring is faster than pow and loses a few units in the last place at most.
+_LARGEST_UNROLLED_POWER = 16
+# Levels of nesting that are written by recursion, three calls each.
+_DEEPEST = 80
+
+# Known to SymPy and to the C library by the same name.
+_KNOWN = {
+    getattr(sp, name): name
+    for name in (
+        *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "erf"),
+        *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+    )
+}
+# The functions of the C library that the code may call.
+LIBRARY = tuple(_KNOWN.values())
+_RELATIONS = {sp.Lt: "<", sp.Le: "<=", sp.Gt: ">", sp.Ge: ">=", sp.Eq: "==", sp.Ne: "!="}
+
+
+def load(builder: Any, array: ir.Value, i: int) -> Any:
+    """`array[i]`."""
+    return builder.load(builder.gep(array, [ir.Constant(_INDEX, i)]))
+
+
+def store(builder: Any, value: Any, array: ir.Value, i: int) -> None:
+    """`array[i] = value`."""
+    builder.store(value, builder.gep(array, [ir.Constant(_INDEX, i)]))
+
+
+def spread(builder: Any, value: Any, width: int) -> Any:
+    """A vector of `width` copies of one number."""
+    kind = ir.VectorType(value.type, width)
+    if isinstance(value, ir.Constant):
+        return ir.Constant(kind, [value] * width)
+    nothing = ir.Constant(kind, ir.Undefined)
+    one = builder.insert_element(nothing, value, ir.Constant(_LANE, 0))
+    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_LANE, width), [0] * width))
+
+
+class Emitter:
+    """Writes expressions at the builder's place: `values` holds the states' values, doubles or vectors of `width`.
+
+    Equal subexpressions are written once: values are kept by expression. `constants`, doubles by expression, are the
+    same in every lane; what follows from them alone is added to it, so that emitters that share it in a function
+    share that. To divide by such a value is to multiply by its inverse: code with `constants` runs often.
+    """
+
+    def __init__(
+        self,
+        builder: Any,
+        values: Mapping[sp.Symbol, Any],
+        *,
+        constants: dict[sp.Basic, Any] | None = None,
+        width: int = 0,
+    ) -> None:
+        self.builder = builder
+        self.width = width
+        self._values: dict[sp.Basic, Any] = dict(values)
+        self._constants = constants
+        known = (*values, *(e for e in constants or () if isinstance(e, sp.Symbol)))
+        self._symbols = ", ".join(map(str, known)) or "none"
+
+    def write(self, expressions: Sequence[sp.Expr]) -> list[Any]:
+        """The values of `expressions`, doubles where they are the same in every lane.
+
+        Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
+        """
+        written = []
+        for expression in expressions:
+            for landing in _landings(expression):
+                self._value(landing)
+            written.append(self._value(expression))
+        return written
+
+    def _value(self, expression: sp.Basic) -> Any:
+        found = self._values.get(expression)
+        if found is None and self._constants is not None:
+            found = self._constants.get(expression)
+        if found is None:
+            found = self._fresh(expression)
+            if self._constants is not None and self._is_constant(expression):
+                self._constants[expression] = found
+            else:
+                self._values[expression] = found
+        return found
+
+    def _is_constant(self, expression: sp.Basic) -> bool:
+        known = self._constants
+        return known is not None and all(part in known or part.is_number for part in expression.args)
+
+    def _alike(self, *values: Any) -> tuple[Any, ...]:
+        """The values, those of one lane copied into all if another has many."""
+        if not self.width or not any(isinstance(value.type, ir.VectorType) for value in values):
+            return values
+        return tuple(
+            value if isinstance(value.type, ir.VectorType) else spread(self.builder, value, self.width)
+            for value in values
+        )
+
+    def _two(self, operation: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
+        return operation(*self._alike(a, b))
+
+    def _fresh(self, expression: Any) -> Any:
+        if isinstance(expression, sp.Symbol):
+            raise GspError(f"{expression} is no argument and no parameter. The arguments are {self._symbols}.")
+        if expression.is_Number or isinstance(expression, sp.NumberSymbol):
+            return ir.Constant(DOUBLE, nearest_double(expression))
+        if isinstance(expression, sp.Add):
+            return self._sum(expression)
+        if isinstance(expression, sp.Mul):
+            return self._product(expression)
+        if isinstance(expression, sp.Pow):
+            return self._power(expression)
+        if isinstance(expression, sp.Piecewise):
+            return self._piecewise(expression)
+        return self._function(expression)
+
+    def _sum(self, expression: sp.Add) -> Any:
+        total: Any = None
+        # A term with a plus sign first saves a negation.
+        for term in sorted(expression.args, key=_is_negated):
+            if total is not None and _is_negated(term):
+                total = self._two(self.builder.fsub, total, self._value(-term))
+            else:
+                value = self._value(term)
+                total = value if total is None else self._two(self.builder.fadd, total, value)
+        return total
+
+    def _product(self, expression: sp.Mul) -> Any:
+        above: Any = None
+        below: Any = None
+        for factor in expression.args:
+            if factor is sp.S.NegativeOne:
+                continue
+            divided = isinstance(factor, sp.Pow) and factor.exp.is_Number and factor.exp.is_negative
+            if divided and not (self._constants is not None and self._is_constant(factor)):
+                value = self._value(sp.Pow(factor.base, -factor.exp))
+                below = value if below is None else self._two(self.builder.fmul, below, value)
+            else:
+                value = self._value(factor)
+                above = value if above is None else self._two(self.builder.fmul, above, value)
+        above = _ONE if above is None else above
+        value = above if below is None else self._two(self.builder.fdiv, above, below)
+        return self.builder.fneg(value) if sp.S.NegativeOne in expression.args else value
+
+    def _power(self, expression: Any) -> Any:
+        base, exponent = expression.base, expression.exp
+        if base.is_number or not exponent.is_Number:
+            return self._general(expression)
+        if exponent.is_negative:
+            return self._two(self.builder.fdiv, _ONE, self._value(sp.Pow(base, -exponent)))
+        if not (2 * exponent).is_Integer or exponent > _LARGEST_UNROLLED_POWER:
+            return self._general(expression)
+        x, k = self._value(base), int(exponent)
+        result = None if exponent.is_Integer else self._call("sqrt", x, intrinsic=True)
+        while k:
+            if k & 1:
+                result = x if result is None else self.builder.fmul(result, x)
+            k >>= 1
+            if k:
+                x = self.builder.fmul(x, x)
+        return _ONE if result is None else result
+
+    def _general(self, expression: Any) -> Any:
+        return self._folded(expression, lambda x, k: self._call("pow", x, k, intrinsic=True))
+
+    def _function(self, expression: sp.Basic) -> Any:
+        kind = expression.func
+        if kind in _KNOWN:
+            return self._folded(expression, lambda *x: self._call(_KNOWN[kind], *x))
+        if kind is sp.Abs:
+            return self._folded(expression, lambda x: self._call("fabs", x, intrinsic=True))
+        if kind is sp.sign:
+            return self._step(self._value(expression.args[0]), ir.Constant(DOUBLE, -1.0), _ZERO)
+        if kind is sp.Heaviside:
+            return self._step(self._value(expression.args[0]), _ZERO, self._value(expression.args[1]))
+        if kind is sp.DiracDelta:
+            # It comes from differentiating a jump, and is 0 but on a set that a trajectory crosses at once.
+            return _ZERO
+        if kind in (sp.Max, sp.Min):
+            values = [self._value(argument) for argument in expression.args]
+            chosen = values[0]
+            for value in values[1:]:
+                chosen = self._extreme(">" if kind is sp.Max else "<", chosen, value)
+            return chosen
+        raise UnsupportedFunctionError(
+            f"there is no machine code for {kind.__name__}. Got {expression}. "
+            "Write it in powers, exp, log, trigonometric and hyperbolic functions and their inverses, erf, "
+            "Abs, sign, Max, Min, Heaviside and Piecewise."
+        )
+
+    def _folded(self, expression: Any, write: Callable[..., Any]) -> Any:
+        """What `write` makes of the arguments' values; one rounded constant when they are constant."""
+        values = [self._value(argument) for argument in expression.args]
+        if all(isinstance(value, ir.Constant) for value in values) and expression.is_number:
+            return ir.Constant(DOUBLE, nearest_double(expression))
+        return write(*values)
+
+    def _step(self, x: Any, below: Any, at_zero: Any) -> Any:
+        """1 for x > 0, `below` for x < 0, `at_zero` at 0, NaN for NaN."""
+        choice = self._select(self._compare("==", x, _ZERO), at_zero, x)
+        choice = self._select(self._compare("<", x, _ZERO), below, choice)
+        return self._select(self._compare(">", x, _ZERO), _ONE, choice)
+
+    def _extreme(self, relation: str, a: Any, b: Any) -> Any:
+        # LLVM's maxnum drops a NaN; a + b keeps it.
+        chosen = self._select(self._compare(relation, a, b), a, b)
+        a, b = self._alike(a, b)
+        return self._select(self.builder.fcmp_unordered("uno", a, b), self.builder.fadd(a, b), chosen)
+
+    def _compare(self, relation: str, a: Any, b: Any) -> Any:
+        a, b = self._alike(a, b)
+        return self.builder.fcmp_ordered(relation, a, b)
+
+    def _select(self, condition: Any, yes: Any, no: Any) -> Any:
+        return self.builder.select(*self._alike(condition, yes, no))
+
+    def _piecewise(self, expression: Any) -> Any:
+        # Where no condition holds there is no value.
+        result: Any = _NAN
+        for value, condition in reversed(expression.args):
+            result = self._select(self._condition(condition), self._value(value), result)
+        return result
+
+    def _condition(self, condition: Any) -> Any:
+        if isinstance(condition, (BooleanTrue, BooleanFalse)):
+            return ir.Constant(_BIT, bool(condition))
+        if isinstance(condition, sp.Not):
+            return self.builder.not_(self._condition(condition.args[0]))
+        if isinstance(condition, (sp.And, sp.Or)):
+            join = self.builder.and_ if isinstance(condition, sp.And) else self.builder.or_
+            result = self._condition(condition.args[0])
+            for part in condition.args[1:]:
+                result = self._two(join, result, self._condition(part))
+            return result
+        relation = _RELATIONS.get(condition.func)
+        if relation is None:
+            raise UnsupportedFunctionError(
+                f"there is no machine code for the condition {condition}. "
+                "Write it with <, <=, >, >=, Eq, Ne, And, Or and Not."
+            )
+        left, right = (self._value(side) for side in condition.args)
+        return self._compare(relation, left, right)
+
+    def _call(self, name: str, *values: Any, intrinsic: bool = False) -> Any:
+        values = self._alike(*values)
+        kind = values[0].type
+        if intrinsic:
+            suffix = f"v{self.width}f64" if isinstance(kind, ir.VectorType) else "f64"
+            return self.builder.call(self._function_named(f"llvm.{name}.{suffix}", kind, len(values)), values)
+        function = self._function_named(name, DOUBLE, len(values))
+        if kind == DOUBLE:
+            return self.builder.call(function, values)
+        result: Any = ir.Constant(kind, ir.Undefined)
+        for lane in (ir.Constant(_LANE, i) for i in range(self.width)):
+            each = self.builder.call(function, [self.builder.extract_element(v, lane) for v in values])
+            result = self.builder.insert_element(result, each, lane)
+        return result
+
+    def _function_named(self, name: str, kind: ir.Type, count: int) -> ir.Function:
+        known = self.builder.module.globals.get(name)
+        return known or ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
+
+
+def _landings(expression: sp.Expr) -> list[sp.Expr]:
+    """Subexpressions, lowest first, such that between one and the next nothing is nested deeper than `_DEEPEST`.
+
+    Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
+    """
+    heights: dict[sp.Basic, int] = {}
+    stack: list[Any] = [expression]
+    while stack:
+        top = stack[-1]
+        pending = [part for part in top.args if part not in heights]
+        if pending:
+            stack.extend(pending)
+            continue
+        stack.pop()
+        heights[top] = 1 + max((heights[part] for part in top.args), default=0)
+    arithmetic = (sp.Add, sp.Mul, sp.Pow)
+    found = [e for e, height in heights.items() if height % _DEEPEST == 0 and isinstance(e, arithmetic)]
+    return sorted(found, key=heights.__getitem__)
+
+
+def _is_negated(term: Any) -> bool:
+    return bool(term.as_coeff_Mul()[0].is_negative)
+
+
+def nearest_double(number: Any) -> float:
+    """The double nearest to an exact real constant; infinite when it is beyond the largest."""
+    if isinstance(number, sp.Rational):
+        try:
+            return float(Fraction(int(number.p), int(number.q)))
+        except OverflowError:
+            return float("inf") if number > 0 else float("-inf")
+    # 25 digits round correctly but for a tie that no such constant is known to hit.
+    value = number.evalf(25)
+    if not value.is_extended_real:
+        raise UnsupportedFunctionError(f"{number} is not a real number. Write the expression in real terms.")
+    return float(value)
