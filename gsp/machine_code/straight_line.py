@@ -66,7 +66,7 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot has a finite inverse and no update exceeds `LARGEST_GROWTH` times what its row held: the
+    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held: the
     backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
@@ -79,8 +79,11 @@ def factorise(
     infinity = RealArithmetic(builder, arithmetic.width).constant(float("inf"))
     usable: Any = None
     for k, rows, columns in zip(elimination.order, elimination.rows, elimination.columns):
-        inverse = entries[k, k] = arithmetic.reciprocal(entries[k, k])
-        checks = [builder.fcmp_ordered("<", arithmetic.size(inverse), infinity)]
+        inverse = arithmetic.reciprocal(entries[k, k])
+        checks = [
+            builder.fcmp_ordered("<", arithmetic.size(value), infinity) for value in (entries[k, k], inverse)
+        ]
+        entries[k, k] = inverse
         pivot_row = arithmetic.largest([arithmetic.size(entries[k, j]) for j in columns]) if columns else None
         for i in rows:
             multiplier = entries[i, k] = arithmetic.multiply(entries[i, k], inverse)
