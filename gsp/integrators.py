@@ -7,6 +7,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,9 @@ class Method(Enum):
     RADAU13 = "radau13"
     DOP853 = "dop853"
 
+    # There is one of each: their identity serves as the key of the tables below, and costs less than their text.
+    __hash__ = object.__hash__
+
 
 # The kernel and the rows of its dense output.
 KERNELS = {
@@ -95,15 +99,29 @@ def remedy_of(status: Status, stats: Stats) -> str:
     return status.remedy
 
 
-@dataclass(frozen=True)
-class Record:
-    """What a run leaves: the ends of its steps with the start in front, `dense` output, status and counters."""
+class Record(NamedTuple):
+    """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
+
+    `counters` are the ledger's up to STIFF.
+    """
 
     times: np.ndarray
     states: np.ndarray
     dense: np.ndarray
     status: Status
-    stats: Stats
+    method: Method
+    counters: list[int]
+
+    @property
+    def stats(self) -> Stats:
+        """Method and counters by name."""
+        *counts, stiff = self.counters
+        return Stats(self.method, *counts, stiff=stiff == 1)
+
+    @property
+    def attempts(self) -> int:
+        """Steps taken and rejected."""
+        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
 def run(
@@ -133,7 +151,7 @@ def run(
             compiled, p, y, first, stops, method=Method.DOP853, rtol=rtol, atol=atol,
             max_steps=min(EXPLICIT_ATTEMPTS, max_steps), dense=dense, progress=progress,
         )  # fmt: skip
-        used = record.stats.steps + record.stats.rejected
+        used = record.attempts
         if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
             return record
         t = record.times[-1]
@@ -160,21 +178,15 @@ def _joined(one: Record, two: Record) -> Record:
     """Both runs, the second from the end of the first; a dense output with fewer rows is filled up with zeros."""
     rows = max(one.dense.shape[1], two.dense.shape[1])
     dense = [np.pad(record.dense, ((0, 0), (0, rows - record.dense.shape[1]), (0, 0))) for record in (one, two)]
-    a, b = one.stats, two.stats
+    counters = [a + b for a, b in zip(one.counters, two.counters)]
+    counters[ledger.STIFF] = max(one.counters[ledger.STIFF], two.counters[ledger.STIFF])
     return Record(
         np.concatenate([one.times, two.times[1:]]),
         np.concatenate([one.states, two.states[1:]]),
         np.concatenate(dense),
         two.status,
-        Stats(
-            b.method,
-            a.steps + b.steps,
-            a.rejected + b.rejected,
-            a.field_calls + b.field_calls,
-            a.jacobian_calls + b.jacobian_calls,
-            a.decompositions + b.decompositions,
-            a.stiff or b.stiff,
-        ),
+        two.method,
+        counters,
     )
 
 
@@ -227,43 +239,44 @@ def advance(
                 program, p, stops, rtol, atol, max_steps,
                 y, rate, memory, counters, times, states, records,
             )  # fmt: skip
-            new = int(counters[ledger.STEPS]) - kept
-            if watch is not None and watch(times[:new], states[:new], records[:new]):
-                status = Status.EVENT_REACHED
+            if watch is not None:
+                new = int(counters[ledger.STEPS]) - kept
+                if watch(times[:new], states[:new], records[:new]):
+                    status = Status.EVENT_REACHED
             if progress is not None:
                 progress((float(memory[ledger.TIME]) - first) / (float(stops[-1]) - first))
             if code != ledger.RECORD_FULL or status is not None:
                 break
             pieces.append((times, states, records))
-            kept += new
+            kept += len(times)
             times, states = np.empty(rows_kept), np.empty((rows_kept, n))
             records = np.empty((rows_kept if dense else 0, rows, n))
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
     # The interrupt may have come between any two lines above: what counts is what the counters say.
-    steps, rejected, field_calls, jacobian_calls, decompositions, stiff = counters.tolist()[: ledger.STIFF + 1]
+    counts = counters.tolist()[: ledger.STIFF + 1]
+    steps = counts[ledger.STEPS]
     if not pieces:
-        record = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
+        all_times, all_states, records = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
     else:
         new = steps - sum(len(piece[0]) for piece in pieces)
         pieces[0] = (all_times, all_states, pieces[0][2])
         pieces.append((times[:new], states[:new], records[:new]))
-        record = [np.concatenate(arrays) for arrays in zip(*pieces)]
-    return Record(
-        *record,
-        status=status or STATUS[code],
-        stats=Stats(method, steps, rejected, field_calls, jacobian_calls, decompositions, stiff == 1),
-    )
+        all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
+    return Record(all_times, all_states, records, status or STATUS[code], method, counts)
+
+
+def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
+    """The record of a run that does not begin."""
+    counters = [0] * (ledger.STIFF + 1)
+    return Record(np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), status, method, counters)
 
 
 def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
     """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
     if method is Method.DOP853:
-        return np.array([compiled.field, 0, 0])
-    code = compiled.rosenbrock if method is Method.RODAS5P else None
-    if code is None:
-        return np.array([compiled.field, compiled.jacobian, 0])
-    return np.array([compiled.field, compiled.jacobian, *code.program])
+        return compiled.explicit_program
+    return compiled.rosenbrock_program if method is Method.RODAS5P else compiled.implicit_program
 
 
 def check_span(span: tuple[float, float]) -> tuple[float, float]:

@@ -142,6 +142,22 @@ class CompiledFlow:
         )
 
     @cached_property
+    def explicit_program(self) -> np.ndarray:
+        """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
+        return np.array([self.field, 0, 0])
+
+    @cached_property
+    def implicit_program(self) -> np.ndarray:
+        """What a kernel takes that asks for the Jacobian."""
+        return np.array([self.field, self.jacobian, 0])
+
+    @cached_property
+    def rosenbrock_program(self) -> np.ndarray:
+        """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
+        code = self.rosenbrock
+        return self.implicit_program if code is None else np.array([self.field, self.jacobian, *code.program])
+
+    @cached_property
     def observables(self) -> CompiledFunction:
         """The flow's observables, in their order."""
         return self._compiled(list(self.flow.observables.values()))
@@ -152,6 +168,24 @@ class CompiledFlow:
         values = [nearest_double(sp.sympify(value, strict=True)) for value in self.flow.parameters.values()]
         vector = np.array([float("nan"), *values])
         vector.setflags(write=False)
+        return vector
+
+    def parameter_vector(self, epsilon: float | None) -> np.ndarray:
+        """p = (epsilon, *parameter values) for the functions here, a fresh array; see `parameter_vector`."""
+        vector = self.constants.copy()
+        symbol = self.flow.epsilon
+        if symbol is None:
+            if epsilon is not None:
+                raise DeclarationError(
+                    f"this flow has no small parameter. Got epsilon={epsilon!r}. "
+                    "Leave epsilon out, or declare the field with one."
+                )
+            return vector
+        if epsilon is None:
+            raise DeclarationError(
+                f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
+            )
+        vector[0] = check_epsilon(epsilon)
         return vector
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
@@ -210,20 +244,7 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
 
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
-    vector = compile_flow(flow).constants.copy()
-    if flow.epsilon is None:
-        if epsilon is not None:
-            raise DeclarationError(
-                f"this flow has no small parameter. Got epsilon={epsilon!r}. "
-                "Leave epsilon out, or declare the field with one."
-            )
-        return vector
-    if epsilon is None:
-        raise DeclarationError(
-            f"this flow depends on {flow.epsilon}. Got epsilon=None. Give its value, as in epsilon=0.01."
-        )
-    vector[0] = check_epsilon(epsilon)
-    return vector
+    return compile_flow(flow).parameter_vector(epsilon)
 
 
 @lru_cache(maxsize=1024)
