@@ -39,6 +39,8 @@ class Flow:
     """Values of parameters that were put into the rates already, exact."""
     is_stiff: bool = True
     """Whether the field still contains the fast time scale (decides the integrator)."""
+    is_reduced: bool = False
+    """Whether it lives on a slow manifold given as a series, and runs end where that does; see `endings`."""
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.crossings import LOOK, Search, Stepper
-from gsp.endings import Ending
 from gsp.errors import GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
@@ -36,7 +36,9 @@ from gsp.integrators import (
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
-from gsp.reduced import ReducedFlow
+
+if TYPE_CHECKING:
+    from gsp.endings import Ending
 
 _SHOWN_STATES = 4
 _NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
@@ -234,11 +236,11 @@ def integrate(
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
-    if asked is not None or isinstance(flow, ReducedFlow):
+    if asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(flow, rtol)
         stepper = Stepper(compiled, p, chosen, rtol, atol)
-        if isinstance(flow, ReducedFlow):
-            ending = Ending(flow, stepper, (first, last), y)
+        if flow.is_reduced:
+            ending = _ending(flow, stepper, (first, last), y)
             begun = ending.at_start(first, y)
         search = _search(asked, ending, stepper, (first, last), y)
     if begun is not None:
@@ -278,6 +280,16 @@ def integrate(
     # The checked float, which prints.
     small = None if flow.epsilon is None else float(p[0])
     return _trajectory(flow, small, grid, record, crossings, note, override)
+
+
+def _ending(flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> Ending:
+    """What watches the run of a reduced flow."""
+    # Imported here: all that series need would be an eighth of the first solve of a flow that is not reduced.
+    from gsp.endings import Ending
+    from gsp.reduced import ReducedFlow
+
+    assert isinstance(flow, ReducedFlow)
+    return Ending(flow, stepper, span, y)
 
 
 def _search(
