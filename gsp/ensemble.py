@@ -15,7 +15,7 @@ from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
     EXPLICIT_ATTEMPTS,
-    KERNELS,
+    SOLVERS,
     MILD,
     STATUS,
     Method,
@@ -26,7 +26,6 @@ from gsp.integrators import (
     check_step_limit,
     check_tolerances,
     choose_method,
-    program_of,
     remedy_of,
     stops_of,
 )
@@ -298,13 +297,13 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows = KERNELS[chosen]
+    kernel, rows, program_of = SOLVERS[chosen]
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
     compiled = compile_flow(flow)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[kernel], program_of(compiled, chosen),
+        _INDEX[kernel], program_of(compiled),
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
         (border, EXPLICIT_ATTEMPTS),
     )  # fmt: skip

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from operator import attrgetter, index
 from typing import NamedTuple
 
 import numpy as np
@@ -60,13 +60,21 @@ class Method(Enum):
     __hash__ = object.__hash__
 
 
-# The kernel and the rows of its dense output.
-KERNELS = {
-    Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS),
-    Method.RADAU5: (radau, radau_tableau.STAGES[0]),
-    Method.RADAU9: (radau, radau_tableau.STAGES[1]),
-    Method.RADAU13: (radau, radau_tableau.STAGES[2]),
-    Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS),
+class Solver(NamedTuple):
+    """A kernel, the rows of its dense output, and the program of a flow that it takes; see `ledger`."""
+
+    kernel: Callable[..., int]
+    rows: int
+    program: Callable[[CompiledFlow], np.ndarray]
+
+
+_EXPLICIT, _IMPLICIT = attrgetter("explicit_program"), attrgetter("implicit_program")
+SOLVERS = {
+    Method.RODAS5P: Solver(rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")),
+    Method.RADAU5: Solver(radau, radau_tableau.STAGES[0], _IMPLICIT),
+    Method.RADAU9: Solver(radau, radau_tableau.STAGES[1], _IMPLICIT),
+    Method.RADAU13: Solver(radau, radau_tableau.STAGES[2], _IMPLICIT),
+    Method.DOP853: Solver(dop853, dop853_tableau.DENSE_ROWS, _EXPLICIT),
 }
 STATUS = {
     ledger.FINISHED: Status.SUCCESS,
@@ -213,12 +221,12 @@ def advance(
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C ends it with the steps that were made.
     """
-    kernel, rows = KERNELS[method]
-    program = program_of(compiled, method)
+    kernel, rows, program_of = SOLVERS[method]
+    program = program_of(compiled)
     n = y.size
     memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
     memory[ledger.TIME] = first
-    counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
+    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     rate = np.zeros(n)
     if first_step != 0.0:
         memory[ledger.STEP] = first_step
@@ -272,30 +280,26 @@ def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
     return Record(np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), status, method, counters)
 
 
-def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
-    """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
-    if method is Method.DOP853:
-        return compiled.explicit_program
-    return compiled.rosenbrock_program if method is Method.RODAS5P else compiled.implicit_program
-
-
 def check_span(span: tuple[float, float]) -> tuple[float, float]:
     """The two ends as floats; raises `DeclarationError` unless finite and different."""
     try:
         first, last = map(float, span)
     except (TypeError, ValueError):
         raise DeclarationError(f"span is two numbers, (t0, t1). Got {span!r}.") from None
+    if first != last and math.isfinite(last - first):
+        return first, last
     if not (math.isfinite(first) and math.isfinite(last)):
         raise DeclarationError(f"span must be finite. Got {span!r}. Give the times of the start and the end.")
-    if first == last or not math.isfinite(last - first):
-        raise DeclarationError(
-            f"span must have a length. Got {span!r}. Give an end that differs from the start."
-        )
-    return first, last
+    raise DeclarationError(f"span must have a length. Got {span!r}. Give an end that differs from the start.")
 
 
 def check_tolerances(rtol: float, atol: float) -> None:
     """Raises `DeclarationError` unless both are finite, positive and above rounding."""
+    try:
+        if _SMALLEST_RTOL <= rtol < math.inf and 0.0 < atol < math.inf:
+            return
+    except (TypeError, ValueError):
+        pass
     for name, value, smallest in (("rtol", rtol, _SMALLEST_RTOL), ("atol", atol, 0.0)):
         try:
             fine = math.isfinite(value) and value > 0.0 and value >= smallest
@@ -341,7 +345,9 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
 def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
     """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
     if grid is None:
-        return np.array([last])
+        stops = np.empty(1)
+        stops[0] = last
+        return stops
     ahead = grid[1:] if grid[0] == first else grid
     return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
 
@@ -371,7 +377,7 @@ def check_method(method: Method | str | None) -> Method | None:
 def check_step_limit(max_steps: int) -> int:
     """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
     try:
-        limit = operator.index(max_steps)
+        limit = index(max_steps)
     except TypeError:
         limit = 0
     if limit < 1:
