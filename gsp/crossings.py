@@ -49,7 +49,7 @@ class Stepper:
     def between(self, first: float, y: np.ndarray, last: float) -> Record:
         """The run from `y` at `first` to `last`, in one step when its error allows."""
         return advance(
-            self.compiled, self.p, y.copy(), first, np.array([last]),
+            self.compiled, self.p, y, first, np.array([last]),
             method=self.method, rtol=self.rtol, atol=self.atol, max_steps=1000,
             rows_kept=LOOK, first_step=last - first,
         )  # fmt: skip

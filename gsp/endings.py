@@ -173,7 +173,7 @@ class Ending:
             begun,
         )
         record = advance(
-            inner.compiled, stepper.p, begun.copy(), 0.0, np.array([length]),
+            inner.compiled, stepper.p, begun, 0.0, np.array([length]),
             method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
             watch=search, rows_kept=LOOK,
         )  # fmt: skip
@@ -286,7 +286,7 @@ class Ending:
         record = None
         if t != fold.t:
             record = advance(
-                stepper.compiled, stepper.p, y.copy(), t, np.array([fold.t]),
+                stepper.compiled, stepper.p, y, t, np.array([fold.t]),
                 method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
                 first_step=fold.t - t,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from operator import attrgetter, index
@@ -16,6 +16,7 @@ from gsp.errors import DeclarationError, Status, nearest
 from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
+from gsp.kernels.launch import DECLINED, launch_dop853, launch_radau, launch_rodas5p
 from gsp.kernels.radau import memory_size, radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
@@ -61,20 +62,27 @@ class Method(Enum):
 
 
 class Solver(NamedTuple):
-    """A kernel, the rows of its dense output, and the program of a flow that it takes; see `ledger`."""
+    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take."""
 
     kernel: Callable[..., int]
+    launch: Callable[..., int]
     rows: int
     program: Callable[[CompiledFlow], np.ndarray]
+
+    def memory_size(self, n: int) -> int:
+        """Entries of `memory` for `n` states."""
+        return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
 
 
 _EXPLICIT, _IMPLICIT = attrgetter("explicit_program"), attrgetter("implicit_program")
 SOLVERS = {
-    Method.RODAS5P: Solver(rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")),
-    Method.RADAU5: Solver(radau, radau_tableau.STAGES[0], _IMPLICIT),
-    Method.RADAU9: Solver(radau, radau_tableau.STAGES[1], _IMPLICIT),
-    Method.RADAU13: Solver(radau, radau_tableau.STAGES[2], _IMPLICIT),
-    Method.DOP853: Solver(dop853, dop853_tableau.DENSE_ROWS, _EXPLICIT),
+    Method.RODAS5P: Solver(
+        rodas5p, launch_rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")
+    ),
+    Method.RADAU5: Solver(radau, launch_radau, radau_tableau.STAGES[0], _IMPLICIT),
+    Method.RADAU9: Solver(radau, launch_radau, radau_tableau.STAGES[1], _IMPLICIT),
+    Method.RADAU13: Solver(radau, launch_radau, radau_tableau.STAGES[2], _IMPLICIT),
+    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, _EXPLICIT),
 }
 STATUS = {
     ledger.FINISHED: Status.SUCCESS,
@@ -107,6 +115,10 @@ def remedy_of(status: Status, stats: Stats) -> str:
     return status.remedy
 
 
+Numbers = Sequence[float] | np.ndarray
+Watch = Callable[[np.ndarray, np.ndarray, np.ndarray], bool]
+
+
 class Record(NamedTuple):
     """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
 
@@ -134,8 +146,8 @@ class Record(NamedTuple):
 
 def run(
     compiled: CompiledFlow,
-    p: np.ndarray,
-    y: np.ndarray,
+    p: Numbers,
+    y: Numbers,
     first: float,
     stops: np.ndarray,
     *,
@@ -145,7 +157,7 @@ def run(
     max_steps: int,
     dense: bool = True,
     progress: Callable[[float], object] | None = None,
-    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    watch: Watch | None = None,
     rows_kept: int = RECORD,
 ) -> Record:
     """`advance` by `method`, or by default as `choose_method` says, explicitly where the start is not stiff.
@@ -153,26 +165,42 @@ def run(
     The explicit method has the few steps that such a span takes. If they do not suffice, or it fails, the implicit one
     goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
     """
-    chosen = method or choose_method(compiled.flow, rtol)
-    if method is None and is_mild(compiled, p, y, first, stops[-1]):
-        record = advance(
-            compiled, p, y, first, stops, method=Method.DOP853, rtol=rtol, atol=atol,
-            max_steps=min(EXPLICIT_ATTEMPTS, max_steps), dense=dense, progress=progress,
-        )  # fmt: skip
-        used = record.attempts
-        if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
-            return record
-        t = record.times[-1]
-        ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
-        rest = advance(
-            compiled, p, y, float(t), ahead, method=chosen, rtol=rtol, atol=atol,
-            max_steps=max_steps - used, dense=dense, progress=progress,
-        )  # fmt: skip
-        return _joined(record, rest)
-    return advance(
-        compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol,
-        max_steps=max_steps, dense=dense, progress=progress, watch=watch, rows_kept=rows_kept,
+    flow = compiled.flow
+    chosen = method or choose_method(flow, rtol)
+    mildest = MILD if method is None and flow.is_stiff else 0.0
+    record = _advance(
+        compiled,
+        p,
+        y,
+        first,
+        stops,
+        chosen,
+        rtol,
+        atol,
+        max_steps,
+        dense,
+        progress,
+        watch,
+        rows_kept,
+        0.0,
+        mildest,
+    )
+    if record is not None:
+        return record
+    record = advance(
+        compiled, p, y, first, stops, method=Method.DOP853, rtol=rtol, atol=atol,
+        max_steps=min(EXPLICIT_ATTEMPTS, max_steps), dense=dense, progress=progress,
     )  # fmt: skip
+    used = record.attempts
+    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
+        return record
+    t = record.times[-1]
+    ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
+    rest = advance(
+        compiled, p, record.states[-1], float(t), ahead, method=chosen, rtol=rtol, atol=atol,
+        max_steps=max_steps - used, dense=dense, progress=progress,
+    )  # fmt: skip
+    return _joined(record, rest)
 
 
 def is_mild(compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> bool:
@@ -200,8 +228,8 @@ def _joined(one: Record, two: Record) -> Record:
 
 def advance(
     compiled: CompiledFlow,
-    p: np.ndarray,
-    y: np.ndarray,
+    p: Numbers,
+    y: Numbers,
     first: float,
     stops: np.ndarray,
     *,
@@ -211,57 +239,91 @@ def advance(
     max_steps: int,
     dense: bool = True,
     progress: Callable[[float], object] | None = None,
-    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    watch: Watch | None = None,
     rows_kept: int = RECORD,
     first_step: float = 0.0,
 ) -> Record:
-    """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.
+    """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C ends it with the steps that were made.
     """
-    kernel, rows, program_of = SOLVERS[method]
-    program = program_of(compiled)
-    n = y.size
-    memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
-    memory[ledger.TIME] = first
+    record = _advance(
+        compiled,
+        p,
+        y,
+        first,
+        stops,
+        method,
+        rtol,
+        atol,
+        max_steps,
+        dense,
+        progress,
+        watch,
+        rows_kept,
+        first_step,
+    )
+    assert record is not None
+    return record
+
+
+def _advance(
+    compiled: CompiledFlow,
+    p: Numbers,
+    y: Numbers,
+    first: float,
+    stops: np.ndarray,
+    method: Method,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    dense: bool,
+    progress: Callable[[float], object] | None,
+    watch: Watch | None,
+    rows_kept: int,
+    first_step: float = 0.0,
+    mildest: float = 0.0,
+) -> Record | None:
+    """What `advance` says; None, and nothing done, where |J| times the span is at most `mildest` at the start."""
+    solver = SOLVERS[method]
+    program = solver.program(compiled)
+    launch = solver.launch
+    n = len(y)
+    given = np.array((first, first_step, rtol, atol, mildest, *y, *p), float)
+    work = np.zeros(solver.memory_size(n) + n)
     counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
-    rate = np.zeros(n)
-    if first_step != 0.0:
-        memory[ledger.STEP] = first_step
-        rate[:] = compiled.rates(y, p)
     # The start is row 0, so that a run of one piece is its own record.
     length = min(FIRST_RECORD, rows_kept)
-    all_times, all_states = np.empty(length + 1), np.empty((length + 1, n))
-    all_times[0], all_states[0] = first, y
-    times, states = all_times[1:], all_states[1:]
-    records = np.empty((length if dense else 0, rows, n))
+    all_times, all_states = times, states = np.empty(length + 1), np.empty((length + 1, n))
+    records = np.empty((length if dense else 0, solver.rows, n))
     pieces = []
     kept = 0
     code = ledger.RECORD_FULL
     status = None
     try:
         while True:
-            code = kernel(
-                program, p, stops, rtol, atol, max_steps,
-                y, rate, memory, counters, times, states, records,
-            )  # fmt: skip
+            code = launch(program, given, stops, max_steps, work, counters, times, states, records)
+            if code == DECLINED:
+                return None
             if watch is not None:
                 new = int(counters[ledger.STEPS]) - kept
-                if watch(times[:new], states[:new], records[:new]):
+                if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
                     status = Status.EVENT_REACHED
             if progress is not None:
-                progress((float(memory[ledger.TIME]) - first) / (float(stops[-1]) - first))
+                progress((float(work[ledger.TIME]) - first) / (float(stops[-1]) - first))
             if code != ledger.RECORD_FULL or status is not None:
                 break
-            pieces.append((times, states, records))
-            kept += len(times)
-            times, states = np.empty(rows_kept), np.empty((rows_kept, n))
-            records = np.empty((rows_kept if dense else 0, rows, n))
+            pieces.append((times[1:], states[1:], records))
+            kept += len(times) - 1
+            times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
+            records = np.empty((rows_kept if dense else 0, solver.rows, n))
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    # The interrupt may have come between any two lines above: what counts is what the counters say.
+        # It may have come between any two lines above, even before the start was entered.
+        all_times[0], all_states[0] = first, y
+    # What counts is what the counters say.
     counts = counters.tolist()[: ledger.STIFF + 1]
     steps = counts[ledger.STEPS]
     if not pieces:
@@ -269,9 +331,14 @@ def advance(
     else:
         new = steps - sum(len(piece[0]) for piece in pieces)
         pieces[0] = (all_times, all_states, pieces[0][2])
-        pieces.append((times[:new], states[:new], records[:new]))
+        pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
         all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
     return Record(all_times, all_states, records, status or STATUS[code], method, counts)
+
+
+def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
+    """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
+    return SOLVERS[method].program(compiled)
 
 
 def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:

@@ -18,7 +18,7 @@ from llvmlite import ir
 
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, GspError
-from gsp.flow import Flow, check_epsilon
+from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
@@ -165,14 +165,15 @@ class CompiledFlow:
     @cached_property
     def constants(self) -> np.ndarray:
         """(nan, *parameter values), read-only; see `parameter_vector`."""
-        values = [nearest_double(sp.sympify(value, strict=True)) for value in self.flow.parameters.values()]
-        vector = np.array([float("nan"), *values])
-        vector.setflags(write=False)
-        return vector
+        return frozen(np.array(self._values))
 
-    def parameter_vector(self, epsilon: float | None) -> np.ndarray:
-        """p = (epsilon, *parameter values) for the functions here, a fresh array; see `parameter_vector`."""
-        vector = self.constants.copy()
+    @cached_property
+    def _values(self) -> tuple[float, ...]:
+        values = self.flow.parameters.values()
+        return float("nan"), *[nearest_double(sp.sympify(value, strict=True)) for value in values]
+
+    def parameters(self, epsilon: float | None) -> tuple[float, ...]:
+        """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
         symbol = self.flow.epsilon
         if symbol is None:
             if epsilon is not None:
@@ -180,13 +181,12 @@ class CompiledFlow:
                     f"this flow has no small parameter. Got epsilon={epsilon!r}. "
                     "Leave epsilon out, or declare the field with one."
                 )
-            return vector
+            return self._values
         if epsilon is None:
             raise DeclarationError(
                 f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
             )
-        vector[0] = check_epsilon(epsilon)
-        return vector
+        return check_epsilon(epsilon), *self._values[1:]
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(
@@ -244,7 +244,7 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
 
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
-    return compile_flow(flow).parameter_vector(epsilon)
+    return np.array(compile_flow(flow).parameters(epsilon))
 
 
 @lru_cache(maxsize=1024)

@@ -225,10 +225,10 @@ def integrate(
     chosen = check_method(method)
     limit = check_step_limit(max_steps)
     compiled = compile_flow(flow)
-    p = compiled.parameter_vector(epsilon)
-    asked = None if events == () else compile_events(flow, events, p)
+    p = compiled.parameters(epsilon)
+    asked = None if events == () else compile_events(flow, events, np.array(p))
     search = ending = begun = None
-    if asked is not None and chosen is None and is_mild(compiled, p, y, first, last):
+    if asked is not None and chosen is None and is_mild(compiled, np.array(p), np.array(y), first, last):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = integrate(
             flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.DOP853,
@@ -238,13 +238,14 @@ def integrate(
             return found
     if asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(flow, rtol)
-        stepper = Stepper(compiled, p, chosen, rtol, atol)
+        stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
+        state = np.array(y)
         if flow.is_reduced:
-            ending = _ending(flow, stepper, (first, last), y)
-            begun = ending.at_start(first, y)
-        search = _search(asked, ending, stepper, (first, last), y)
+            ending = _ending(flow, stepper, (first, last), state)
+            begun = ending.at_start(first, state)
+        search = _search(asked, ending, stepper, (first, last), state)
     if begun is not None:
-        record = standing(first, y, begun.status, chosen or choose_method(flow, rtol))
+        record = standing(first, np.array(y), begun.status, chosen or choose_method(flow, rtol))
     else:
         record = run(
             compiled,
@@ -275,10 +276,10 @@ def integrate(
             record, note, override = ending.after_failure(record)
         crossings = _crossings(asked, search, len(flow.states))
     if not record.status.ok:
-        known, remedy = explain(flow, p, record, last)
+        known, remedy = explain(flow, np.array(p), record, last)
         note, override = note or known, override or remedy
     # The checked float, which prints.
-    small = None if flow.epsilon is None else float(p[0])
+    small = None if flow.epsilon is None else p[0]
     return _trajectory(flow, small, grid, record, crossings, note, override)
 
 
@@ -347,10 +348,10 @@ def _trajectory(
     return Trajectory(flow, epsilon, t, y, crossings, record, note, remedy)
 
 
-def _start(flow: Flow, start: Point) -> np.ndarray:
-    y = np.array(flow.initial(start), dtype=float)
-    if y.shape != (len(flow.states),):
+def _start(flow: Flow, start: Point) -> tuple[float, ...]:
+    y = flow.initial(start)
+    if len(y) != len(flow.states):
         raise GspError(
-            f"the flow has {len(flow.states)} states. Its initial() gave {y.shape}. Report this as a bug."
+            f"the flow has {len(flow.states)} states. Its initial() gave {len(y)}. Report this as a bug."
         )
     return y
