@@ -16,7 +16,7 @@ from gsp.errors import DeclarationError, Status, nearest
 from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.launch import DECLINED, launch_dop853, launch_radau, launch_rodas5p
+from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, rate_at_start
 from gsp.kernels.radau import memory_size, radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
@@ -291,8 +291,12 @@ def _advance(
     program = solver.program(compiled)
     launch = solver.launch
     n = len(y)
-    given = np.array((first, first_step, rtol, atol, mildest, *y, *p), float)
+    given = np.array((first, rtol, atol, *y, *p), float)
+    if mildest > 0.0 and rate_at_start(program, given, n) * abs(stops[-1] - first) <= mildest:
+        return None
     work = np.zeros(solver.memory_size(n) + n)
+    if first_step != 0.0:
+        work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
     counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     # The start is row 0, so that a run of one piece is its own record.
     length = min(FIRST_RECORD, rows_kept)
@@ -305,8 +309,6 @@ def _advance(
     try:
         while True:
             code = launch(program, given, stops, max_steps, work, counters, times, states, records)
-            if code == DECLINED:
-                return None
             if watch is not None:
                 new = int(counters[ledger.STEPS]) - kept
                 if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
