@@ -121,16 +121,15 @@ class Trajectory:
                 "the trajectory holds no values between its steps. It was integrated with dense=False. "
                 "Leave dense out, or name the times as at=..."
             )
-        flat = np.atleast_1d(times)
-        low, high = sorted((float(ends[0]), float(ends[-1])))
-        outside = flat[~((flat >= low) & (flat <= high))]
-        if outside.size:
+        flat = times if times.ndim else times.reshape(1)
+        out = np.empty((states.shape[1], flat.size))
+        outside = interpolate_many(ends, states, dense, flat, out)
+        if outside >= 0:
+            low, high = sorted((float(ends[0]), float(ends[-1])))
             raise GspError(
-                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {outside[0]:.17g}. "
+                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {flat[outside]:.17g}. "
                 "Ask inside, or integrate over a longer span."
             )
-        out = np.empty((states.shape[1], flat.size))
-        interpolate_many(ends, states, dense, flat, out)
         return out if times.ndim else out[:, 0]
 
     def sample(self, t: ArrayLike) -> Trajectory:
