@@ -287,8 +287,12 @@ class Emitter:
         return result
 
     def _function_named(self, name: str, kind: ir.Type, count: int) -> ir.Function:
-        known = self.builder.module.globals.get(name)
-        return known or ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
+        function = self.builder.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
+            # No one reads errno: a value that is needed twice is computed once.
+            function.attributes.add("readnone")
+        return function
 
 
 def _landings(expression: sp.Expr) -> list[sp.Expr]:

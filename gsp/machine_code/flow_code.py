@@ -48,6 +48,11 @@ class FlowCode:
         return [[(i, j) in self.jacobian for j in n] for i in n]
 
     @cached_property
+    def operations(self) -> int:
+        """Operations in the rates, near enough; a function counts as one."""
+        return sum(int(sp.count_ops(rate)) for rate in self.rates)
+
+    @cached_property
     def elimination(self) -> Elimination:
         """How shift - J is decomposed."""
         return eliminate(self.pattern)

@@ -30,6 +30,15 @@ class Elimination:
     columns: tuple[tuple[int, ...], ...]
 
     @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Where the factors have entries, pivot by pivot."""
+        return tuple(
+            place
+            for k, rows, columns in zip(self.order, self.rows, self.columns)
+            for place in ((k, k), *((i, k) for i in rows), *((k, j) for j in columns))
+        )
+
+    @property
     def operations(self) -> int:
         """Multiplications and additions of one decomposition."""
         return sum(len(r) * (1 + 2 * len(c)) for r, c in zip(self.rows, self.columns))
@@ -48,9 +57,13 @@ def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
     right = [{j for j in range(n) if j != i and pattern[i][j]} for i in range(n)]
     order, rows, columns = [], [], []
     left = set(range(n))
+    # Of equals the one that waits for the fewest others, so that a long chain is not walked from end to end.
+    depth = [0] * n
     while left:
-        k = min(left, key=lambda i: (len(below[i]) * len(right[i]), i))
+        k = min(left, key=lambda i: (len(below[i]) * len(right[i]), depth[i], i))
         left.remove(k)
+        for i in below[k] | right[k]:
+            depth[i] = max(depth[i], depth[k] + 1)
         order.append(k)
         rows.append(tuple(sorted(below[k])))
         columns.append(tuple(sorted(right[k])))
@@ -66,8 +79,8 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held: the
-    backward error of a solution is then so small, row by row.
+    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held:
+    the backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
     entries = dict(entries)
