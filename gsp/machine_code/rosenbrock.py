@@ -3,10 +3,11 @@
 Two functions with the signature of `emission`, on a point's block [y (n), z' (n), entries of the Jacobian]:
 
     linearise    z = y (n,), out = the block
-    step         t = h, z = the block, then rtol and atol; out = the block at the step's end, then [1 if the pivots can
-                 be used, squared error, error of the dense output, rows of the dense output (3, n)]
+    step         t = h, z = the block, then rtol, atol and the share of the dense output's error that counts; out = the
+                 block at the step's end, then [error over the tolerance, rows of the dense output (3, n)]
 
-Both errors are over the tolerance; see `kernels.rodas5p`, whose loops do the same for any flow.
+The error is infinite where the pivots cannot be used or something is not finite: then the loops of `kernels.rodas5p`,
+which do the same for any flow, decide.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 from llvmlite import ir
 
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, STAGES, A, C
-from gsp.machine_code.arithmetic import RealArithmetic
+from gsp.machine_code.arithmetic import RealArithmetic, intrinsic
 from gsp.machine_code.emission import DOUBLE, SIGNATURE, load, store
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.state_vectors import StateVectors
@@ -137,19 +138,22 @@ def _write_step(
     vectors.store(y_new, end)
     builder.call(linearise, [zero, end, p, out])
 
-    rtol, atol = load(builder, block, size), load(builder, block, size + 1)
+    rtol, atol, share = (load(builder, block, size + i) for i in range(3))
     weights = vectors.weights(y, y_new, rtol, atol)
     rows = [vectors.combination(DENSE[m], k) for m in range(DENSE_ROWS)]
     ratios = vectors.multiply(k[-1], weights)
-    results = (
-        load(builder, factors, len(flow.elimination.places)),
-        real.multiply(vectors.sum(vectors.multiply(ratios, ratios)), real.constant(1.0 / n)),
-        vectors.largest(vectors.multiply(_gap(vectors, rows[1], rows[2]), weights)),
+    mean = real.multiply(vectors.sum(vectors.multiply(ratios, ratios)), real.constant(1.0 / n))
+    gap = vectors.largest(vectors.multiply(_gap(vectors, rows[1], rows[2]), weights))
+    error = real.largest([intrinsic(builder, "sqrt", mean), real.multiply(share, gap)])
+    # What is not finite leaves a difference with itself that is no number.
+    finite = vectors.sum([builder.fsub(part, part) for part in (*y_new, *vectors.load(out, n))])
+    finite = builder.fcmp_ordered("==", real.add(finite, builder.fsub(error, error)), zero)
+    usable = builder.fcmp_ordered(
+        "==", load(builder, factors, len(flow.elimination.places)), real.constant(1.0)
     )
-    for i, result in enumerate(results):
-        store(builder, result, out, size + i)
+    store(builder, builder.select(builder.and_(finite, usable), error, real.constant(float("inf"))), out, size)
     for m, row in enumerate(rows):
-        vectors.store(row, out, size + len(results) + m * n)
+        vectors.store(row, out, size + 1 + m * n)
     builder.ret_void()
 
 
