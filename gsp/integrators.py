@@ -260,7 +260,8 @@ def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
     """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
     if method is Method.DOP853:
         return np.array([compiled.field, 0, 0])
-    code = compiled.rosenbrock if method is Method.RODAS5P else None
+    kernel, rows = KERNELS[method]
+    code = compiled.collocation(rows) if kernel is radau else compiled.rosenbrock
     if code is None:
         return np.array([compiled.field, compiled.jacobian, 0])
     return np.array([compiled.field, compiled.jacobian, *code.program])

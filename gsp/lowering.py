@@ -21,6 +21,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.flow import Flow, check_epsilon
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
@@ -133,6 +134,21 @@ class CompiledFlow:
         address = engine.get_function_address
         return CompiledRosenbrock(address("linearise"), address("step"), block_size(code), engine)
 
+    def collocation(self, stages: int) -> CompiledCollocation | None:
+        """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
+        if stages not in self._collocations:
+            self._collocations[stages] = None
+            if is_worth_writing(self.expressions):
+                code = Collocation(self.expressions, stages)
+                engine = build(code.text(), library=LIBRARY)
+                addresses = map(engine.get_function_address, Collocation.NAMES)
+                self._collocations[stages] = CompiledCollocation((*addresses, code.size), engine)
+        return self._collocations[stages]
+
+    @cached_property
+    def _collocations(self) -> dict[int, CompiledCollocation | None]:
+        return {}
+
     @cached_property
     def expressions(self) -> FlowCode:
         """What is written into the code of a step."""
@@ -176,6 +192,14 @@ class CompiledRosenbrock:
     def program(self) -> tuple[int, int, int]:
         """What the kernel takes."""
         return self.linearise, self.step, self.size
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledCollocation:
+    """Addresses of the functions of `machine_code.collocation` and the size of their block: what the kernel takes."""
+
+    program: tuple[int, ...]
+    _engine: Engine = field(repr=False)
 
 
 def compile_flow(flow: Flow) -> CompiledFlow:

@@ -66,7 +66,7 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held: the
+    They can when every pivot and its inverse are finite and not 0, and no update exceeds `LARGEST_GROWTH` times what its row held: the
     backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
@@ -77,12 +77,13 @@ def factorise(
     limit = RealArithmetic(builder, arithmetic.width).constant(LARGEST_GROWTH)
     bounds = {i: builder.fmul(limit, arithmetic.largest(row)) for i, row in sizes.items()}
     infinity = RealArithmetic(builder, arithmetic.width).constant(float("inf"))
+    zero = RealArithmetic(builder, arithmetic.width).constant(0.0)
     usable: Any = None
     for k, rows, columns in zip(elimination.order, elimination.rows, elimination.columns):
         inverse = arithmetic.reciprocal(entries[k, k])
-        checks = [
-            builder.fcmp_ordered("<", arithmetic.size(value), infinity) for value in (entries[k, k], inverse)
-        ]
+        # The inverse of what is infinite, or too large to be squared, is 0.
+        size = arithmetic.size(inverse)
+        checks = [builder.fcmp_ordered("<", size, infinity), builder.fcmp_ordered(">", size, zero)]
         entries[k, k] = inverse
         pivot_row = arithmetic.largest([arithmetic.size(entries[k, j]) for j in columns]) if columns else None
         for i in rows:
