@@ -62,7 +62,7 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
 
     Where the pivots cannot be used or something is not finite it says so by `ledger.NON_FINITE`.
     """
-    rtol, atol, tolerance, gap_share = control
+    _, _, tolerance, gap_share = control
     begin_code = program[ledger.CODE]
     round_code = program[ledger.CODE + 1]
     call(begin_code, step, memory, p, block)
