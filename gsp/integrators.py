@@ -15,7 +15,8 @@ from gsp.errors import DeclarationError, Status, nearest
 from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.lowering import CompiledFlow

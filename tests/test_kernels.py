@@ -15,7 +15,8 @@ from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import CompiledFlow, compile_flow
 from gsp.system import VectorField

@@ -15,8 +15,23 @@ import math
 import numpy as np
 from numba import njit
 
-from gsp.kernels import ledger, radau_block
+from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.radau_block import (
+    ATOL,
+    CONTRACTION,
+    END,
+    ERROR,
+    GAP,
+    LENGTH,
+    LINES,
+    NORM,
+    POINT,
+    RTOL,
+    USABLE,
+    lines_of,
+    width_of,
+)
 from gsp.kernels.radau_iteration import (
     CONVERGED,
     FAILURE_FACTOR,
@@ -25,7 +40,7 @@ from gsp.kernels.radau_iteration import (
     judge,
     most_rounds,
 )
-from gsp.kernels.radau_loops import CONTRACTION, LENGTH, PIECE, attempt_by_loops
+from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
 # Control of the step as in RADAU: safety 0.9, change between 1/5 and 8, estimate of local order stages + 1.
@@ -51,11 +66,6 @@ TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
 GAP_SHARE = np.array([0.02, 0.02, 0.008])
 
 
-def memory_size(stages: int, n: int) -> int:
-    """Entries of `memory` for `n` states."""
-    return PIECE + (stages + 1) * n
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
     """`attempt_by_loops` by the flow's own code, the functions of `machine_code.collocation` on `block`.
@@ -66,7 +76,7 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
     begin_code = program[ledger.CODE]
     round_code = program[ledger.CODE + 1]
     call(begin_code, step, memory, p, block)
-    if block[radau_block.USABLE] != 1.0:
+    if block[USABLE] != 1.0:
         return math.inf, 0, FAILURE_FACTOR, ledger.NON_FINITE
     most = most_rounds(stages)
     now = (0.0, 0.0, max(memory[CONTRACTION], 2.0**-52) ** 0.8)
@@ -76,7 +86,7 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
     while verdict == GOING_ON:
         rounds += 1
         call(round_code, step, memory, p, block)
-        verdict, factor, now = judge(rounds, most, block[radau_block.NORM], now, tolerance)
+        verdict, factor, now = judge(rounds, most, block[NORM], now, tolerance)
     counters[ledger.FIELD_CALLS] += rounds * stages
     if verdict == UNDEFINED:
         return math.inf, rounds, factor, ledger.NON_FINITE
@@ -84,10 +94,10 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
         return math.inf, rounds, factor, ledger.STEP_TOO_SMALL
     call(program[ledger.CODE + 2], step, memory, p, block)
     counters[ledger.FIELD_CALLS] += 1
-    if twice and block[radau_block.ERROR] >= 1.0:
+    if twice and block[ERROR] >= 1.0:
         call(program[ledger.CODE + 3], step, memory, p, block)
         counters[ledger.FIELD_CALLS] += 1
-    error = max(block[radau_block.ERROR], gap_share * block[radau_block.GAP])
+    error = max(block[ERROR], gap_share * block[GAP])
     if not math.isfinite(error):
         return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
     memory[CONTRACTION] = now[2]
@@ -102,13 +112,15 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     n = y.shape[0]
     family = (stages - 3) // 2
     coded = program[ledger.CODE] != 0
-    block = np.empty(
-        program[ledger.CODE + 4] if coded else radau_block.POINT + (radau_block.PIECE + stages + 1) * n
-    )
+    width = width_of(stages)
+    lines = lines_of(n)
+    size = program[ledger.CODE + 5] if coded else lines + n * width
+    # At the start of a cache line, so that no vector lies in two.
+    room = np.empty(size + 7)
+    skipped = -(room.ctypes.data // 8) % 8
+    block = room[skipped : skipped + size]
     jacobian_flat = np.empty(n * n)
-    point = radau_block.POINT
-    end = point + radau_block.END * n
-    piece = point + radau_block.PIECE * n
+    end = POINT + END * n
 
     controlled = rtol ** TRANSFORM[family]
     # The iteration ends where its error is lost beside the tolerance asked for, or in rounding.
@@ -118,17 +130,17 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     exponent = -1.0 / (stages + 1)
     largest_growth = ERROR_FLOOR**exponent
     most = most_rounds(stages)
-    work = block[point : point + n]
+    work = block[POINT : POINT + n]
     work_rate = block[end : end + n]
     if not begin(field, p, y, rate, stops[-1], controlled, atol, stages, work, work_rate, memory, counters):
         return ledger.NON_FINITE
     if counters[ledger.STEPS] + counters[ledger.REJECTED] == 0:
         memory[CONTRACTION] = 1.0
-    block[radau_block.RTOL] = controlled
-    block[radau_block.ATOL] = atol
+    block[RTOL] = controlled
+    block[ATOL] = atol
     for i in range(n):
-        block[point + i] = y[i]
-        block[point + n + i] = rate[i]
+        block[POINT + i] = y[i]
+        block[POINT + n + i] = rate[i]
     recorded = 0
     have_jacobian = False
     while True:
@@ -165,22 +177,25 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                 if not all_finite(jacobian_flat):
                     return ledger.SINGULAR_JACOBIAN
             error, rounds, factor, failure = attempt_by_loops(
-                field, p, step, y, rate, control, twice, jacobian_flat, memory, block, counters
+                field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
             )
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
 
         if error <= 1.0:
             times[recorded] = t_new
-            memory[LENGTH] = step
             for i in range(n):
-                states[recorded, i] = y[i] = block[point + i] = block[end + i]
-                rate[i] = block[point + n + i] = block[end + n + i]
-            for k in range((stages + 1) * n):
-                memory[PIECE + k] = block[piece + k]
+                states[recorded, i] = y[i] = block[end + i]
+                rate[i] = block[end + n + i]
             if recorded < dense.shape[0]:
                 for k in range(stages):
                     for i in range(n):
-                        dense[recorded, k, i] = block[piece + k * n + i]
+                        dense[recorded, k, i] = block[lines + i * width + k]
+            if coded:
+                call(program[ledger.CODE + 4], step, memory, p, block)
+            else:
+                memory[LENGTH] = step
+                for k in range(n * width):
+                    memory[LINES + k] = block[lines + k]
             recorded += 1
             factor = MAXIMUM_FACTOR
             growth = largest_growth

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-from gsp.kernels import ledger, radau_block
+from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.linear_algebra import solve
+from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
 from gsp.kernels.radau_iteration import (
     CONVERGED,
     FAILURE_FACTOR,
@@ -22,16 +23,12 @@ from gsp.kernels.radau_systems import decompose, solve_complex
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.kernels.step_control import all_finite
 
-# Tail of memory: the iteration's last theta/(1 - theta), the length of the last step, its dense output, its rise.
-CONTRACTION = ledger.MEMORY_SIZE
-LENGTH = CONTRACTION + 1
-PIECE = LENGTH + 1
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _guess(memory, step, z):
     """First guess of the rises `z` (stages, n): the last step's dense output, continued; 0 where there is none."""
     stages, n = z.shape
+    width = width_of(stages)
     length = memory[LENGTH]
     for a in range(stages):
         r = 0.0 if length == 0.0 else -NODES[(stages - 3) // 2, a] * step / length
@@ -39,8 +36,8 @@ def _guess(memory, step, z):
         for i in range(n):
             total = 0.0
             for k in range(stages - 1, -1, -1):
-                total = memory[PIECE + k * n + i] + (s if k % 2 == 0 else r) * total
-            z[a, i] = -r * memory[PIECE + stages * n + i] + s * r * total
+                total = memory[LINES + i * width + k] + (s if k % 2 == 0 else r) * total
+            z[a, i] = -r * memory[LINES + i * width + stages] + s * r * total
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -128,15 +125,14 @@ def _gap(coefficients, y, y_new, rtol, atol):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def attempt_by_loops(
-    field, p, step, y, rate, control, twice, jacobian_flat, memory, block, counters
+    field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
 ):  # fmt: skip
-    """Rows 2 on of `block` for one step: (error over the tolerance, rounds, factor if it is infinite, what is wrong).
+    """Fill the end and the lines of `block`: (error over the tolerance, rounds, factor if it is infinite, what is wrong).
 
     `control` is (rtol, atol, the iteration's tolerance, share of the gap); with `twice` a large estimate is made again.
     """
     rtol, atol, tolerance, gap_share = control
     n = y.shape[0]
-    stages = (memory.shape[0] - PIECE) // n - 1
     family = (stages - 3) // 2
     z = np.empty((stages, n))
     f = np.empty((stages, n))
@@ -153,8 +149,9 @@ def attempt_by_loops(
     complex_pivots = np.empty((stages // 2, n), np.int64)
     system = (real, complexes, pivots, complex_pivots)
     t = memory[ledger.TIME]
-    end = radau_block.POINT + radau_block.END * n
-    piece = radau_block.POINT + radau_block.PIECE * n
+    end = POINT + END * n
+    lines = lines_of(n)
+    width = width_of(stages)
 
     if not decompose(jacobian_flat, step, family, system):
         return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
@@ -204,7 +201,7 @@ def attempt_by_loops(
     for k in range(stages):
         leading = EIGENVALUES[family, 0].real * DEFECT[family, k]
         for i in range(n):
-            block[piece + k * n + i] = w[k, i] + leading * defect[i]
+            block[lines + i * width + k] = w[k, i] + leading * defect[i]
     call(field, t + step, y_new, p, value)
     counters[ledger.FIELD_CALLS] += 1
     if not all_finite(value):
@@ -212,5 +209,5 @@ def attempt_by_loops(
     for i in range(n):
         block[end + i] = y_new[i]
         block[end + n + i] = value[i]
-        block[piece + stages * n + i] = z[stages - 1, i]
+        block[lines + i * width + stages] = z[stages - 1, i]
     return error, rounds, 1.0, ledger.STEP_TOO_SMALL

@@ -7,6 +7,7 @@ are the lanes of one complex system. Functions with the signature of `emission`,
     round     t = h: one round of simplified Newton iteration; leaves the correction's norm
     finish    t = h: the step's end, its rate, both errors and the dense output
     again     t = h: after `finish`, the same with the estimate (8.20) for a start off the slow manifold
+    accept    t = h, z = the driver's memory: the end becomes the point, and the memory's polynomial the new one
 
 See `kernels.radau`, which decides what is done with them and whose loops do the same for any flow. Systems are scaled
 to (1 - h J/lambda) x = h b/lambda, which takes no product in a round.
@@ -22,7 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 from llvmlite import ir
 
-from gsp.kernels import ledger, radau_block
+from gsp.kernels import radau_block
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.machine_code.arithmetic import ComplexArithmetic, RealArithmetic, intrinsic
 from gsp.machine_code.emission import DOUBLE, SIGNATURE, Emitter, load, spread, store
@@ -31,8 +32,7 @@ from gsp.machine_code.straight_line import factorise, solve
 
 _LANE = ir.IntType(32)
 _INDEX = ir.IntType(64)
-# Vectors lie at multiples of the 8 doubles of a cache line, from the block's own start.
-_LINE = 8
+# What is known of an address, in bytes.
 _UNALIGNED = 8
 
 
@@ -43,7 +43,7 @@ class Collocation:
     flow: FlowCode
     stages: int
 
-    NAMES: ClassVar = ("begin", "round", "finish", "again")
+    NAMES: ClassVar = ("begin", "round", "finish", "again", "accept")
 
     @property
     def family(self) -> int:
@@ -52,8 +52,8 @@ class Collocation:
 
     @property
     def width(self) -> int:
-        """Lanes of a vector of stages, a power of 2; those beyond the last stage hold 0."""
-        return 4 if self.stages == 3 else 8
+        """Lanes of a vector of stages; those beyond the last stage hold 0."""
+        return radau_block.width_of(self.stages)
 
     @property
     def systems(self) -> int:
@@ -78,16 +78,19 @@ class Collocation:
         return found
 
     @property
-    def vectors(self) -> int:
+    def lines(self) -> int:
+        """Where the dense output begins in the block, rows of `width`."""
+        return radau_block.lines_of(len(self.flow.states))
+
+    @property
+    def rises(self) -> int:
         """Where the rises begin in the block, rows of `width`."""
-        n = len(self.flow.states)
-        # Weights and defects, n of each, come before.
-        return -(-(radau_block.POINT + (radau_block.PIECE + self.stages + 3) * n) // _LINE) * _LINE
+        return self.lines + len(self.flow.states) * self.width
 
     @property
     def factors(self) -> int:
         """Where the factors begin in the block: for each place `width` numbers, real parts first."""
-        return self.vectors + len(self.flow.states) * self.width
+        return self.rises + len(self.flow.states) * self.width
 
     @property
     def size(self) -> int:
@@ -97,7 +100,8 @@ class Collocation:
     def text(self) -> str:
         """The module."""
         module = ir.Module()
-        for name, write in zip(self.NAMES, (_Writer.begin, _Writer.round, _Writer.finish, _Writer.again)):
+        writers = (_Writer.begin, _Writer.round, _Writer.finish, _Writer.again, _Writer.accept)
+        for name, write in zip(self.NAMES, writers):
             function = ir.Function(module, SIGNATURE, name)
             builder: Any = ir.IRBuilder(function.append_basic_block())
             write(_Writer(self, builder, function.args))
@@ -137,11 +141,6 @@ class _Writer:
         for i, value in enumerate(values):
             self.keep(value, radau_block.POINT + k * self.n + i)
 
-    @property
-    def weight_row(self) -> int:
-        """The row of 1/tolerance at the point; the next is that of the estimate."""
-        return radau_block.PIECE + self.code.stages + 1
-
     def place(self, i: int, width: int) -> Any:
         """A pointer to the vector that begins at entry i."""
         pointer = self.builder.gep(self.block, [ir.Constant(_INDEX, i)])
@@ -158,12 +157,12 @@ class _Writer:
     def rises(self) -> list[Any]:
         """Z, a vector for each state."""
         width = self.code.width
-        return [self.vector(self.code.vectors + i * width, width) for i in range(self.n)]
+        return [self.vector(self.code.rises + i * width, width) for i in range(self.n)]
 
     def keep_rises(self, rises: list[Any]) -> None:
         """Store Z."""
         for i, rise in enumerate(rises):
-            self.keep_vector(rise, self.code.vectors + i * self.code.width)
+            self.keep_vector(rise, self.code.rises + i * self.code.width)
 
     # Vectors
 
@@ -240,14 +239,13 @@ class _Writer:
         self.keep(builder.uitofp(every, DOUBLE), radau_block.USABLE)
         rtol, atol = self.tolerances()
         weights = [self.real.reciprocal(self.real.add_product(atol, rtol, self.real.size(a))) for a in y]
-        self.keep_row(weights, self.weight_row)
+        self.keep_row(weights, radau_block.WEIGHT)
         self.keep_rises(self.guess())
 
     def guess(self) -> list[Any]:
         """The last step's dense output, continued; 0 where there is none."""
         code, builder = self.code, self.builder
-        start = ledger.MEMORY_SIZE + 1
-        length = load(builder, self.memory, start)
+        length = load(builder, self.memory, radau_block.LENGTH)
         none = builder.fcmp_ordered("==", length, self.real.constant(0.0))
         ratio = builder.select(none, self.real.constant(0.0), builder.fdiv(self.h, length))
         nodes = self.column(NODES[code.family, : code.stages])
@@ -258,7 +256,8 @@ class _Writer:
             basis.append(builder.fmul(basis[-1], r if k % 2 else s))
         result = []
         for i in range(self.n):
-            rows = [load(builder, self.memory, start + 1 + k * self.n + i) for k in range(code.stages + 1)]
+            line = radau_block.LINES + i * code.width
+            rows = [load(builder, self.memory, line + k) for k in range(code.stages + 1)]
             values = [spread(builder, value, code.width) for value in rows]
             result.append(self.sum([beyond, *basis], [values[-1], *values[:-1]]))
         return result
@@ -266,7 +265,7 @@ class _Writer:
     def round(self) -> None:
         """Z + dZ for the residual h A F - Z of the collocation equations."""
         code, builder, stages = self.code, self.builder, self.code.stages
-        y, rises, weights = self.row(0), self.rises(), self.row(self.weight_row)
+        y, rises, weights = self.row(0), self.rises(), self.row(radau_block.WEIGHT)
         points = [builder.fadd(spread(builder, a, code.width), z) for a, z in zip(y, rises)]
         rates = self.flow.field(builder, points, self.constants, width=code.width)
         rates = [f if isinstance(f.type, ir.VectorType) else spread(builder, f, code.width) for f in rates]
@@ -307,16 +306,28 @@ class _Writer:
         new = [self.builder.fadd(a, end) for a, end in zip(y, ends)]
         self.keep_row(new, radau_block.END)
         self.keep_row(self.flow.field(self.builder, new, self.constants), radau_block.END + 1)
-        self.keep_row(ends, radau_block.PIECE + self.code.stages)
         self.estimate(self.row(1), y, new, ends, coefficients)
 
     def again(self) -> None:
         """(8.20): the rate at the point in (8.19) is that at the point + e."""
         y = self.row(0)
-        moved = [self.builder.fadd(a, e) for a, e in zip(y, self.row(self.weight_row + 1))]
+        moved = [self.builder.fadd(a, e) for a, e in zip(y, self.row(radau_block.ESTIMATE))]
         rates = self.flow.field(self.builder, moved, self.constants)
-        ends = self.row(radau_block.PIECE + self.code.stages)
-        self.estimate(rates, y, self.row(radau_block.END), ends, self.coefficients(self.rises()))
+        rises = self.rises()
+        ends = [self.lane(rise, self.code.stages - 1) for rise in rises]
+        self.estimate(rates, y, self.row(radau_block.END), ends, self.coefficients(rises))
+
+    def accept(self) -> None:
+        """Move the end to the point, and the lines to the memory."""
+        width = self.code.width
+        for k in range(2):
+            self.keep_row(self.row(radau_block.END + k), k)
+        for i in range(self.n):
+            line = self.vector(self.code.lines + i * width, width)
+            target = self.builder.gep(self.memory, [ir.Constant(_INDEX, radau_block.LINES + i * width)])
+            target = self.builder.bitcast(target, line.type.as_pointer())
+            self.builder.store(line, target, align=_UNALIGNED)
+        store(self.builder, self.h, self.memory, radau_block.LENGTH)
 
     def coefficients(self, rises: list[Any]) -> list[Any]:
         """The collocation polynomial's coefficients, a vector for each state."""
@@ -337,7 +348,7 @@ class _Writer:
         # The real system's numbers are the first of each vector.
         factors = {place: self.number(code.factors + k * code.width) for k, place in enumerate(code.places)}
         errors = solve(real, factors, self.flow.elimination, right)
-        self.keep_row(errors, self.weight_row + 1)
+        self.keep_row(errors, radau_block.ESTIMATE)
         rtol, atol = self.tolerances()
         total: Any = None
         gaps = []
@@ -357,11 +368,11 @@ class _Writer:
         self.keep(self.norm(total, self.n), radau_block.ERROR)
         self.keep(real.largest(gaps), radau_block.GAP)
         leading = self.column(EIGENVALUES[code.family, 0].real * DEFECT[code.family, : code.stages])
-        pieces = [
-            real.add_product(c, leading, spread(builder, e, code.width)) for c, e in zip(coefficients, errors)
-        ]
-        for k in range(code.stages):
-            self.keep_row([self.lane(piece, k) for piece in pieces], radau_block.PIECE + k)
+        last = self.code.stages
+        for i, (c, e, end) in enumerate(zip(coefficients, errors, ends)):
+            line = real.add_product(c, leading, spread(builder, e, code.width))
+            line = builder.insert_element(line, end, ir.Constant(_LANE, last))
+            self.keep_vector(line, code.lines + i * code.width)
 
 
 def _constant(values: Iterable[float]) -> Any:
