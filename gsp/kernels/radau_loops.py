@@ -127,7 +127,7 @@ def _gap(coefficients, y, y_new, rtol, atol):
 def attempt_by_loops(
     field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
 ):  # fmt: skip
-    """Fill the end and the lines of `block`: (error over the tolerance, rounds, factor if it is infinite, what is wrong).
+    """Fill the end and the lines of `block`: (error over tolerance, rounds, factor if it is infinite, failure then).
 
     `control` is (rtol, atol, the iteration's tolerance, share of the gap); with `twice` a large estimate is made again.
     """

@@ -267,7 +267,7 @@ class _Writer:
         code, builder, stages = self.code, self.builder, self.code.stages
         y, rises, weights = self.row(0), self.rises(), self.row(radau_block.WEIGHT)
         points = [builder.fadd(spread(builder, a, code.width), z) for a, z in zip(y, rises)]
-        rates = self.flow.field(builder, points, self.constants, width=code.width)
+        rates = self.flow.field(builder, points, self.constants, width=code.width, used=stages)
         rates = [f if isinstance(f.type, ir.VectorType) else spread(builder, f, code.width) for f in rates]
         h = spread(builder, self.h, code.width)
         a, forth, back = (matrix[code.family, :stages, :stages] for matrix in (A, T_INVERSE, T))
