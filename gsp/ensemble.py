@@ -33,7 +33,8 @@ from gsp.integrators import (
 from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels import ensemble as kernels
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of

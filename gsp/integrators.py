@@ -15,7 +15,8 @@ from gsp.errors import DeclarationError, Status, nearest
 from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.lowering import CompiledFlow
@@ -260,7 +261,8 @@ def program_of(compiled: CompiledFlow, method: Method) -> np.ndarray:
     """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled."""
     if method is Method.DOP853:
         return np.array([compiled.field, 0, 0])
-    code = compiled.rosenbrock if method is Method.RODAS5P else None
+    kernel, rows = KERNELS[method]
+    code = compiled.collocation(rows) if kernel is radau else compiled.rosenbrock
     if code is None:
         return np.array([compiled.field, compiled.jacobian, 0])
     return np.array([compiled.field, compiled.jacobian, *code.program])

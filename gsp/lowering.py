@@ -21,6 +21,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.flow import Flow, check_epsilon
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
@@ -124,14 +125,23 @@ class CompiledFlow:
         )
 
     @cached_property
-    def rosenbrock(self) -> CompiledRosenbrock | None:
+    def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
-        code = self.expressions
-        if not is_worth_writing(code):
+        if not is_worth_writing(self.expressions):
             return None
-        engine = build(write_rosenbrock(code), library=LIBRARY)
-        address = engine.get_function_address
-        return CompiledRosenbrock(address("linearise"), address("step"), block_size(code), engine)
+        return _step(write_rosenbrock(self.expressions), ("linearise", "step"), block_size(self.expressions))
+
+    def collocation(self, stages: int) -> CompiledStep | None:
+        """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
+        if stages not in self._collocations:
+            code = Collocation(self.expressions, stages)
+            worth = is_worth_writing(self.expressions)
+            self._collocations[stages] = _step(code.text(), code.NAMES, code.size) if worth else None
+        return self._collocations[stages]
+
+    @cached_property
+    def _collocations(self) -> dict[int, CompiledStep | None]:
+        return {}
 
     @cached_property
     def expressions(self) -> FlowCode:
@@ -164,18 +174,14 @@ class CompiledFlow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompiledRosenbrock:
-    """Addresses of the two functions of `machine_code.rosenbrock` and the size of their blocks."""
+class CompiledStep:
+    """A method's step for one flow: the addresses of its functions and the size of its block, as the kernel takes them.
 
-    linearise: int
-    step: int
-    size: int
+    The addresses are good for as long as this object lives.
+    """
+
+    program: tuple[int, ...]
     _engine: Engine = field(repr=False)
-
-    @property
-    def program(self) -> tuple[int, int, int]:
-        """What the kernel takes."""
-        return self.linearise, self.step, self.size
 
 
 def compile_flow(flow: Flow) -> CompiledFlow:
@@ -247,6 +253,11 @@ def _compile(
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+
+
+def _step(text: str, names: Sequence[str], size: int) -> CompiledStep:
+    engine = build(text, library=LIBRARY)
+    return CompiledStep((*map(engine.get_function_address, names), size), engine)
 
 
 def _exact(expression: object) -> sp.Expr:

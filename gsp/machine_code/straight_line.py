@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from gsp.machine_code.arithmetic import RealArithmetic
@@ -29,7 +30,7 @@ class Elimination:
     rows: tuple[tuple[int, ...], ...]
     columns: tuple[tuple[int, ...], ...]
 
-    @property
+    @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
         """Where the factors have entries, pivot by pivot."""
         return tuple(
@@ -79,8 +80,8 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held:
-    the backward error of a solution is then so small, row by row.
+    They can when every pivot and its inverse are finite and not 0, and no update exceeds `LARGEST_GROWTH` times what
+    its row held: the backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
     entries = dict(entries)
@@ -90,12 +91,13 @@ def factorise(
     limit = RealArithmetic(builder, arithmetic.width).constant(LARGEST_GROWTH)
     bounds = {i: builder.fmul(limit, arithmetic.largest(row)) for i, row in sizes.items()}
     infinity = RealArithmetic(builder, arithmetic.width).constant(float("inf"))
+    zero = RealArithmetic(builder, arithmetic.width).constant(0.0)
     usable: Any = None
     for k, rows, columns in zip(elimination.order, elimination.rows, elimination.columns):
         inverse = arithmetic.reciprocal(entries[k, k])
-        checks = [
-            builder.fcmp_ordered("<", arithmetic.size(value), infinity) for value in (entries[k, k], inverse)
-        ]
+        # The inverse of what is infinite, or too large to be squared, is 0.
+        size = arithmetic.size(inverse)
+        checks = [builder.fcmp_ordered("<", size, infinity), builder.fcmp_ordered(">", size, zero)]
         entries[k, k] = inverse
         pivot_row = arithmetic.largest([arithmetic.size(entries[k, j]) for j in columns]) if columns else None
         for i in rows:
