@@ -283,7 +283,7 @@ class _Writer:
             for k, place in enumerate(code.flow.elimination.places)
         }
         solution = solve(self.lanes, factors, self.flow.elimination, right)
-        corrections = [self.shuffled(*x, range(2 * half)) for x in solution]
+        corrections = [self.shuffled(a, b, range(2 * half)) for a, b in solution]
         weighted = [builder.fmul(x, spread(builder, w, code.width)) for x, w in zip(corrections, weights)]
         squares = self.total(self.sum(weighted, weighted))
         self.keep(self.norm(squares, self.n * stages), radau_block.NORM)
