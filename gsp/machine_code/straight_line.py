@@ -51,7 +51,7 @@ def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
     The diagonal counts as not zero.
 
     >>> eliminate([[1, 1, 1], [1, 1, 0], [1, 0, 1]]).order
-    (1, 0, 2)
+    (1, 2, 0)
     """
     n = len(pattern)
     below = [{i for i in range(n) if i != j and pattern[i][j]} for j in range(n)]
