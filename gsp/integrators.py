@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from operator import attrgetter, index
+from operator import attrgetter, index, methodcaller
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, rate_at_start
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.lowering import CompiledFlow
@@ -74,15 +75,15 @@ class Solver(NamedTuple):
         return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
 
 
-_EXPLICIT, _IMPLICIT = attrgetter("explicit_program"), attrgetter("implicit_program")
 SOLVERS = {
     Method.RODAS5P: Solver(
         rodas5p, launch_rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")
     ),
-    Method.RADAU5: Solver(radau, launch_radau, radau_tableau.STAGES[0], _IMPLICIT),
-    Method.RADAU9: Solver(radau, launch_radau, radau_tableau.STAGES[1], _IMPLICIT),
-    Method.RADAU13: Solver(radau, launch_radau, radau_tableau.STAGES[2], _IMPLICIT),
-    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, _EXPLICIT),
+    **{
+        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages))
+        for method, stages in zip((Method.RADAU5, Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
+    },
+    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program")),
 }
 STATUS = {
     ledger.FINISHED: Status.SUCCESS,

@@ -21,6 +21,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
@@ -124,14 +125,23 @@ class CompiledFlow:
         )
 
     @cached_property
-    def rosenbrock(self) -> CompiledRosenbrock | None:
+    def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
-        code = self.expressions
-        if not is_worth_writing(code):
+        if not is_worth_writing(self.expressions):
             return None
-        engine = build(write_rosenbrock(code), library=LIBRARY)
-        address = engine.get_function_address
-        return CompiledRosenbrock(address("linearise"), address("step"), block_size(code), engine)
+        return _step(write_rosenbrock(self.expressions), ("linearise", "step"), block_size(self.expressions))
+
+    def collocation(self, stages: int) -> CompiledStep | None:
+        """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
+        if stages not in self._collocations:
+            code = Collocation(self.expressions, stages)
+            worth = is_worth_writing(self.expressions)
+            self._collocations[stages] = _step(code.text(), code.NAMES, code.size) if worth else None
+        return self._collocations[stages]
+
+    @cached_property
+    def _collocations(self) -> dict[int, CompiledStep | None]:
+        return {}
 
     @cached_property
     def expressions(self) -> FlowCode:
@@ -147,15 +157,23 @@ class CompiledFlow:
         return np.array([self.field, 0, 0])
 
     @cached_property
-    def implicit_program(self) -> np.ndarray:
-        """What a kernel takes that asks for the Jacobian."""
-        return np.array([self.field, self.jacobian, 0])
-
-    @cached_property
     def rosenbrock_program(self) -> np.ndarray:
         """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
-        code = self.rosenbrock
-        return self.implicit_program if code is None else np.array([self.field, self.jacobian, *code.program])
+        return self._program(self.rosenbrock)
+
+    def collocation_program(self, stages: int) -> np.ndarray:
+        """What the kernel of the Radau methods takes for the method of so many stages."""
+        known = self._collocation_programs.get(stages)
+        if known is None:
+            known = self._collocation_programs[stages] = self._program(self.collocation(stages))
+        return known
+
+    @cached_property
+    def _collocation_programs(self) -> dict[int, np.ndarray]:
+        return {}
+
+    def _program(self, code: CompiledStep | None) -> np.ndarray:
+        return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
 
     @cached_property
     def observables(self) -> CompiledFunction:
@@ -198,18 +216,14 @@ class CompiledFlow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompiledRosenbrock:
-    """Addresses of the two functions of `machine_code.rosenbrock` and the size of their blocks."""
+class CompiledStep:
+    """A method's step for one flow: the addresses of its functions and the size of its block, as the kernel takes them.
 
-    linearise: int
-    step: int
-    size: int
+    The addresses are good for as long as this object lives.
+    """
+
+    program: tuple[int, ...]
     _engine: Engine = field(repr=False)
-
-    @property
-    def program(self) -> tuple[int, int, int]:
-        """What the kernel takes."""
-        return self.linearise, self.step, self.size
 
 
 def compile_flow(flow: Flow) -> CompiledFlow:
@@ -268,6 +282,11 @@ def _compile(
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+
+
+def _step(text: str, names: Sequence[str], size: int) -> CompiledStep:
+    engine = build(text, library=LIBRARY)
+    return CompiledStep((*map(engine.get_function_address, names), size), engine)
 
 
 def _exact(expression: object) -> sp.Expr:
