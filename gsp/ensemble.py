@@ -15,8 +15,8 @@ from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
     EXPLICIT_ATTEMPTS,
-    KERNELS,
     MILD,
+    SOLVERS,
     STATUS,
     Method,
     Stats,
@@ -34,7 +34,6 @@ from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels import ensemble as kernels
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
-from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of
@@ -299,13 +298,14 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows = KERNELS[chosen]
+    solver = SOLVERS[chosen]
+    rows = solver.rows
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
     compiled = compile_flow(flow)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[kernel], program_of(compiled, chosen),
+        _INDEX[solver.kernel], program_of(compiled, chosen),
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
         (border, EXPLICIT_ATTEMPTS),
     )  # fmt: skip
@@ -319,7 +319,7 @@ def integrate_many(
     explicit = np.zeros(m, dtype=np.bool_)
 
     def worker() -> Work:
-        memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
+        memory = np.zeros(solver.memory_size(n))
         times, states = np.empty(_RECORD), np.empty((_RECORD, n))
         # The explicit kernel computes its dense output, as `integrate` does, since that can fail by itself.
         explicit_record = (times, states, np.empty((_RECORD, dop853_tableau.DENSE_ROWS, n)))

@@ -18,7 +18,7 @@ from llvmlite import ir
 
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, GspError
-from gsp.flow import Flow, check_epsilon
+from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.machine_code.collocation import Collocation
@@ -152,6 +152,30 @@ class CompiledFlow:
         )
 
     @cached_property
+    def explicit_program(self) -> np.ndarray:
+        """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
+        return np.array([self.field, 0, 0])
+
+    @cached_property
+    def rosenbrock_program(self) -> np.ndarray:
+        """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
+        return self._program(self.rosenbrock)
+
+    def collocation_program(self, stages: int) -> np.ndarray:
+        """What the kernel of the Radau methods takes for the method of so many stages."""
+        known = self._collocation_programs.get(stages)
+        if known is None:
+            known = self._collocation_programs[stages] = self._program(self.collocation(stages))
+        return known
+
+    @cached_property
+    def _collocation_programs(self) -> dict[int, np.ndarray]:
+        return {}
+
+    def _program(self, code: CompiledStep | None) -> np.ndarray:
+        return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
+
+    @cached_property
     def observables(self) -> CompiledFunction:
         """The flow's observables, in their order."""
         return self._compiled(list(self.flow.observables.values()))
@@ -159,10 +183,28 @@ class CompiledFlow:
     @cached_property
     def constants(self) -> np.ndarray:
         """(nan, *parameter values), read-only; see `parameter_vector`."""
-        values = [nearest_double(sp.sympify(value, strict=True)) for value in self.flow.parameters.values()]
-        vector = np.array([float("nan"), *values])
-        vector.setflags(write=False)
-        return vector
+        return frozen(np.array(self._values))
+
+    @cached_property
+    def _values(self) -> tuple[float, ...]:
+        values = self.flow.parameters.values()
+        return float("nan"), *[nearest_double(sp.sympify(value, strict=True)) for value in values]
+
+    def parameters(self, epsilon: float | None) -> tuple[float, ...]:
+        """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
+        symbol = self.flow.epsilon
+        if symbol is None:
+            if epsilon is not None:
+                raise DeclarationError(
+                    f"this flow has no small parameter. Got epsilon={epsilon!r}. "
+                    "Leave epsilon out, or declare the field with one."
+                )
+            return self._values
+        if epsilon is None:
+            raise DeclarationError(
+                f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
+            )
+        return check_epsilon(epsilon), *self._values[1:]
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(
@@ -216,20 +258,7 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
 
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
-    vector = compile_flow(flow).constants.copy()
-    if flow.epsilon is None:
-        if epsilon is not None:
-            raise DeclarationError(
-                f"this flow has no small parameter. Got epsilon={epsilon!r}. "
-                "Leave epsilon out, or declare the field with one."
-            )
-        return vector
-    if epsilon is None:
-        raise DeclarationError(
-            f"this flow depends on {flow.epsilon}. Got epsilon=None. Give its value, as in epsilon=0.01."
-        )
-    vector[0] = check_epsilon(epsilon)
-    return vector
+    return np.array(compile_flow(flow).parameters(epsilon))
 
 
 @lru_cache(maxsize=1024)

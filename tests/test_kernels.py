@@ -10,7 +10,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.integrators import Method, program_of
+from gsp.integrators import Method, advance, program_of
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -461,3 +461,23 @@ def test_a_zero_on_the_diagonal_is_pivoted_away():
 def test_a_singular_matrix_is_not_factorised(bad):
     factors = np.array(bad)
     assert not factorise(factors, np.empty(len(bad), np.int64))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("first_step", [0.0, 0.01])
+def test_a_launched_run_is_the_kernels_own_bit_by_bit(method, first_step) -> None:
+    compiled = compile_flow(VectorField({x: y, y: 5 * (1 - x**2) * y - x}, epsilon=None))
+    by_hand = Run(method, compiled, [2.0, 0.0], [0.0, 30.0, 60.0])
+    if first_step:
+        by_hand.force_step(first_step)
+    assert by_hand.advance() == ledger.FINISHED
+    record = advance(
+        compiled, (np.nan,), (2.0, 0.0), 0.0, np.array([30.0, 60.0]),
+        method=Method(method), rtol=1e-8, atol=1e-10, max_steps=10**9, first_step=first_step, rows_kept=100,
+    )  # fmt: skip
+    assert np.array_equal(record.times, np.concatenate(by_hand.times))
+    assert np.array_equal(record.states, np.concatenate(by_hand.states))
+    assert np.array_equal(record.dense, np.concatenate(by_hand.dense))
+    assert record.counters == by_hand.counters.tolist()[: ledger.STIFF + 1]
+    # More than one record long.
+    assert len(record.times) > 101
