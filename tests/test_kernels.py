@@ -375,6 +375,15 @@ def test_code_and_loops_reject_and_estimate_alike(method):
     assert written.at(t) == pytest.approx(loops.at(t), rel=1e-7, abs=1e-8)
 
 
+@pytest.mark.parametrize("method", WRITTEN)
+def test_no_step_ends_where_the_field_is_not_finite(method):
+    compiled = compile_flow(VectorField({x: 1 + sp.Rational(1, 10**12) * sp.log(1 - x)}, epsilon=None))
+    run = Run(method, compiled, (0.0,), [0.0, 2.0])
+    assert run.advance() in (ledger.NON_FINITE, ledger.STEP_TOO_SMALL)
+    assert np.isfinite(run.rate).all()
+    assert run.y[0] == pytest.approx(1.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_record_without_dense_output_has_the_same_states(method, swing):
     whole, bare = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], rtol=1e-6) for _ in range(2))
