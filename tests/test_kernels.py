@@ -17,7 +17,7 @@ from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import STAGES as STAGES_NOW
-from gsp.kernels.radau_block import memory_size, reline
+from gsp.kernels.radau_block import change_stages, memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import CompiledFlow, compile_flow
 from gsp.system import VectorField
@@ -391,7 +391,8 @@ def test_lines_of_another_order_hold_the_same_polynomial(stages):
     lines = memory[-8 * n :]
     expected = [[*lines[i * old : i * old + before], 0.0, 0.0] for i in range(n)]
     rises = [lines[i * old + before] for i in range(n)]
-    reline(memory, n, before, after)
+    memory[STAGES_NOW] = before
+    change_stages(memory, n, after)
     for i in range(n):
         assert lines[i * new : i * new + after].tolist() == expected[i][:after]
         assert lines[i * new + after] == rises[i]

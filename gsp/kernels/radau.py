@@ -33,8 +33,8 @@ from gsp.kernels.radau_block import (
     RTOL,
     STAGES,
     USABLE,
+    change_stages,
     lines_of,
-    reline,
     width_of,
 )
 from gsp.kernels.radau_iteration import (
@@ -172,11 +172,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     while True:
         if wanted != stages:
             if stages != 0:
-                reline(memory, n, stages, wanted)
-                memory[STAGES] = wanted
-                memory[AGE] = 0.0
-                # Of another controller.
-                memory[ledger.PREVIOUS_STEP] = 0.0
+                change_stages(memory, n, wanted)
             stages = wanted
             width = width_of(stages)
             control = _control(rtol, atol, stages)

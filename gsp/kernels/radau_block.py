@@ -55,8 +55,9 @@ def memory_size(stages: int, n: int) -> int:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def reline(memory, n, before, stages):
-    """Rewrite the lines of `before` stages for `stages`, higher coefficients being 0 or left out."""
+def change_stages(memory, n, stages):
+    """Go on with another number of `stages`: lines are rewritten, higher coefficients being 0 or left out."""
+    before = int(memory[STAGES])
     width, new = width_of(before), width_of(stages)
     for j in range(n):
         # From the side that is not overwritten.
@@ -66,3 +67,7 @@ def reline(memory, n, before, stages):
             k = q if new <= width else stages - 1 - q
             memory[LINES + i * new + k] = memory[LINES + i * width + k] if k < before else 0.0
         memory[LINES + i * new + stages] = rise
+    memory[STAGES] = stages
+    memory[AGE] = 0.0
+    # Of another controller.
+    memory[ledger.PREVIOUS_STEP] = 0.0
