@@ -66,7 +66,7 @@ class Run:
         self.keeps_dense = True
         self.program = program_of(compiled, Method(method))
         if loops:
-            self.program[ledger.CODE :] = 0
+            self.program = np.append(self.program[: ledger.CODE], np.zeros_like(self.program[ledger.CODE :]))
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
         self.dense = [np.empty((0, self.rows, self.y.size))]
 
