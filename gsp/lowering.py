@@ -21,6 +21,8 @@ from gsp.errors import DeclarationError, GspError
 from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.radau_block import CODE_SIZE
+from gsp.kernels.radau_tableau import STAGES
 from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
@@ -167,6 +169,13 @@ class CompiledFlow:
         if known is None:
             known = self._collocation_programs[stages] = self._program(self.collocation(stages))
         return known
+
+    @cached_property
+    def variable_program(self) -> np.ndarray:
+        """What that kernel takes for variable order: the codes, or zeros, for every number of stages."""
+        codes = [self.collocation(stages) for stages in STAGES]
+        parts = [(0,) * CODE_SIZE if code is None else code.program for code in codes]
+        return np.array([self.field, self.jacobian, *(entry for part in parts for entry in part)])
 
     @cached_property
     def _collocation_programs(self) -> dict[int, np.ndarray]:

@@ -106,9 +106,10 @@ class Trajectory:
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
 
-        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13. The implicit
-        methods choose their steps so that its error stays near the tolerance in slaved fast variables too; where
-        these carry a time scale of their own, RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
+        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, which RADAU takes
+        by turns. The implicit methods choose their steps so that its error stays near the tolerance in slaved fast
+        variables too; where these carry a time scale of their own, RODAS5P falls to order 3 between the steps, and
+        RADAU9 serves better.
 
         Raises `GspError` outside the interval covered.
         """
@@ -200,8 +201,8 @@ def integrate(
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
-    not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-6,
-    RADAU9 down to 5e-9, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
+    not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
+    RADAU9 down to 1e-6, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
     some sixty fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for
     speed; `.at` is then refused. `max_steps` bounds the attempted steps. `events` are zeros to be found along the run,
     which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.

@@ -186,8 +186,8 @@ def test_the_method_follows_the_flow_unless_given():
         is_stiff = False
 
     stiff = {"start": {"s": 1, "c": 0}, "span": (0, 10), "epsilon": 1e-4}
-    assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RODAS5P
-    assert integrate(ENZYME, rtol=1e-8, **stiff).stats.method is Method.RADAU9
+    assert integrate(ENZYME, rtol=1e-3, **stiff).stats.method is Method.RODAS5P
+    assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RADAU9
     assert integrate(ENZYME, rtol=1e-11, **stiff).stats.method is Method.RADAU13
     # Declared stiff, and measured not to be.
     assert oscillate().stats.method is Method.DOP853
@@ -204,7 +204,7 @@ def test_a_flow_that_turns_stiff_is_handed_over(at):
     slow, fast = u / 25 - 10**4 * v * w, 3 * 10**7 * v**2
     field = VectorField({u: -slow, v: slow - fast, w: fast}, epsilon=None)
     options = {"start": {"u": 1, "v": 0, "w": 0}, "span": (0, 40), "rtol": 1e-8, "atol": 1e-13, "at": at}
-    chosen, given = integrate(field, **options), integrate(field, method=Method.RADAU9, **options)
+    chosen, given = integrate(field, **options), integrate(field, method=Method.RADAU13, **options)
     assert chosen.status is Status.SUCCESS
     assert chosen.stats.method is given.stats.method
     assert 120 <= chosen.stats.steps + chosen.stats.rejected < 300

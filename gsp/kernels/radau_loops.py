@@ -96,31 +96,25 @@ def _round(field, p, t, step, y, weight, system, z, f, w, value, b):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _norm(values, y, y_new, rtol, atol):
-    n = y.shape[0]
-    total = 0.0
-    for i in range(n):
-        total += (values[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))) ** 2
-    return math.sqrt(total / n)
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _gap(coefficients, y, y_new, rtol, atol):
-    """Error of the collocation polynomial within the step, the first term left out, over the tolerance.
+def _errors(estimate, coefficients, y, y_new, rtol, atol):
+    """The estimate's norm, and the error of the collocation polynomial within the step, both over the tolerance.
 
     The estimate (8.19) is damped in the fast variables, by the factor 1/(h lambda), and the polynomial's error in one
-    that is slaved is not. The terms of the polynomial fall off like a geometric series.
+    that is slaved is not: the largest first term left out. The terms fall off like a geometric series.
     """
     stages, n = coefficients.shape
     family = (stages - 3) // 2
+    total = 0.0
     largest = 0.0
     for i in range(n):
+        weight = 1.0 / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
+        total += (estimate[i] * weight) ** 2
         last = LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 2, i])
         before = LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 3, i])
         if last < before:
             last *= last / before
-        largest = max(largest, last / (atol + rtol * max(abs(y[i]), abs(y_new[i]))))
-    return largest
+        largest = max(largest, last * weight)
+    return math.sqrt(total / n), largest
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -181,7 +175,7 @@ def attempt_by_loops(
         slope[i] = (z[stages - 1, i] + w[0, i]) / step
         defect[i] = rate[i] - slope[i]
     solve(real, pivots, defect)
-    error = _norm(defect, y, y_new, rtol, atol)
+    error, gap = _errors(defect, w, y, y_new, rtol, atol)
     if error >= 1.0 and twice:
         # (8.20), for a start off the slow manifold.
         for i in range(n):
@@ -191,9 +185,9 @@ def attempt_by_loops(
         for i in range(n):
             defect[i] -= slope[i]
         solve(real, pivots, defect)
-        error = _norm(defect, y, y_new, rtol, atol)
+        error, gap = _errors(defect, w, y, y_new, rtol, atol)
     # The gap counts in units of the tolerance asked for.
-    error = max(error, gap_share * _gap(w, y, y_new, rtol, atol))
+    error = max(error, gap_share * gap)
     if not math.isfinite(error):
         return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
     # The collocation polynomial and its leading error, filtered as the estimate is: y - u = gamma e K(theta) in the

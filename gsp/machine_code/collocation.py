@@ -344,7 +344,10 @@ class _Writer:
         errors = solve(real, factors, self.flow.elimination, right)
         self.keep_row(errors, radau_block.ESTIMATE)
         rtol, atol = self.tolerances()
-        total: Any = None
+        # What is not finite leaves a difference with itself that is no number.
+        total: Any = real.constant(0.0)
+        for value in (*new, *self.row(radau_block.END + 1)):
+            total = builder.fadd(total, builder.fsub(value, value))
         gaps = []
         largest = [real.constant(float(factor)) for factor in LARGEST_FACTORS[code.family]]
         for a, b, e, c in zip(y, new, errors, coefficients):
