@@ -14,27 +14,27 @@ from numpy.typing import ArrayLike
 from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
-    EXPLICIT_ATTEMPTS,
-    KERNELS,
-    MILD,
     STATUS,
     Method,
     Stats,
+    Trial,
     check_grid,
     check_method,
     check_span,
     check_step_limit,
     check_tolerances,
     choose_method,
+    kernel_of,
     program_of,
     remedy_of,
     stops_of,
 )
-from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels import ensemble as kernels
+from gsp.kernels import ledger
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import memory_size, radau
 from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.taylor import taylor
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of
 from gsp.parallel import Work, check_threads, share
@@ -43,7 +43,7 @@ from gsp.parallel import Work, check_threads, share
 _RECORD = 128
 _SHOWN_STATES = 4
 _QUANTILES = (0.05, 0.5, 0.95)
-_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853}
+_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853, taylor: kernels.TAYLOR}
 _WORST_FIRST = (
     Status.NON_FINITE,
     Status.SINGULAR_JACOBIAN,
@@ -125,6 +125,7 @@ class Ensemble:
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
     _explicit: np.ndarray = field(repr=False)
+    _trial: Method = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -172,7 +173,7 @@ class Ensemble:
             t=self.t,
             y=self.y[i],
             stats=Stats(
-                Method.DOP853 if self._explicit[i] else self.method,
+                self._trial if self._explicit[i] else self.method,
                 steps,
                 rejected,
                 field_calls,
@@ -298,15 +299,22 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows = KERNELS[chosen]
-    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
-    border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
+    kernel, rows = kernel_of(chosen, rtol)
     compiled = compile_flow(flow)
+    program = program_of(compiled, chosen, rtol)
+    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
+    trial = Trial.of(compiled, rtol) if asked is None else None
+    begins, trial_rows = (_INDEX[kernel], program, 0.0, 0), rows
+    if trial is not None and kernels.any_begins(
+        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), trial.border
+    ):
+        trial_kernel, trial_rows = kernel_of(trial.method, rtol)
+        begins = (_INDEX[trial_kernel], program_of(compiled, trial.method, rtol), trial.border, trial.attempts)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[kernel], program_of(compiled, chosen),
+        _INDEX[kernel], program,
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
-        (border, EXPLICIT_ATTEMPTS),
+        begins,
     )  # fmt: skip
     ends = members.starts.copy()
     reached = np.full(m, first)
@@ -320,9 +328,13 @@ def integrate_many(
     def worker() -> Work:
         memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
         times, states = np.empty(_RECORD), np.empty((_RECORD, n))
-        # The explicit kernel computes its dense output, as `integrate` does, since that can fail by itself.
-        explicit_record = (times, states, np.empty((_RECORD, dop853_tableau.DENSE_ROWS, n)))
-        record = explicit_record if chosen is Method.DOP853 else (times, states, np.empty((0, rows, n)))
+
+        def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
+            return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
+
+        record = record_of(chosen, rows)
+        trial_record = record if trial is None else record_of(trial.method, trial_rows)
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
@@ -340,7 +352,7 @@ def integrate_many(
                 rate,
                 memory,
                 record,
-                explicit_record,
+                trial_record,
             )
 
         return work
@@ -358,6 +370,7 @@ def integrate_many(
         last=frozen(ends),
         _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
         _explicit=frozen(explicit),
+        _trial=chosen if trial is None else trial.method,
     )
 
 

@@ -17,13 +17,14 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.differentiation import derivative
-from gsp.errors import DeclarationError, GspError
+from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.flow import Flow, check_epsilon
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
+from gsp.machine_code.taylor import TaylorCode, has_parts, stride
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,6 +134,37 @@ class CompiledFlow:
         address = engine.get_function_address
         return CompiledRosenbrock(address("linearise"), address("step"), block_size(code), engine)
 
+    def has_series(self, order: int, *, products: int, parts: int) -> bool:
+        """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
+        return has_parts(self.expressions, at_most=parts) and (
+            self._series is not None and self._series.products(order) <= products
+        )
+
+    @cached_property
+    def _series(self) -> TaylorCode | None:
+        try:
+            return TaylorCode(self.expressions)
+        except UnsupportedFunctionError:
+            return None
+
+    def taylor(self, order: int) -> CompiledTaylor:
+        """Taylor series to an order through any point, for this flow alone.
+
+        Raises `UnsupportedFunctionError` where a function has none, `GspError` where the code would be too long.
+        """
+        if order not in self._taylor:
+            code = self._series or TaylorCode(self.expressions)
+            engine = build(code.write(order), library=LIBRARY, optimised=False)
+            address = engine.get_function_address
+            self._taylor[order] = CompiledTaylor(
+                address("expand"), address("advance"), address("interpolate"), order, stride(self.size), engine
+            )
+        return self._taylor[order]
+
+    @cached_property
+    def _taylor(self) -> dict[int, CompiledTaylor]:
+        return {}
+
     @cached_property
     def expressions(self) -> FlowCode:
         """What is written into the code of a step."""
@@ -176,6 +208,23 @@ class CompiledRosenbrock:
     def program(self) -> tuple[int, int, int]:
         """What the kernel takes."""
         return self.linearise, self.step, self.size
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledTaylor:
+    """Addresses of the three functions of `machine_code.taylor`, the order and the doubles from a row to the next."""
+
+    expand: int
+    advance: int
+    interpolate: int
+    order: int
+    stride: int
+    _engine: Engine = field(repr=False)
+
+    @property
+    def program(self) -> tuple[int, int, int, int, int]:
+        """What the kernel takes."""
+        return self.expand, self.advance, self.interpolate, self.order, self.stride
 
 
 def compile_flow(flow: Flow) -> CompiledFlow:

@@ -17,18 +17,17 @@ from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
 from gsp.flow import Flow, Point, frozen
 from gsp.integrators import (
-    EXPLICIT_ATTEMPTS,
     RECORD,
     Method,
     Record,
     Stats,
+    Trial,
     check_grid,
     check_method,
     check_span,
     check_step_limit,
     check_tolerances,
     choose_method,
-    is_mild,
     run,
     stops_of,
 )
@@ -199,11 +198,12 @@ def integrate(
     compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
     asked = None if events == () else compile_events(flow, events, p)
     search = ending = begun = None
-    if asked is not None and chosen is None and is_mild(compiled, p, y, first, last):
+    trial = Trial.of(compiled, rtol) if asked is not None and chosen is None else None
+    if trial is not None and trial.begins(compiled, p, y, first, last):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = integrate(
-            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.DOP853,
-            max_steps=min(EXPLICIT_ATTEMPTS, limit), events=events, progress=progress,
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=trial.method,
+            max_steps=min(trial.attempts, limit), events=events, progress=progress,
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found

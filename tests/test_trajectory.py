@@ -180,8 +180,8 @@ def test_the_method_follows_the_flow_unless_given():
     assert integrate(ENZYME, rtol=1e-8, **stiff).stats.method is Method.RADAU9
     assert integrate(ENZYME, rtol=1e-11, **stiff).stats.method is Method.RADAU13
     # Declared stiff, and measured not to be.
-    assert oscillate().stats.method is Method.DOP853
-    assert integrate(ENZYME, **{**stiff, "epsilon": 1.0}).stats.method is Method.DOP853
+    assert oscillate().stats.method is Method.TAYLOR
+    assert integrate(ENZYME, **{**stiff, "epsilon": 1.0}).stats.method is Method.TAYLOR
     reduced = Reduced({x: -x}, epsilon=None)
     assert integrate(reduced, start={x: 1}, span=(0, 1)).stats.method is Method.DOP853
     assert oscillate(method="dop853").stats.method is Method.DOP853
@@ -288,9 +288,9 @@ def test_an_infinite_jacobian_at_the_start_is_named(method):
 
 @BOTH
 def test_the_number_of_steps_is_bounded(method):
-    trajectory = oscillate(method=method, max_steps=7)
+    trajectory = oscillate(method=method, max_steps=5)
     assert trajectory.status is Status.TOO_MANY_STEPS
-    assert trajectory.stats.steps + trajectory.stats.rejected == 7
+    assert trajectory.stats.steps + trajectory.stats.rejected == 5
     assert 0 < trajectory.t[-1] < 10
 
 
