@@ -136,9 +136,16 @@ class CompiledFlow:
 
     def has_series(self, order: int, *, products: int, parts: int) -> bool:
         """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
-        return has_parts(self.expressions, at_most=parts) and (
-            self._series is not None and self._series.products(order) <= products
-        )
+        known = self._known_series
+        if (order, products, parts) not in known:
+            known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
+                self._series is not None and self._series.products(order) <= products
+            )
+        return known[order, products, parts]
+
+    @cached_property
+    def _known_series(self) -> dict[tuple[int, int, int], bool]:
+        return {}
 
     @cached_property
     def _series(self) -> TaylorCode | None:
