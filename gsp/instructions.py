@@ -6,14 +6,17 @@ expression of its own, a constant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
 from gsp.functions import COMPOSED, CONSTANTS, RULES, composed, parts
 from gsp.kernels import jets
 
+# Levels of nesting that are written by recursion, a few calls each.
+_DEEPEST = 80
 _CODES = {name: getattr(jets, name.upper()) for name in RULES if name != "sign"}
 
 
@@ -36,6 +39,9 @@ def write_instructions(states: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) 
     7
     """
     writer = _Writer(states)
+    for output in outputs:
+        for landing in landings(output):
+            writer.read(landing)
     rows = tuple(writer.row(writer.read(output)) for output in outputs)
     return Instructions(tuple(writer.rows), rows, tuple(writer.constants))
 
@@ -103,6 +109,7 @@ class _Writer:
         self._states: Mapping[sp.Symbol, int] = {symbol: i for i, symbol in enumerate(states)}
         self._known: dict[tuple, int] = {}
         self._read: dict[sp.Expr, _Value] = {}
+        self._dependent: dict[sp.Basic, bool] = dict.fromkeys(states, True)
 
     def lift(self, value: _Value | sp.Expr | int) -> _Value:
         return value if isinstance(value, _Value) else _Value(self, constant=sp.sympify(value, strict=True))
@@ -152,8 +159,14 @@ class _Writer:
             self._read[expression] = self._fresh(expression)
         return self._read[expression]
 
+    def _depends(self, e: sp.Basic) -> bool:
+        """Whether `e` has a state in it."""
+        if e not in self._dependent:
+            self._dependent[e] = any(self._depends(part) for part in e.args)
+        return self._dependent[e]
+
     def _fresh(self, e: sp.Expr) -> _Value:
-        if not (e.free_symbols & self._states.keys()):
+        if not self._depends(e):
             return self.lift(e)
         if isinstance(e, sp.Symbol):
             return _Value(self, self._states[e])
@@ -170,14 +183,14 @@ class _Writer:
         if name != "pow":
             return u.apply(name)
         exponent = arguments[1]
-        if exponent.free_symbols & self._states.keys():
+        if self._depends(exponent):
             # u^w = exp(w log u)
             return (self.read(exponent) * u.apply("log")).apply("exp")
         return self.function("pow", u, exponent)
 
     def _sum(self, e: sp.Expr) -> _Value:
-        constant = [t for t in e.args if not (t.free_symbols & self._states.keys())]
-        terms = [t for t in e.args if t.free_symbols & self._states.keys()]
+        constant = [t for t in e.args if not self._depends(t)]
+        terms = [t for t in e.args if self._depends(t)]
         terms.sort(key=lambda t: bool(t.as_coeff_Mul()[0].is_negative))
         total = self.lift(sp.Add(*constant)) if constant else None
         for term in terms:
@@ -191,10 +204,10 @@ class _Writer:
         return total
 
     def _product(self, e: sp.Expr) -> _Value:
-        constant = sp.Mul(*[t for t in e.args if not (t.free_symbols & self._states.keys())])
+        constant = sp.Mul(*[t for t in e.args if not self._depends(t)])
         above, below = self.lift(1), self.lift(1)
         for factor in e.args:
-            if not (factor.free_symbols & self._states.keys()):
+            if not self._depends(factor):
                 continue
             if factor.is_Pow and factor.exp.is_Integer and factor.exp.is_negative:
                 below = below * self._power(factor.base, -int(factor.exp))
@@ -214,3 +227,32 @@ class _Writer:
             if exponent:
                 square = square * square
         return result
+
+
+def every_part(expression: sp.Expr) -> Iterator[sp.Basic]:
+    """The expression and all its parts, as often as they occur, nested however deep."""
+    stack: list[sp.Basic] = [expression]
+    while stack:
+        part = stack.pop()
+        yield part
+        stack.extend(part.args)
+
+
+def landings(expression: sp.Expr) -> list[sp.Expr]:
+    """Subexpressions, lowest first, such that between one and the next nothing is nested deeper than `_DEEPEST`.
+
+    Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
+    """
+    heights: dict[sp.Basic, int] = {}
+    stack: list[Any] = [expression]
+    while stack:
+        top = stack[-1]
+        pending = [part for part in top.args if part not in heights]
+        if pending:
+            stack.extend(pending)
+            continue
+        stack.pop()
+        heights[top] = 1 + max((heights[part] for part in top.args), default=0)
+    arithmetic = (sp.Add, sp.Mul, sp.Pow)
+    found = [e for e, height in heights.items() if height % _DEEPEST == 0 and isinstance(e, arithmetic)]
+    return sorted(found, key=heights.__getitem__)

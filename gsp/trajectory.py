@@ -79,7 +79,8 @@ class Trajectory:
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
 
-        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13. The implicit
+        It is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, and 9, 12 and 15 for
+        TAYLOR of order 12, 16 and 20. The implicit
         methods choose their steps so that its error stays near the tolerance in slaved fast variables too; where
         these carry a time scale of their own, RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
 
@@ -173,15 +174,15 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-6,
-    RADAU9 down to 5e-9, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
-    some sixty fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for
+    RADAU9 down to 5e-9, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
+    makes the span no more than 200 fast times, 1000 for rtol < 5e-6, and the field is smooth; else DOP853 up to 60. `dense=False` keeps nothing between the steps, for
     speed; `.at` is then refused. `max_steps` bounds the attempted steps. `events` are zeros to be found along the run,
     which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
 
     A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
     series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
-    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `HyperbolicityError` for a
-    reduced flow started on a loss.
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `UnsupportedFunctionError` for
+    TAYLOR on a field without series, `HyperbolicityError` for a reduced flow started on a loss.
 
     >>> from gsp import VectorField
     >>> x = sp.Symbol("x")
