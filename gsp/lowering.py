@@ -239,7 +239,7 @@ def compile_flow(flow: Flow) -> CompiledFlow:
     known = _KNOWN.get(id(flow))
     if known is not None and known[0]() is flow:
         return known[1]
-    compiled = _compiled_once(flow)
+    compiled = _compiled_once(flow, flow.is_stiff)
     if len(_KNOWN) >= _MOST_KNOWN:
         _KNOWN.clear()
     _KNOWN[id(flow)] = weakref.ref(flow), compiled
@@ -247,7 +247,8 @@ def compile_flow(flow: Flow) -> CompiledFlow:
 
 
 @lru_cache(maxsize=1024)
-def _compiled_once(flow: Flow) -> CompiledFlow:
+def _compiled_once(flow: Flow, is_stiff: bool) -> CompiledFlow:
+    # Flows of two kinds may be equal, and only one of them be declared stiff.
     return CompiledFlow(flow)
 
 
