@@ -294,16 +294,18 @@ def test_the_number_of_steps_is_bounded(method):
     assert 0 < trajectory.t[-1] < 10
 
 
-def test_the_explicit_method_says_that_a_field_is_stiff():
+@pytest.mark.parametrize("method", [Method.DOP853, Method.TAYLOR])
+def test_the_explicit_methods_say_that_a_field_is_stiff(method):
     field = VectorField({x: -(10**6) * (x - sp.cos(y)), y: sp.Integer(1)}, epsilon=None)
     options = {"start": {"x": 2, "y": 0}, "span": (0, 10), "rtol": 1e-5, "atol": 1e-5}
-    explicit = integrate(field, method=Method.DOP853, max_steps=2000, **options)
+    explicit = integrate(field, method=method, max_steps=2000, **options)
     assert explicit.status is Status.TOO_MANY_STEPS
     assert explicit.stats.stiff
     assert "RODAS5P" in explicit.message
     implicit = integrate(field, method=Method.RODAS5P, max_steps=2000, **options)
     assert implicit.status is Status.SUCCESS
-    assert not oscillate(method=Method.DOP853, span=(0, 500)).stats.stiff
+    for rtol in (1e-2, 1e-5, 1e-8, 1e-12):
+        assert not oscillate(method=method, span=(0, 500), rtol=rtol, max_steps=100).stats.stiff
 
 
 @BOTH
