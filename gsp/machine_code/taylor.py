@@ -334,6 +334,8 @@ def _write_advance(module: ir.Module, flow: FlowCode, order: int) -> None:
         weight = real.add_product(atol, rtol, real.largest([real.size(begin), real.size(end)]))
         defect = builder.fdiv(real.subtract_product(slope, step, rate), weight)
         squares = real.add_product(squares, defect, defect)
+        # 0, or NaN where the end is not finite.
+        squares = builder.fadd(squares, builder.fsub(end, end))
         _store_vector(builder, end, out, i * width)
         _store_vector(builder, rate, out, length + i * width)
     total = _total(builder, [builder.extract_element(squares, ir.Constant(_LANE, i)) for i in range(width)])
