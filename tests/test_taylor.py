@@ -11,9 +11,10 @@ from gsp.ensemble import integrate_many
 from gsp.errors import GspError, Status, UnsupportedFunctionError
 from gsp.events import Event
 from gsp.integrators import Trial, taylor_order
+from gsp.kernels.taylor import TAIL
 from gsp.lowering import CompiledTaylor, compile_flow, parameter_vector
 from gsp.machine_code.flow_code import FlowCode
-from gsp.machine_code.taylor import TAIL, TaylorCode, dense_rows, has_parts
+from gsp.machine_code.taylor import TaylorCode, dense_rows, has_parts
 from gsp.system import VectorField
 from gsp.trajectory import Method, integrate
 

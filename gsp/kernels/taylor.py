@@ -23,7 +23,8 @@ ADVANCE = ledger.CODE + 1
 INTERPOLATE = ledger.CODE + 2
 ORDER = ledger.CODE + 3
 STRIDE = ledger.CODE + 4
-# Doubles behind the coefficients; the first three are squares of terms, over the tolerance.
+# Places behind the coefficients, and how many there are.
+FIRST, LAST_BUT_ONE, LAST, RTOL, ATOL, SCALE = range(6)
 TAIL = 6
 # What the last two terms may have of the tolerance. The terms left out, and what steps add up to, come to it.
 SHARE = 0.2
@@ -156,8 +157,9 @@ def taylor(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
         clipped = False
         lands = False
         t_new = t
-        if block[tail] + block[tail + 1] + block[tail + 2] < math.inf:
-            proposal = abs(scale) * _share(block[tail], block[tail + 1], block[tail + 2], order)
+        first, before, last = block[tail + FIRST], block[tail + LAST_BUT_ONE], block[tail + LAST]
+        if first + before + last < math.inf:
+            proposal = abs(scale) * _share(first, before, last, order)
             if counters[ledger.JUST_REJECTED] == 1:
                 proposal = min(proposal, abs(memory[ledger.STEP]))
             proposal = math.copysign(min(proposal, abs(stops[-1] - t)), scale)

@@ -66,8 +66,8 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held: the
-    backward error of a solution is then so small, row by row.
+    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held:
+    the backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
     entries = dict(entries)

@@ -9,7 +9,8 @@ scale^k z^(k)/k!:
                    then the mean square of the defect h (y' - the series' derivative) over the tolerance
     interpolate    t = h/scale, z = what `expand` made; out = rows of the dense output (dense_rows(K), n)
 
-The tail is the mean squares of coefficients 1, K - 1 and K over the tolerance, then rtol, atol and the scale.
+The tail is the mean squares of coefficients 1, K - 1 and K over the tolerance, then rtol, atol and the scale, at the
+places that `kernels.taylor` names.
 
 An instruction's coefficient k is a sum of products of earlier ones (Griewank and Walther 2008, section 13.2). All but
 its first and last term hold no coefficient of order k, so that these inner sums are taken together for all
@@ -31,15 +32,13 @@ from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.functions import COMPOSED
 from gsp.instructions import Instructions, every_part, write_instructions
 from gsp.kernels import jets
+from gsp.kernels.taylor import ATOL, FIRST, LAST, LAST_BUT_ONE, RTOL, SCALE
 from gsp.machine_code.arithmetic import RealArithmetic
 from gsp.machine_code.emission import DOUBLE, SIGNATURE, Emitter, load, spread, store
 from gsp.machine_code.flow_code import FlowCode
 
 # Building takes 0.1 milliseconds for each, and more where there are many.
 MOST_PRODUCTS = 100_000
-# Places in the tail.
-FIRST, LAST_BUT_ONE, LAST, RTOL, ATOL, SCALE = range(6)
-TAIL = 6
 # Lanes of a vector.
 WIDTH = 4
 # Sums that run side by side where one would wait for itself.
