@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integrators import Method, Record, Stats, advance
+from gsp.integrators import Method, Record, advance
+from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import CompiledFlow
 
@@ -48,7 +49,7 @@ class Stepper:
     def between(self, first: float, y: np.ndarray, last: float) -> Record:
         """The run from `y` at `first` to `last`, in one step when its error allows."""
         return advance(
-            self.compiled, self.p, y.copy(), first, np.array([last]),
+            self.compiled, self.p, y, first, np.array([last]),
             method=self.method, rtol=self.rtol, atol=self.atol, max_steps=1000,
             rows_kept=LOOK, first_step=last - first,
         )  # fmt: skip
@@ -130,7 +131,7 @@ class Search:
         self.found: list[list[Settled]] = [[] for _ in watched]
         self.end: Settled | None = None
         self.rows = 0
-        self.spent: list[Stats] = []
+        self.spent: list[list[int]] = []
         self._signs = signs.copy()
         self.can_end = any(one.limit for one in self.watched)
         self._time, self._state = np.array([first]), y[np.newaxis].copy()
@@ -197,21 +198,14 @@ class Search:
                 times = np.concatenate([times, end.tail.times[1:]])
                 states = np.concatenate([states, end.tail.states[1:]])
                 dense = np.concatenate([dense, end.tail.dense])
-        old = record.stats
-        spent = replace(
-            old,
-            steps=len(times) - 1,
-            rejected=old.rejected + sum(s.rejected for s in self.spent),
-            field_calls=old.field_calls + sum(s.field_calls for s in self.spent),
-            jacobian_calls=old.jacobian_calls + sum(s.jacobian_calls for s in self.spent),
-            decompositions=old.decompositions + sum(s.decompositions for s in self.spent),
-        )
-        return Record(times, states, dense, status, spent)
+        counters = [sum(column) for column in zip(record.counters, *self.spent)]
+        counters[ledger.STEPS], counters[ledger.STIFF] = len(times) - 1, record.counters[ledger.STIFF]
+        return Record(times, states, dense, status, record.method, counters)
 
     def run(self, first: float, y: np.ndarray, last: float) -> Record:
         """`Stepper.between`, counted."""
         record = self.stepper.between(first, y, last)
-        self.spent.append(record.stats)
+        self.spent.append(record.counters)
         return record
 
     def refined(self, column: int, t: float, piece: Piece) -> Settled:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gsp.crossings import DIP, LOOK, SUBDIVISIONS, Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.errors import HyperbolicityError, Status
-from gsp.integrators import Method, Record, Stats, advance
+from gsp.integrators import Method, Record, advance, standing
 from gsp.kernels.scan import clear_of_zero
 from gsp.lowering import compile_flow
 from gsp.reduced import ReducedFlow
@@ -124,7 +124,7 @@ class Ending:
             if not sizes[-1] <= VANISHED * sizes.max():
                 return record, "", ""
             return (
-                replace(record, status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
+                record._replace(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
             )  # fmt: skip
         tail = self._into(loss, float(record.times[j]), record.states[j])
         status, note, remedy = self._named(loss)
@@ -134,7 +134,8 @@ class Ending:
             np.concatenate([record.states[: j + 1], tail.states[1:]]),
             np.concatenate([dense, tail.dense]) if len(tail.dense) else dense,
             status,
-            replace(record.stats, steps=len(times) - 1),
+            record.method,
+            [len(times) - 1, *record.counters[1:]],
         )
         return joined, note, remedy
 
@@ -172,7 +173,7 @@ class Ending:
             begun,
         )
         record = advance(
-            inner.compiled, stepper.p, begun.copy(), 0.0, np.array([length]),
+            inner.compiled, stepper.p, begun, 0.0, np.array([length]),
             method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
             watch=search, rows_kept=LOOK,
         )  # fmt: skip
@@ -285,13 +286,13 @@ class Ending:
         record = None
         if t != fold.t:
             record = advance(
-                stepper.compiled, stepper.p, y.copy(), t, np.array([fold.t]),
+                stepper.compiled, stepper.p, y, t, np.array([fold.t]),
                 method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
                 first_step=fold.t - t,
             )  # fmt: skip
         if record is None:
-            return Record(np.array([t]), y[np.newaxis], np.empty((0, 1, y.size)), Status.FOLD_REACHED, _NOTHING)
+            return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
         times, states, dense = record.times, record.states, record.dense
         keep = len(times)
         if times[-1] == fold.t:
@@ -312,7 +313,7 @@ class Ending:
             times = np.append(times, fold.t)
             states = np.vstack([states, fold.state])
             dense = np.concatenate([dense, np.zeros((1, *record.dense.shape[1:]))])
-        return Record(times, states, dense, Status.FOLD_REACHED, record.stats)
+        return record._replace(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
 
     def _holds(self, states: np.ndarray) -> np.ndarray:
         return self.values(np.zeros(len(states)), states)[:, 0] > 0.0
@@ -357,6 +358,3 @@ class Ending:
 
     def _fold_note(self, fold: Loss) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"
-
-
-_NOTHING = Stats(Method.DOP853, 0, 0, 0, 0, 0)

@@ -24,15 +24,14 @@ from gsp.integrators import (
     check_step_limit,
     check_tolerances,
     choose_method,
-    kernel_of,
-    program_of,
     remedy_of,
+    solver_of,
     stops_of,
 )
 from gsp.kernels import ensemble as kernels
 from gsp.kernels import ledger
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.taylor import taylor
 from gsp.lowering import compile_flow
@@ -299,20 +298,20 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    kernel, rows = kernel_of(chosen, rtol)
+    solver = solver_of(chosen, rtol)
     compiled = compile_flow(flow)
-    program = program_of(compiled, chosen, rtol)
+    program = solver.program(compiled)
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     trial = Trial.of(compiled, rtol) if asked is None else None
-    begins, trial_rows = (_INDEX[kernel], program, 0.0, 0), rows
+    begins, first_solver = (_INDEX[solver.kernel], program, 0.0, 0), solver
     if trial is not None and kernels.any_begins(
         compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), trial.border
     ):
-        trial_kernel, trial_rows = kernel_of(trial.method, rtol)
-        begins = (_INDEX[trial_kernel], program_of(compiled, trial.method, rtol), trial.border, trial.attempts)
+        first_solver = solver_of(trial.method, rtol)
+        begins = (_INDEX[first_solver.kernel], first_solver.program(compiled), trial.border, trial.attempts)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[kernel], program,
+        _INDEX[solver.kernel], program,
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
         begins,
     )  # fmt: skip
@@ -326,15 +325,15 @@ def integrate_many(
     explicit = np.zeros(m, dtype=np.bool_)
 
     def worker() -> Work:
-        memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
+        memory = np.zeros(solver.memory_size(n))
         times, states = np.empty(_RECORD), np.empty((_RECORD, n))
 
         def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
             return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
 
-        record = record_of(chosen, rows)
-        trial_record = record if trial is None else record_of(trial.method, trial_rows)
+        record = record_of(chosen, solver.rows)
+        trial_record = record if trial is None else record_of(trial.method, first_solver.rows)
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:

@@ -39,6 +39,8 @@ class Flow:
     """Values of parameters that were put into the rates already, exact."""
     is_stiff: bool = True
     """Whether the field still contains the fast time scale (decides the integrator)."""
+    is_reduced: bool = False
+    """Whether it lives on a slow manifold given as a series, and runs end where that does; see `endings`."""
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
@@ -60,13 +62,19 @@ class Flow:
 
 def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:
     """Values in the order of `states` of a point that names every state and nothing else."""
+    # The built-in type stands in front because asking the abstract class takes longer than all the rest.
+    if isinstance(point, (dict, Mapping)) and len(point) == len(states):
+        try:
+            values = [float(point.get(state.name)) for state in states]  # pyright: ignore[reportArgumentType]
+        except (TypeError, ValueError):
+            pass
+        else:
+            # A sum is finite only when all its terms are.
+            if isfinite(sum(values)):
+                return tuple(values)
+    # Keyed by symbols, or wrong: `named` reads the one and names the other.
     given = named(point, what=what)
     names = [state.name for state in states]
-    if len(given) == len(names):
-        try:
-            return tuple([given[name] for name in names])
-        except KeyError:
-            pass
     for name in given:
         if name not in names:
             raise DeclarationError(
@@ -179,5 +187,6 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
 
 def frozen(array: np.ndarray) -> np.ndarray:
     """The same array, read-only from now on: what a result holds."""
-    array.setflags(write=False)
+    # By position, which takes half the time: write=False.
+    array.setflags(False)  # pyright: ignore[reportCallIssue]
     return array

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from operator import attrgetter, index, methodcaller
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,9 @@ from gsp.errors import DeclarationError, Status, nearest
 from gsp.flow import Flow
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, launch_taylor, rate_at_start
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.kernels.taylor import taylor
@@ -58,18 +60,40 @@ class Method(Enum):
     DOP853 = "dop853"
     TAYLOR = "taylor"
 
+    # There is one of each: their identity serves as the key of the tables below, and costs less than their text.
+    __hash__ = object.__hash__
 
-# The kernel and the rows of its dense output; of a Taylor series they depend on the order.
-_KERNELS = {
-    Method.RODAS5P: (rodas5p, rodas5p_tableau.DENSE_ROWS),
-    Method.RADAU5: (radau, radau_tableau.STAGES[0]),
-    Method.RADAU9: (radau, radau_tableau.STAGES[1]),
-    Method.RADAU13: (radau, radau_tableau.STAGES[2]),
-    Method.DOP853: (dop853, dop853_tableau.DENSE_ROWS),
+
+class Solver(NamedTuple):
+    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take."""
+
+    kernel: Callable[..., int]
+    launch: Callable[..., int]
+    rows: int
+    program: Callable[[CompiledFlow], np.ndarray]
+
+    def memory_size(self, n: int) -> int:
+        """Entries of `memory` for `n` states."""
+        return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
+
+
+_SOLVERS = {
+    Method.RODAS5P: Solver(
+        rodas5p, launch_rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")
+    ),
+    **{
+        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages))
+        for method, stages in zip((Method.RADAU5, Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
+    },
+    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program")),
 }
 # Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these
 # take 1 to 7 % longer than the best of the even orders from 8 to 24 (geometric means).
 _TAYLOR_ORDERS = ((1e-5, 12), (1e-9, 16), (0.0, 20))
+_TAYLOR = {
+    order: Solver(taylor, launch_taylor, dense_rows(order), methodcaller("taylor_program", order))
+    for _, order in _TAYLOR_ORDERS
+}
 STATUS = {
     ledger.FINISHED: Status.SUCCESS,
     ledger.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
@@ -101,21 +125,39 @@ def remedy_of(status: Status, stats: Stats) -> str:
     return status.remedy
 
 
-@dataclass(frozen=True)
-class Record:
-    """What a run leaves: the ends of its steps with the start in front, `dense` output, status and counters."""
+Numbers = Sequence[float] | np.ndarray
+Watch = Callable[[np.ndarray, np.ndarray, np.ndarray], bool]
+
+
+class Record(NamedTuple):
+    """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
+
+    `counters` are the ledger's up to STIFF.
+    """
 
     times: np.ndarray
     states: np.ndarray
     dense: np.ndarray
     status: Status
-    stats: Stats
+    method: Method
+    counters: list[int]
+
+    @property
+    def stats(self) -> Stats:
+        """Method and counters by name."""
+        *counts, stiff = self.counters
+        return Stats(self.method, *counts, stiff=stiff == 1)
+
+    @property
+    def attempts(self) -> int:
+        """Steps taken and rejected."""
+        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
 def run(
     compiled: CompiledFlow,
-    p: np.ndarray,
-    y: np.ndarray,
+    p: Numbers,
+    y: Numbers,
     first: float,
     stops: np.ndarray,
     *,
@@ -125,7 +167,7 @@ def run(
     max_steps: int,
     dense: bool = True,
     progress: Callable[[float], object] | None = None,
-    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    watch: Watch | None = None,
     rows_kept: int = RECORD,
 ) -> Record:
     """`advance` by `method`, or by default as `choose_method` says, explicitly where the start is not stiff.
@@ -135,25 +177,40 @@ def run(
     """
     chosen = method or choose_method(compiled.flow, rtol)
     trial = Trial.of(compiled, rtol) if method is None else None
-    if trial is not None and trial.begins(compiled, p, y, first, stops[-1]):
-        record = advance(
-            compiled, p, y, first, stops, method=trial.method, rtol=rtol, atol=atol,
-            max_steps=min(trial.attempts, max_steps), dense=dense, progress=progress,
-        )  # fmt: skip
-        used = record.stats.steps + record.stats.rejected
-        if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
-            return record
-        t = record.times[-1]
-        ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
-        rest = advance(
-            compiled, p, y, float(t), ahead, method=chosen, rtol=rtol, atol=atol,
-            max_steps=max_steps - used, dense=dense, progress=progress,
-        )  # fmt: skip
-        return _joined(record, rest)
-    return advance(
-        compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol,
-        max_steps=max_steps, dense=dense, progress=progress, watch=watch, rows_kept=rows_kept,
+    record = _advance(
+        compiled,
+        p,
+        y,
+        first,
+        stops,
+        chosen,
+        rtol,
+        atol,
+        max_steps,
+        dense,
+        progress,
+        watch,
+        rows_kept,
+        0.0,
+        0.0 if trial is None else trial.border,
+    )
+    if record is not None:
+        return record
+    assert trial is not None
+    record = advance(
+        compiled, p, y, first, stops, method=trial.method, rtol=rtol, atol=atol,
+        max_steps=min(trial.attempts, max_steps), dense=dense, progress=progress,
     )  # fmt: skip
+    used = record.attempts
+    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
+        return record
+    t = record.times[-1]
+    ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
+    rest = advance(
+        compiled, p, record.states[-1], float(t), ahead, method=chosen, rtol=rtol, atol=atol,
+        max_steps=max_steps - used, dense=dense, progress=progress,
+    )  # fmt: skip
+    return _joined(record, rest)
 
 
 @dataclass(frozen=True)
@@ -193,28 +250,22 @@ def _joined(one: Record, two: Record) -> Record:
     """Both runs, the second from the end of the first; a dense output with fewer rows is filled up with zeros."""
     rows = max(one.dense.shape[1], two.dense.shape[1])
     dense = [np.pad(record.dense, ((0, 0), (0, rows - record.dense.shape[1]), (0, 0))) for record in (one, two)]
-    a, b = one.stats, two.stats
+    counters = [a + b for a, b in zip(one.counters, two.counters)]
+    counters[ledger.STIFF] = max(one.counters[ledger.STIFF], two.counters[ledger.STIFF])
     return Record(
         np.concatenate([one.times, two.times[1:]]),
         np.concatenate([one.states, two.states[1:]]),
         np.concatenate(dense),
         two.status,
-        Stats(
-            b.method,
-            a.steps + b.steps,
-            a.rejected + b.rejected,
-            a.field_calls + b.field_calls,
-            a.jacobian_calls + b.jacobian_calls,
-            a.decompositions + b.decompositions,
-            a.stiff or b.stiff,
-        ),
+        two.method,
+        counters,
     )
 
 
 def advance(
     compiled: CompiledFlow,
-    p: np.ndarray,
-    y: np.ndarray,
+    p: Numbers,
+    y: Numbers,
     first: float,
     stops: np.ndarray,
     *,
@@ -224,76 +275,108 @@ def advance(
     max_steps: int,
     dense: bool = True,
     progress: Callable[[float], object] | None = None,
-    watch: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
+    watch: Watch | None = None,
     rows_kept: int = RECORD,
     first_step: float = 0.0,
 ) -> Record:
-    """Run `method` from `y` (n,), which it overwrites, at `first` to the last of `stops` (s,); see `ledger`.
+    """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C ends it with the steps that were made.
     """
-    kernel, rows = kernel_of(method, rtol)
-    program = program_of(compiled, method, rtol)
-    n = y.size
-    memory = np.zeros(memory_size(rows, n) if kernel is radau else ledger.MEMORY_SIZE)
-    memory[ledger.TIME] = first
-    counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
-    rate = np.zeros(n)
+    record = _advance(
+        compiled,
+        p,
+        y,
+        first,
+        stops,
+        method,
+        rtol,
+        atol,
+        max_steps,
+        dense,
+        progress,
+        watch,
+        rows_kept,
+        first_step,
+    )
+    assert record is not None
+    return record
+
+
+def _advance(
+    compiled: CompiledFlow,
+    p: Numbers,
+    y: Numbers,
+    first: float,
+    stops: np.ndarray,
+    method: Method,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    dense: bool,
+    progress: Callable[[float], object] | None,
+    watch: Watch | None,
+    rows_kept: int,
+    first_step: float = 0.0,
+    mildest: float = 0.0,
+) -> Record | None:
+    """What `advance` says; None, and nothing done, where |J| times the span is at most `mildest` at the start."""
+    n = len(y)
+    given = np.array((first, rtol, atol, *y, *p), float)
+    if mildest > 0.0 and rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first) <= mildest:
+        return None
+    solver = solver_of(method, rtol)
+    program = solver.program(compiled)
+    launch = solver.launch
+    work = np.zeros(solver.memory_size(n) + n)
     if first_step != 0.0:
-        memory[ledger.STEP] = first_step
-        rate[:] = compiled.rates(y, p)
+        work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
+    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     # The start is row 0, so that a run of one piece is its own record.
     length = min(FIRST_RECORD, rows_kept)
-    all_times, all_states = np.empty(length + 1), np.empty((length + 1, n))
-    all_times[0], all_states[0] = first, y
-    times, states = all_times[1:], all_states[1:]
-    records = np.empty((length if dense else 0, rows, n))
+    all_times, all_states = times, states = np.empty(length + 1), np.empty((length + 1, n))
+    records = np.empty((length if dense else 0, solver.rows, n))
     pieces = []
     kept = 0
     code = ledger.RECORD_FULL
     status = None
     try:
         while True:
-            code = kernel(
-                program, p, stops, rtol, atol, max_steps,
-                y, rate, memory, counters, times, states, records,
-            )  # fmt: skip
-            new = int(counters[ledger.STEPS]) - kept
-            if watch is not None and watch(times[:new], states[:new], records[:new]):
-                status = Status.EVENT_REACHED
+            code = launch(program, given, stops, max_steps, work, counters, times, states, records)
+            if watch is not None:
+                new = int(counters[ledger.STEPS]) - kept
+                if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
+                    status = Status.EVENT_REACHED
             if progress is not None:
-                progress((float(memory[ledger.TIME]) - first) / (float(stops[-1]) - first))
+                progress((float(work[ledger.TIME]) - first) / (float(stops[-1]) - first))
             if code != ledger.RECORD_FULL or status is not None:
                 break
-            pieces.append((times, states, records))
-            kept += new
-            times, states = np.empty(rows_kept), np.empty((rows_kept, n))
-            records = np.empty((rows_kept if dense else 0, rows, n))
+            pieces.append((times[1:], states[1:], records))
+            kept += len(times) - 1
+            times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
+            records = np.empty((rows_kept if dense else 0, solver.rows, n))
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    # The interrupt may have come between any two lines above: what counts is what the counters say.
-    steps, rejected, field_calls, jacobian_calls, decompositions, stiff = counters.tolist()[: ledger.STIFF + 1]
+        # It may have come between any two lines above, even before the start was entered.
+        all_times[0], all_states[0] = first, y
+    # What counts is what the counters say.
+    counts = counters.tolist()[: ledger.STIFF + 1]
+    steps = counts[ledger.STEPS]
     if not pieces:
-        record = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
+        all_times, all_states, records = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
     else:
         new = steps - sum(len(piece[0]) for piece in pieces)
         pieces[0] = (all_times, all_states, pieces[0][2])
-        pieces.append((times[:new], states[:new], records[:new]))
-        record = [np.concatenate(arrays) for arrays in zip(*pieces)]
-    return Record(
-        *record,
-        status=status or STATUS[code],
-        stats=Stats(method, steps, rejected, field_calls, jacobian_calls, decompositions, stiff == 1),
-    )
+        pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
+        all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
+    return Record(all_times, all_states, records, status or STATUS[code], method, counts)
 
 
-def kernel_of(method: Method, rtol: float) -> tuple[Any, int]:
-    """The kernel of `method` and the rows of its dense output at the tolerance."""
-    if method is Method.TAYLOR:
-        return taylor, dense_rows(taylor_order(rtol))
-    return _KERNELS[method]
+def solver_of(method: Method, rtol: float) -> Solver:
+    """The solver of `method` at the tolerance."""
+    return _TAYLOR[taylor_order(rtol)] if method is Method.TAYLOR else _SOLVERS[method]
 
 
 def taylor_order(rtol: float) -> int:
@@ -306,14 +389,13 @@ def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarra
 
     Raises `UnsupportedFunctionError` for `Method.TAYLOR` where the field has no Taylor series.
     """
-    if method is Method.DOP853:
-        return np.array([compiled.field, 0, 0])
-    if method is Method.TAYLOR:
-        return np.array([compiled.field, 0, *compiled.taylor(taylor_order(rtol)).program])
-    code = compiled.rosenbrock if method is Method.RODAS5P else None
-    if code is None:
-        return np.array([compiled.field, compiled.jacobian, 0])
-    return np.array([compiled.field, compiled.jacobian, *code.program])
+    return solver_of(method, rtol).program(compiled)
+
+
+def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
+    """The record of a run that does not begin."""
+    counters = [0] * (ledger.STIFF + 1)
+    return Record(np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), status, method, counters)
 
 
 def check_span(span: tuple[float, float]) -> tuple[float, float]:
@@ -322,17 +404,20 @@ def check_span(span: tuple[float, float]) -> tuple[float, float]:
         first, last = map(float, span)
     except (TypeError, ValueError):
         raise DeclarationError(f"span is two numbers, (t0, t1). Got {span!r}.") from None
+    if first != last and math.isfinite(last - first):
+        return first, last
     if not (math.isfinite(first) and math.isfinite(last)):
         raise DeclarationError(f"span must be finite. Got {span!r}. Give the times of the start and the end.")
-    if first == last or not math.isfinite(last - first):
-        raise DeclarationError(
-            f"span must have a length. Got {span!r}. Give an end that differs from the start."
-        )
-    return first, last
+    raise DeclarationError(f"span must have a length. Got {span!r}. Give an end that differs from the start.")
 
 
 def check_tolerances(rtol: float, atol: float) -> None:
     """Raises `DeclarationError` unless both are finite, positive and above rounding."""
+    try:
+        if _SMALLEST_RTOL <= rtol < math.inf and 0.0 < atol < math.inf:
+            return
+    except (TypeError, ValueError):
+        pass
     for name, value, smallest in (("rtol", rtol, _SMALLEST_RTOL), ("atol", atol, 0.0)):
         try:
             fine = math.isfinite(value) and value > 0.0 and value >= smallest
@@ -378,7 +463,9 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
 def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
     """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
     if grid is None:
-        return np.array([last])
+        stops = np.empty(1)
+        stops[0] = last
+        return stops
     ahead = grid[1:] if grid[0] == first else grid
     return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
 
@@ -408,7 +495,7 @@ def check_method(method: Method | str | None) -> Method | None:
 def check_step_limit(max_steps: int) -> int:
     """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
     try:
-        limit = operator.index(max_steps)
+        limit = index(max_steps)
     except TypeError:
         limit = 0
     if limit < 1:

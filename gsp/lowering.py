@@ -18,9 +18,10 @@ from llvmlite import ir
 
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
-from gsp.flow import Flow, check_epsilon
+from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
@@ -125,14 +126,23 @@ class CompiledFlow:
         )
 
     @cached_property
-    def rosenbrock(self) -> CompiledRosenbrock | None:
+    def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
-        code = self.expressions
-        if not is_worth_writing(code):
+        if not is_worth_writing(self.expressions):
             return None
-        engine = build(write_rosenbrock(code), library=LIBRARY)
-        address = engine.get_function_address
-        return CompiledRosenbrock(address("linearise"), address("step"), block_size(code), engine)
+        return _step(write_rosenbrock(self.expressions), ("linearise", "step"), block_size(self.expressions))
+
+    def collocation(self, stages: int) -> CompiledStep | None:
+        """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
+        if stages not in self._collocations:
+            code = Collocation(self.expressions, stages)
+            worth = is_worth_writing(self.expressions)
+            self._collocations[stages] = _step(code.text(), code.NAMES, code.size) if worth else None
+        return self._collocations[stages]
+
+    @cached_property
+    def _collocations(self) -> dict[int, CompiledStep | None]:
+        return {}
 
     def has_series(self, order: int, *, products: int, parts: int) -> bool:
         """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
@@ -154,23 +164,29 @@ class CompiledFlow:
         except UnsupportedFunctionError:
             return None
 
-    def taylor(self, order: int) -> CompiledTaylor:
-        """Taylor series to an order through any point, for this flow alone.
+    def taylor_program(self, order: int) -> np.ndarray:
+        """What the kernel of Taylor series takes for an order; see `kernels.taylor`.
 
-        Raises `UnsupportedFunctionError` where a function has none, `GspError` where the code would be too long.
+        Raises `UnsupportedFunctionError` where a function has no series, `GspError` where the code would be too long.
         """
-        if order not in self._taylor:
+        known = self._taylor_programs.get(order)
+        if known is None:
             code = self._series or TaylorCode(self.expressions)
             engine = build(code.write(order), library=LIBRARY, optimised=False)
-            address = engine.get_function_address
-            self._taylor[order] = CompiledTaylor(
-                address("expand"), address("advance"), address("interpolate"), order, stride(self.size), engine
-            )
-        return self._taylor[order]
+            addresses = map(engine.get_function_address, ("expand", "advance", "interpolate"))
+            step = CompiledStep((*addresses, order, stride(self.size)), engine)
+            known = np.array([self.field, 0, *step.program])
+            self._taylor_steps.append(step)
+            self._taylor_programs[order] = known
+        return known
 
     @cached_property
-    def _taylor(self) -> dict[int, CompiledTaylor]:
+    def _taylor_programs(self) -> dict[int, np.ndarray]:
         return {}
+
+    @cached_property
+    def _taylor_steps(self) -> list[CompiledStep]:
+        return []
 
     @cached_property
     def expressions(self) -> FlowCode:
@@ -181,6 +197,35 @@ class CompiledFlow:
         )
 
     @cached_property
+    def explicit_program(self) -> np.ndarray:
+        """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
+        return np.array([self.field, 0, 0])
+
+    @cached_property
+    def loops_program(self) -> np.ndarray:
+        """What a kernel takes that has no code for the flow: its field and Jacobian."""
+        return self._program(None)
+
+    @cached_property
+    def rosenbrock_program(self) -> np.ndarray:
+        """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
+        return self._program(self.rosenbrock)
+
+    def collocation_program(self, stages: int) -> np.ndarray:
+        """What the kernel of the Radau methods takes for the method of so many stages."""
+        known = self._collocation_programs.get(stages)
+        if known is None:
+            known = self._collocation_programs[stages] = self._program(self.collocation(stages))
+        return known
+
+    @cached_property
+    def _collocation_programs(self) -> dict[int, np.ndarray]:
+        return {}
+
+    def _program(self, code: CompiledStep | None) -> np.ndarray:
+        return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
+
+    @cached_property
     def observables(self) -> CompiledFunction:
         """The flow's observables, in their order."""
         return self._compiled(list(self.flow.observables.values()))
@@ -188,10 +233,28 @@ class CompiledFlow:
     @cached_property
     def constants(self) -> np.ndarray:
         """(nan, *parameter values), read-only; see `parameter_vector`."""
-        values = [nearest_double(sp.sympify(value, strict=True)) for value in self.flow.parameters.values()]
-        vector = np.array([float("nan"), *values])
-        vector.setflags(write=False)
-        return vector
+        return frozen(np.array(self._values))
+
+    @cached_property
+    def _values(self) -> tuple[float, ...]:
+        values = self.flow.parameters.values()
+        return float("nan"), *[nearest_double(sp.sympify(value, strict=True)) for value in values]
+
+    def parameters(self, epsilon: float | None) -> tuple[float, ...]:
+        """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
+        symbol = self.flow.epsilon
+        if symbol is None:
+            if epsilon is not None:
+                raise DeclarationError(
+                    f"this flow has no small parameter. Got epsilon={epsilon!r}. "
+                    "Leave epsilon out, or declare the field with one."
+                )
+            return self._values
+        if epsilon is None:
+            raise DeclarationError(
+                f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
+            )
+        return check_epsilon(epsilon), *self._values[1:]
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(
@@ -203,35 +266,14 @@ class CompiledFlow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompiledRosenbrock:
-    """Addresses of the two functions of `machine_code.rosenbrock` and the size of their blocks."""
+class CompiledStep:
+    """A method's step for one flow: the addresses of its functions and the size of its block, as the kernel takes them.
 
-    linearise: int
-    step: int
-    size: int
+    The addresses are good for as long as this object lives.
+    """
+
+    program: tuple[int, ...]
     _engine: Engine = field(repr=False)
-
-    @property
-    def program(self) -> tuple[int, int, int]:
-        """What the kernel takes."""
-        return self.linearise, self.step, self.size
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CompiledTaylor:
-    """Addresses of the three functions of `machine_code.taylor`, the order and the doubles from a row to the next."""
-
-    expand: int
-    advance: int
-    interpolate: int
-    order: int
-    stride: int
-    _engine: Engine = field(repr=False)
-
-    @property
-    def program(self) -> tuple[int, int, int, int, int]:
-        """What the kernel takes."""
-        return self.expand, self.advance, self.interpolate, self.order, self.stride
 
 
 def compile_flow(flow: Flow) -> CompiledFlow:
@@ -267,20 +309,7 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
 
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
-    vector = compile_flow(flow).constants.copy()
-    if flow.epsilon is None:
-        if epsilon is not None:
-            raise DeclarationError(
-                f"this flow has no small parameter. Got epsilon={epsilon!r}. "
-                "Leave epsilon out, or declare the field with one."
-            )
-        return vector
-    if epsilon is None:
-        raise DeclarationError(
-            f"this flow depends on {flow.epsilon}. Got epsilon=None. Give its value, as in epsilon=0.01."
-        )
-    vector[0] = check_epsilon(epsilon)
-    return vector
+    return np.array(compile_flow(flow).parameters(epsilon))
 
 
 @lru_cache(maxsize=1024)
@@ -304,6 +333,11 @@ def _compile(
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+
+
+def _step(text: str, names: Sequence[str], size: int) -> CompiledStep:
+    engine = build(text, library=LIBRARY)
+    return CompiledStep((*map(engine.get_function_address, names), size), engine)
 
 
 def _exact(expression: object) -> sp.Expr:

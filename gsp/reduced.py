@@ -40,6 +40,7 @@ class ReducedFlow(Flow):
     base: tuple[sp.Expr, ...] = ()
     driven_rates: tuple[sp.Expr, ...] = ()
     last_terms: tuple[tuple[sp.Expr, ...], ...] = ()
+    is_reduced = True
 
     @property
     def fixed(self) -> Values:  # pyright: ignore[reportIncompatibleVariableOverride]

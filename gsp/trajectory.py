@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from gsp.crossings import LOOK, Search, Settled, Stepper
-from gsp.endings import Ending
+from gsp.crossings import LOOK, Search, Stepper
 from gsp.errors import GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
@@ -29,17 +30,20 @@ from gsp.integrators import (
     check_tolerances,
     choose_method,
     run,
+    standing,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
-from gsp.reduced import ReducedFlow
+
+if TYPE_CHECKING:
+    from gsp.endings import Ending
 
 _SHOWN_STATES = 4
 _NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Trajectory:
     """A solution z(t) of a flow: `t` (m,) and `y` (n_states, m), read-only, in the order of integration.
 
@@ -52,14 +56,36 @@ class Trajectory:
     epsilon: float | None
     t: np.ndarray
     y: np.ndarray
-    status: Status
-    stats: Stats
     events: Mapping[str, Crossings]
-    _note: str = field(repr=False)
-    _remedy: str = field(repr=False)
-    _times: np.ndarray = field(repr=False)
-    _states: np.ndarray = field(repr=False)
-    _dense: np.ndarray = field(repr=False)
+    _record: Record
+    _note: str
+    _remedy: str
+
+    def __init__(
+        self,
+        flow: Flow,
+        epsilon: float | None,
+        t: np.ndarray,
+        y: np.ndarray,
+        events: Mapping[str, Crossings],
+        _record: Record,
+        _note: str,
+        _remedy: str,
+    ) -> None:
+        # At once: the __init__ written for a frozen class, attribute by attribute, is a tenth of a short run.
+        self.__dict__.update(
+            flow=flow, epsilon=epsilon, t=t, y=y, events=events, _record=_record, _note=_note, _remedy=_remedy
+        )
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self._record.status
+
+    @cached_property
+    def stats(self) -> Stats:
+        """What it cost."""
+        return self._record.stats
 
     def __getitem__(self, key: str | sp.Symbol) -> np.ndarray:
         """Values (m,) over `t` of a state or an observable; raises `GspError` for any other name."""
@@ -89,21 +115,21 @@ class Trajectory:
         times = np.array(t, dtype=float, order="C")
         if times.ndim > 1:
             raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
-        if len(self._dense) < len(self._times) - 1:
+        ends, states, dense = self._record.times, self._record.states, self._record.dense
+        if len(dense) < len(ends) - 1:
             raise GspError(
                 "the trajectory holds no values between its steps. It was integrated with dense=False. "
                 "Leave dense out, or name the times as at=..."
             )
-        flat = np.atleast_1d(times)
-        low, high = sorted((float(self._times[0]), float(self._times[-1])))
-        outside = flat[~((flat >= low) & (flat <= high))]
-        if outside.size:
+        flat = times if times.ndim else times.reshape(1)
+        out = np.empty((states.shape[1], flat.size))
+        outside = interpolate_many(ends, states, dense, flat, out)
+        if outside >= 0:
+            low, high = sorted((float(ends[0]), float(ends[-1])))
             raise GspError(
-                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {outside[0]:.17g}. "
+                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {flat[outside]:.17g}. "
                 "Ask inside, or integrate over a longer span."
             )
-        out = np.empty((self._states.shape[1], flat.size))
-        interpolate_many(self._times, self._states, self._dense, flat, out)
         return out if times.ndim else out[:, 0]
 
     def sample(self, t: ArrayLike) -> Trajectory:
@@ -115,11 +141,11 @@ class Trajectory:
     def message(self) -> str:
         """One line: how it ended, where, and what to do about it."""
         steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
-        last = self._states[-1]
+        last = self._record.states[-1]
         shown = [f"{s.name} = {value:.6g}" for s, value in zip(self.flow.states, last)][:_SHOWN_STATES]
         if len(last) > _SHOWN_STATES:
             shown.append("...")
-        where = f"t = {self._times[-1]:.6g}, {', '.join(shown)}"
+        where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
             return f"reached the end after {steps}: {where}"
         parts = [f"stopped after {steps}: {self.status.name} at {where}", self._note, self._remedy]
@@ -127,8 +153,9 @@ class Trajectory:
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)
+        times = self._record.times
         return (
-            f"Trajectory([{names}], t={self._times[0]:.6g}..{self._times[-1]:.6g}, points={self.t.size}, "
+            f"Trajectory([{names}], t={times[0]:.6g}..{times[-1]:.6g}, points={self.t.size}, "
             f"{self.status.name})"
         )
 
@@ -142,7 +169,7 @@ class Trajectory:
         ]
         lines += [
             f"  {name:>{width}}  {first:>13.6g} -> {last:<13.6g}".rstrip()
-            for name, first, last in zip(names, self._states[0], self._states[-1])
+            for name, first, last in zip(names, self._record.states[0], self._record.states[-1])
         ]
         lines.append(
             f"  {stats.steps} steps, {stats.rejected} rejected, {stats.field_calls} calls of the field, "
@@ -197,11 +224,12 @@ def integrate(
     grid = None if at is None else check_grid(at, first, last)
     chosen = check_method(method)
     limit = check_step_limit(max_steps)
-    compiled, p = compile_flow(flow), parameter_vector(flow, epsilon)
-    asked = None if events == () else compile_events(flow, events, p)
+    compiled = compile_flow(flow)
+    p = compiled.parameters(epsilon)
+    asked = None if events == () else compile_events(flow, events, np.array(p))
     search = ending = begun = None
     trial = Trial.of(compiled, rtol) if asked is not None and chosen is None else None
-    if trial is not None and trial.begins(compiled, p, y, first, last):
+    if trial is not None and trial.begins(compiled, np.array(p), np.array(y), first, last):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = integrate(
             flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=trial.method,
@@ -209,15 +237,16 @@ def integrate(
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
-    if asked is not None or isinstance(flow, ReducedFlow):
+    if asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(flow, rtol)
-        stepper = Stepper(compiled, p, chosen, rtol, atol)
-        if isinstance(flow, ReducedFlow):
-            ending = Ending(flow, stepper, (first, last), y)
-            begun = ending.at_start(first, y)
-        search = _search(asked, ending, stepper, (first, last), y)
+        stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
+        state = np.array(y)
+        if flow.is_reduced:
+            ending = _ending(flow, stepper, (first, last), state)
+            begun = ending.at_start(first, state)
+        search = _search(asked, ending, stepper, (first, last), state)
     if begun is not None:
-        record = _standing(first, y, begun, chosen or choose_method(flow, rtol))
+        record = standing(first, np.array(y), begun.status, chosen or choose_method(flow, rtol))
     else:
         record = run(
             compiled,
@@ -248,11 +277,21 @@ def integrate(
             record, note, override = ending.after_failure(record)
         crossings = _crossings(asked, search, len(flow.states))
     if not record.status.ok:
-        known, remedy = explain(flow, p, record, last)
+        known, remedy = explain(flow, np.array(p), record, last)
         note, override = note or known, override or remedy
     # The checked float, which prints.
-    small = None if flow.epsilon is None else float(p[0])
+    small = None if flow.epsilon is None else p[0]
     return _trajectory(flow, small, grid, record, crossings, note, override)
+
+
+def _ending(flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> Ending:
+    """What watches the run of a reduced flow."""
+    # Imported here: all that series need would be an eighth of the first solve of a flow that is not reduced.
+    from gsp.endings import Ending
+    from gsp.reduced import ReducedFlow
+
+    assert isinstance(flow, ReducedFlow)
+    return Ending(flow, stepper, span, y)
 
 
 def _search(
@@ -277,17 +316,6 @@ def _search(
     return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
 
 
-def _standing(t: float, y: np.ndarray, begun: Settled, method: Method) -> Record:
-    """The record of a run that cannot begin."""
-    return Record(
-        np.array([t]),
-        y[np.newaxis].copy(),
-        np.empty((0, 1, y.size)),
-        begun.status,
-        Stats(method, 0, 0, 0, 0, 0),
-    )
-
-
 def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
     if asked is None:
         return _NO_EVENTS
@@ -307,7 +335,8 @@ def _trajectory(
     note: str,
     remedy: str,
 ) -> Trajectory:
-    times, states, dense = map(frozen, (record.times, record.states, record.dense))
+    times, states = frozen(record.times), frozen(record.states)
+    frozen(record.dense)
     if grid is None:
         t, y = times, states.T
     else:
@@ -316,28 +345,14 @@ def _trajectory(
         if not record.status.ok:
             reached = t.searchsorted(ends[-1], side="right")
             t, grid = t[:reached], grid[:reached]
-        y = frozen(states[ends.searchsorted(t)].T)
-        t = grid
-    return Trajectory(
-        flow=flow,
-        epsilon=epsilon,
-        t=frozen(t),
-        y=y,
-        status=record.status,
-        stats=record.stats,
-        events=crossings,
-        _note=note,
-        _remedy=remedy,
-        _times=times,
-        _states=states,
-        _dense=dense,
-    )
+        t, y = frozen(grid), frozen(states[ends.searchsorted(t)].T)
+    return Trajectory(flow, epsilon, t, y, crossings, record, note, remedy)
 
 
-def _start(flow: Flow, start: Point) -> np.ndarray:
-    y = np.array(flow.initial(start), dtype=float)
-    if y.shape != (len(flow.states),):
+def _start(flow: Flow, start: Point) -> tuple[float, ...]:
+    y = flow.initial(start)
+    if len(y) != len(flow.states):
         raise GspError(
-            f"the flow has {len(flow.states)} states. Its initial() gave {y.shape}. Report this as a bug."
+            f"the flow has {len(flow.states)} states. Its initial() gave {len(y)}. Report this as a bug."
         )
     return y

@@ -190,6 +190,19 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_run_of_a_declared_field_imports_nothing_of_series() -> None:
+    code = (
+        "import sys, sympy, gsp; x = sympy.Symbol('x');"
+        "gsp.integrate(gsp.VectorField({x: -x}, epsilon=None), start={'x': 1}, span=(0, 1));"
+        "print(sorted({'gsp.series', 'gsp.reduced', 'gsp.endings'} & set(sys.modules)))"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "GSP_EAGER"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stdout.strip() == "[]"
+
+
 def test_the_eager_switch_imports_every_public_name() -> None:
     environment = {**os.environ, "GSP_EAGER": "1"}
     code = "import gsp; print(all(name in vars(gsp) for name in gsp.__all__))"

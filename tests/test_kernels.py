@@ -10,12 +10,13 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.integrators import Method, kernel_of, program_of
+from gsp.integrators import Method, advance, program_of, solver_of
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
-from gsp.kernels.radau import memory_size, radau
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.taylor import taylor
 from gsp.lowering import CompiledFlow, compile_flow
@@ -50,7 +51,8 @@ class Run:
         capacity=10_000,
         loops=False,
     ):
-        self.kernel, self.rows = kernel_of(Method(method), rtol)
+        solver = solver_of(Method(method), rtol)
+        self.kernel, self.rows = solver.kernel, solver.rows
         self.compiled = compiled
         self.stops = np.array(stops[1:], dtype=float)
         self.tolerances = (rtol, atol)
@@ -331,7 +333,7 @@ def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
     assert np.array_equal(whole.counters, pieces.counters)
 
 
-WRITTEN = ["rodas5p"]
+WRITTEN = ["rodas5p", *STAGES]
 
 
 @pytest.mark.parametrize("method", WRITTEN)
@@ -347,12 +349,33 @@ def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
 @pytest.mark.parametrize("method", WRITTEN)
 def test_a_pivot_of_zero_is_left_to_the_loops(method):
     """x' = y, y' = x + 10^8 (y - x) at the step for which gamma/h is just the Jacobian's entry."""
-    gamma = {"rodas5p": rodas5p_tableau.GAMMA}[method]
+    gamma = rodas5p_tableau.GAMMA
+    if method in STAGES:
+        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
     run = Run(method, compiled, (1.0, 0.5), [0.0, 1.0], rtol=1.0, atol=1e9).force_step(1.0 / gamma)
     run.stops[:] = 1.0 / gamma
     assert run.advance(1) in (ledger.FINISHED, ledger.TOO_MANY_STEPS)
     assert np.isfinite(run.y).all()
+
+
+@pytest.mark.parametrize("method", STAGES)
+def test_code_and_loops_reject_and_estimate_alike(method):
+    """From off the slow manifold, with a first step that is much too long: estimate (8.20) and divergence too."""
+    rates = {x: -(10**4) * (x**3 - sp.cos(y) - z), y: 1 + x * z, z: sp.sin(x) - y * z}
+    compiled = compile_flow(VectorField(rates, epsilon=None))
+    written, loops = (
+        Run(method, compiled, (3.0, 0.0, 0.5), [0.0, 0.4, 2.0], loops=which).force_step(0.3)
+        for which in (False, True)
+    )
+    assert written.advance() == loops.advance() == ledger.FINISHED
+    assert written.counters[ledger.REJECTED] > 0
+    assert np.array_equal(written.counters[: ledger.FIELD_CALLS], loops.counters[: ledger.FIELD_CALLS])
+    # Where the error is lost in rounding, further on, so is what the next step's length follows from.
+    for a, b in ((written.times, loops.times), (written.states, loops.states), (written.dense, loops.dense)):
+        assert np.concatenate(a)[:10] == pytest.approx(np.concatenate(b)[:10], rel=1e-6, abs=1e-9)
+    t = np.linspace(0.0, 2.0, 101)
+    assert written.at(t) == pytest.approx(loops.at(t), rel=1e-7, abs=1e-8)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -445,3 +468,23 @@ def test_a_zero_on_the_diagonal_is_pivoted_away():
 def test_a_singular_matrix_is_not_factorised(bad):
     factors = np.array(bad)
     assert not factorise(factors, np.empty(len(bad), np.int64))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("first_step", [0.0, 0.01])
+def test_a_launched_run_is_the_kernels_own_bit_by_bit(method, first_step) -> None:
+    compiled = compile_flow(VectorField({x: y, y: 5 * (1 - x**2) * y - x}, epsilon=None))
+    by_hand = Run(method, compiled, [2.0, 0.0], [0.0, 30.0, 60.0])
+    if first_step:
+        by_hand.force_step(first_step)
+    assert by_hand.advance() == ledger.FINISHED
+    record = advance(
+        compiled, (np.nan,), (2.0, 0.0), 0.0, np.array([30.0, 60.0]),
+        method=Method(method), rtol=1e-8, atol=1e-10, max_steps=10**9, first_step=first_step, rows_kept=100,
+    )  # fmt: skip
+    assert np.array_equal(record.times, np.concatenate(by_hand.times))
+    assert np.array_equal(record.states, np.concatenate(by_hand.states))
+    assert np.array_equal(record.dense, np.concatenate(by_hand.dense))
+    assert record.counters == by_hand.counters.tolist()[: ledger.STIFF + 1]
+    # More than one record long.
+    assert len(record.times) > 101

@@ -232,7 +232,8 @@ def test_hostile_text_is_refused_at_once(key):
     started = time.process_time()
     with pytest.raises(ModelFileError):
         parse(HOSTILE[key])
-    assert time.process_time() - started < 1
+    # Not a matter of speed: unguarded, these take minutes or the memory of the machine.
+    assert time.process_time() - started < 10
 
 
 @pytest.mark.parametrize(
@@ -308,6 +309,10 @@ TREES = st.recursive(
     ),
     max_leaves=8,
 )
+
+
+def test_constants_that_nearly_cancel_are_read():
+    assert parse("x^0 - tanh(13.82)") == 1 - sp.tanh(sp.Rational(691, 50))
 
 
 @given(TREES)
@@ -501,7 +506,8 @@ def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     started = time.process_time()
     with pytest.raises(ModelFileError):
         load(path)
-    assert time.process_time() - started < 1
+    # Not a matter of speed: unguarded, these take minutes or the memory of the machine.
+    assert time.process_time() - started < 10
 
 
 @given(st.text(max_size=80))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections import defaultdict
 
 import numpy as np
 import pytest
@@ -200,6 +201,10 @@ def test_a_field_without_epsilon_is_declared_so() -> None:
 def test_a_start_names_every_state_once() -> None:
     system = standard()
     assert system.initial({"y": 2, x: 1}) == (1.0, 2.0)
+    assert system.initial({"y": 1e308, "x": 1e308}) == (1e308, 1e308)
+    # A mapping that makes up what it lacks is not asked for it.
+    with pytest.raises(DeclarationError, match="no value for y"):
+        system.initial(defaultdict(float, x=1.0))
     with pytest.raises(DeclarationError, match='start names "w", which is no state'):
         system.initial({"w": 1})
     with pytest.raises(DeclarationError, match="no value for y"):

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from gsp.errors import GspError, Status, UnsupportedFunctionError
 from gsp.events import Event
 from gsp.integrators import Trial, taylor_order
 from gsp.kernels.taylor import TAIL
-from gsp.lowering import CompiledTaylor, compile_flow, parameter_vector
+from gsp.lowering import compile_flow, parameter_vector
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.taylor import TaylorCode, dense_rows, has_parts
 from gsp.system import VectorField
@@ -32,11 +33,19 @@ def called(address: int, number: float, z, p, size: int) -> np.ndarray:
     return arrays[-1]
 
 
-def expansion(
-    field: VectorField, start, *, order=ORDER, scale=1.0, value=None
-) -> tuple[CompiledTaylor, np.ndarray]:
+class Code(NamedTuple):
+    """What a program holds."""
+
+    expand: int
+    advance: int
+    interpolate: int
+    order: int
+    stride: int
+
+
+def expansion(field: VectorField, start, *, order=ORDER, scale=1.0, value=None) -> tuple[Code, np.ndarray]:
     """The code, and what `expand` makes at a start."""
-    code = compile_flow(field).taylor(order)
+    code = Code(*compile_flow(field).taylor_program(order).tolist()[2:])
     size = (order + 1) * code.stride + TAIL
     return code, called(code.expand, scale, [*start, 1e-8, 1e-10], parameter_vector(field, value), size)
 

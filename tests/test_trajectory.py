@@ -141,9 +141,19 @@ def test_a_trajectory_is_frozen():
     trajectory = oscillate(at=[1.0, 2.0])
     with pytest.raises(dataclasses.FrozenInstanceError):
         trajectory.t = None
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        trajectory.stats.steps = 0
     for array in (trajectory.t, trajectory.y, trajectory["x"], trajectory["E"], trajectory.sample([1.0]).y):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def test_a_sample_keeps_how_the_run_ended_and_what_it_cost():
+    trajectory = oscillate(max_steps=5)
+    sample = trajectory.sample([0.0])
+    assert sample.status is trajectory.status is Status.TOO_MANY_STEPS
+    assert sample.stats == trajectory.stats
+    assert sample.message == trajectory.message
 
 
 def test_the_grid_is_a_copy_of_the_callers():

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 from numba import njit
-from numba.misc.special import literally
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
@@ -36,8 +35,7 @@ NON_STIFF_SIGNS = 6
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def _stage(s, shape, field, p, t, h, y, k, argument, value):
-    """Rate s, the row k[s] of `k` (16, n), at `argument`. A literal `s` unrolls the sum."""
-    literally(s)
+    """Rate s, the row k[s] of `k` (16, n), at `argument`; written in where it is called, the sum has no loop."""
     _, n = shape
     for i in range(n):
         total = 0.0

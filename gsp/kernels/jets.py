@@ -146,14 +146,16 @@ def tangents(tape, constants, v, d, k, states):
             b = tape[row, 2]
             if operation == MULTIPLY:
                 total = 0.0
+                other = 0.0
                 if a == b:
                     for j in range(k + 1):
                         total += w[a, j] * v[a, k - j]
                     total *= 2.0
                 else:
                     for j in range(k + 1):
-                        total += w[a, j] * v[b, k - j] + v[a, j] * w[b, k - j]
-                w[row, k] = total
+                        total += w[a, j] * v[b, k - j]
+                        other += v[a, j] * w[b, k - j]
+                w[row, k] = total + other
             elif operation == ADD:
                 w[row, k] = w[a, k] + w[b, k]
             elif operation == SUBTRACT:

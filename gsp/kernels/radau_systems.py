@@ -13,13 +13,13 @@ def _size(z):
     return abs(z.real) + abs(z.imag)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def factorise_complex(matrices, m, pivots, shape):
+@njit(cache=True, error_model="numpy", nogil=True)
+def factorise_complex(matrices, m, pivots):
     """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
 
     Here and below an index goes in with the whole array: each slice would cost two atomic counts of references.
     """
-    _, n = shape
+    n = matrices.shape[1]
     for k in range(n):
         row = k
         largest = _size(matrices[m, k, k])
@@ -45,10 +45,10 @@ def factorise_complex(matrices, m, pivots, shape):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def solve_complex(factors, m, pivots, b, shape):
+@njit(cache=True, error_model="numpy", nogil=True)
+def solve_complex(factors, m, pivots, b):
     """`solve` with what `factorise_complex` left."""
-    _, n = shape
+    n = b.shape[0]
     for k in range(n):
         row = pivots[m, k]
         b[k], b[row] = b[row], b[k]
@@ -64,13 +64,11 @@ def solve_complex(factors, m, pivots, b, shape):
         b[i] = total * factors[m, i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def decompose(jacobian_flat, step, shape, system):
-    """Factors of lambda/h - J for each eigenvalue; False when one is singular."""
-    stages, n = shape
-    family = (stages - 3) // 2
+@njit(cache=True, error_model="numpy", nogil=True)
+def decompose(jacobian_flat, step, family, system):
+    """Factors of lambda/h - J for each eigenvalue of the family; False when one is singular."""
     real, complexes, pivots, complex_pivots = system
-    pairs = stages // 2
+    pairs, n, _ = complexes.shape
     for i in range(n):
         for j in range(n):
             entry = -jacobian_flat[i * n + j]
@@ -83,6 +81,6 @@ def decompose(jacobian_flat, step, shape, system):
     if not factorise(real, pivots):
         return False
     for m in range(pairs):  # noqa: SIM110 - a generator does not compile
-        if not factorise_complex(complexes, m, complex_pivots, shape):
+        if not factorise_complex(complexes, m, complex_pivots):
             return False
     return True

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# By family, stages = 3 + 2 family; all is padded with zeros to the width that `radau` multiplies by.
+# By family, stages = 3 + 2 family; all is padded with zeros to one width.
 STAGES = (3, 5, 7)
 WIDTH = 8
 
@@ -182,7 +182,9 @@ def _fill(family: int, stages: int) -> None:
 
 for _family, _stages in enumerate(STAGES):
     _fill(_family, _stages)
-# By columns, the way they are read.
-A_COLUMNS, T_COLUMNS, T_INVERSE_COLUMNS, DENSE_COLUMNS = (
-    np.ascontiguousarray(matrices.transpose(0, 2, 1)) for matrices in (A, T, T_INVERSE, DENSE)
+
+# The largest values on (0, 1) of the factors of the polynomial's last two coefficients, x^a (1-x)^b with a + b =
+# stages - 1 and stages, a = b or b + 1: they come at x = a/(a+b).
+LARGEST_FACTORS = np.array(
+    [[(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m, m), (m + 1, m))] for m in (1, 2, 3)]
 )

@@ -87,27 +87,6 @@ def _interpolate(k, y, y_new, rtol, atol, rows):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _step_by_code(step, h, p, block, end, y_new, rate_new, rows):
-    """One step by the flow's own code, `step` on `block` and `end` of `machine_code.rosenbrock`.
-
-    Its error over the tolerance; infinite where the pivots cannot be used or something is not finite.
-    """
-    n = y_new.shape[0]
-    size = block.shape[0] - 2
-    call(step, h, block, p, end)
-    for i in range(n):
-        y_new[i] = end[i]
-        rate_new[i] = end[n + i]
-    for m in range(DENSE_ROWS):
-        for i in range(n):
-            rows[m, i] = end[size + 3 + m * n + i]
-    error = max(math.sqrt(end[size + 1]), GAP_SHARE * end[size + 2])
-    if end[size] == 1.0 and math.isfinite(error) and all_finite(y_new) and all_finite(rate_new):
-        return error
-    return math.inf
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
 def _step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters):
     """One step for any flow, with partial pivoting: (error over the tolerance, what is wrong if it is infinite)."""
     n = y.shape[0]
@@ -145,32 +124,35 @@ def _step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, ra
 def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     n = y.shape[0]
-    field = program[ledger.FIELD]
+    y_new = np.empty(n)
+    rate_new = np.empty(n)
+    if not begin(
+        program[ledger.FIELD], p, y, rate, stops[-1], rtol, atol, 5, y_new, rate_new, memory, counters
+    ):
+        return ledger.NON_FINITE
     # Addresses of the flow's own code and the size of its blocks; see `machine_code.rosenbrock`.
     coded = program[ledger.CODE] != 0
     linearise = program[ledger.CODE]
     step_code = program[ledger.CODE + 1] if coded else 0
     size = program[ledger.CODE + 2] if coded else 0
-    block = np.empty(size + 2)
-    end = np.empty(size + 3 + DENSE_ROWS * n)
-    y_new = np.empty(n)
-    rate_new = np.empty(n)
-    rows = np.empty((DENSE_ROWS, n))
-    jacobian_flat = np.empty(n * n)
-    if not begin(field, p, y, rate, stops[-1], rtol, atol, 5, y_new, rate_new, memory, counters):
-        return ledger.NON_FINITE
+    block = np.empty(size + 3)
+    end = np.empty(size + 1 + DENSE_ROWS * n)
     if coded:
         call(linearise, memory[ledger.TIME], y, p, block)
         block[size] = rtol
         block[size + 1] = atol
+        block[size + 2] = GAP_SHARE
+    rows = np.empty((DENSE_ROWS, n))
+    jacobian_flat = np.empty(n * n)
     recorded = 0
     have_jacobian = False
-    by_code = False
     while True:
         if recorded == times.shape[0]:
-            return ledger.RECORD_FULL
+            code = ledger.RECORD_FULL
+            break
         if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
-            return ledger.TOO_MANY_STEPS
+            code = ledger.TOO_MANY_STEPS
+            break
         t = memory[ledger.TIME]
         stop = stops[counters[ledger.NEXT_STOP]]
         step = step_towards(stop, t, memory[ledger.STEP])
@@ -180,34 +162,51 @@ def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters,
         # What t really advances by, so that the record of times alone tells the steps.
         step = t_new - t
         if step == 0.0:
-            return ledger.STEP_TOO_SMALL
+            code = ledger.STEP_TOO_SMALL
+            break
 
         counters[ledger.DECOMPOSITIONS] += 1
         error = math.inf
         failure = ledger.STEP_TOO_SMALL
         if coded:
-            error = _step_by_code(step_code, step, p, block, end, y_new, rate_new, rows)
+            call(step_code, step, block, p, end)
             counters[ledger.FIELD_CALLS] += STAGES
-            by_code = error < math.inf
-        if not error < math.inf:
+            error = end[size]
+        by_code = error < math.inf
+        if not by_code:
             # The loops pivot, and say what is wrong where that does not help.
+            for i in range(n if coded else 0):
+                y[i] = block[i]
+                rate[i] = block[n + i]
             if not have_jacobian:
                 call(program[ledger.JACOBIAN], t, y, p, jacobian_flat)
                 have_jacobian = True
                 if not all_finite(jacobian_flat):
                     return ledger.SINGULAR_JACOBIAN
             error, failure = _step_by_loops(
-                field, p, t, step, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters
-            )
+                program[ledger.FIELD], p, t, step, y, rate, rtol, atol, jacobian_flat,
+                y_new, rate_new, rows, counters,
+            )  # fmt: skip
 
         if error <= 1.0:
-            times[recorded] = t_new
-            for i in range(n):
-                states[recorded, i] = y_new[i]
-            if recorded < dense.shape[0]:
-                for m in range(DENSE_ROWS):
+            if by_code:
+                for i in range(size):
+                    block[i] = end[i]
+                for m in range(DENSE_ROWS if recorded < dense.shape[0] else 0):
+                    for i in range(n):
+                        dense[recorded, m, i] = end[size + 1 + m * n + i]
+            else:
+                for i in range(n):
+                    y[i] = y_new[i]
+                    rate[i] = rate_new[i]
+                if coded:
+                    call(linearise, t_new, y, p, block)
+                for m in range(DENSE_ROWS if recorded < dense.shape[0] else 0):
                     for i in range(n):
                         dense[recorded, m, i] = rows[m, i]
+            times[recorded] = t_new
+            for i in range(n):
+                states[recorded, i] = block[i] if coded else y[i]
             recorded += 1
             factor = MAXIMUM_FACTOR
             growth = LARGEST_GROWTH
@@ -221,22 +220,19 @@ def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters,
                     factor = min(factor, factor * (step / previous) * trend)
                 factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
             accept(t_new, step, clipped, lands, min(growth, LARGEST_GROWTH), factor, memory, counters)
-            for i in range(n):
-                y[i] = y_new[i]
-                rate[i] = rate_new[i]
             counters[ledger.JACOBIAN_CALLS] += 1
             have_jacobian = False
-            if coded:
-                if by_code:
-                    for i in range(size):
-                        block[i] = end[i]
-                else:
-                    call(linearise, t_new, y, p, block)
             if counters[ledger.NEXT_STOP] == stops.shape[0]:
-                return ledger.FINISHED
+                code = ledger.FINISHED
+                break
         else:
             factor = FAILURE_FACTOR
             if math.isfinite(error):
                 factor = max(MINIMUM_FACTOR, SAFETY * error**-EXPONENT)
             if not reject(step, factor, memory, counters):
-                return failure
+                code = failure
+                break
+    for i in range(n if coded else 0):
+        y[i] = block[i]
+        rate[i] = block[n + i]
+    return code

@@ -167,9 +167,11 @@ def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes
             if not math.isfinite(length):
                 codes[point] = NON_FINITE
                 break
-            # The step is as long as its rounding when it no longer shrinks with a Jacobian of this very point.
+            # The step is as long as its rounding when it no longer shrinks with a Jacobian of this very point. A chord
+            # step is followed by one that is shorter in the same ratio.
             if (
                 length <= ROUNDING
+                or (not fresh and length * length <= ROUNDING * previous)
                 or (fresh and length <= QUADRATIC)
                 or (fresh and 0.5 * previous < length < 1e-6)
             ):

@@ -71,6 +71,7 @@ class Emitter:
     Equal subexpressions are written once: values are kept by expression. `constants`, doubles by expression, are the
     same in every lane; what follows from them alone is added to it, so that emitters that share it in a function
     share that. To divide by such a value is to multiply by its inverse: code with `constants` runs often.
+    Functions of the C library are called for the first `used` lanes, all by default, and are 0 in the others.
     """
 
     def __init__(
@@ -80,9 +81,11 @@ class Emitter:
         *,
         constants: dict[sp.Basic, Any] | None = None,
         width: int = 0,
+        used: int | None = None,
     ) -> None:
         self.builder = builder
         self.width = width
+        self.used = width if used is None else used
         self._values: dict[sp.Basic, Any] = dict(values)
         self._constants = constants
         known = (*values, *(e for e in constants or () if isinstance(e, sp.Symbol)))
@@ -279,15 +282,19 @@ class Emitter:
         function = self._function_named(name, DOUBLE, len(values))
         if kind == DOUBLE:
             return self.builder.call(function, values)
-        result: Any = ir.Constant(kind, ir.Undefined)
-        for lane in (ir.Constant(_LANE, i) for i in range(self.width)):
+        result: Any = spread(self.builder, _ZERO, self.width)
+        for lane in (ir.Constant(_LANE, i) for i in range(self.used)):
             each = self.builder.call(function, [self.builder.extract_element(v, lane) for v in values])
             result = self.builder.insert_element(result, each, lane)
         return result
 
     def _function_named(self, name: str, kind: ir.Type, count: int) -> ir.Function:
-        known = self.builder.module.globals.get(name)
-        return known or ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
+        function = self.builder.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
+            # No one reads errno: a value that is needed twice is computed once.
+            function.attributes.add("readnone")
+        return function
 
 
 def _is_negated(term: Any) -> bool:

@@ -48,6 +48,11 @@ class FlowCode:
         return [[(i, j) in self.jacobian for j in n] for i in n]
 
     @cached_property
+    def operations(self) -> int:
+        """Operations in the rates, near enough; a function counts as one."""
+        return sum(int(sp.count_ops(rate)) for rate in self.rates)
+
+    @cached_property
     def elimination(self) -> Elimination:
         """How shift - J is decomposed."""
         return eliminate(self.pattern)
@@ -58,10 +63,16 @@ class FlowCode:
         return found | {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(self.parameters)}
 
     def field(
-        self, builder: Any, z: Sequence[Any], constants: dict[sp.Basic, Any], *, width: int = 0
+        self,
+        builder: Any,
+        z: Sequence[Any],
+        constants: dict[sp.Basic, Any],
+        *,
+        width: int = 0,
+        used: int | None = None,
     ) -> list[Any]:
-        """The rates at `z` (n,); with a `width` at as many points at once, z being vectors."""
-        emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants, width=width)
+        """The rates at `z` (n,); with a `width` at as many points at once, z being vectors, of which `used` count."""
+        emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants, width=width, used=used)
         return emitter.write(self.rates)
 
     def linearisation(

@@ -3,10 +3,11 @@
 Two functions with the signature of `emission`, on a point's block [y (n), z' (n), entries of the Jacobian]:
 
     linearise    z = y (n,), out = the block
-    step         t = h, z = the block, then rtol and atol; out = the block at the step's end, then [1 if the pivots can
-                 be used, squared error, error of the dense output, rows of the dense output (3, n)]
+    step         t = h, z = the block, then rtol, atol and the share of the dense output's error that counts; out = the
+                 block at the step's end, then [error over the tolerance, rows of the dense output (3, n)]
 
-Both errors are over the tolerance; see `kernels.rodas5p`, whose loops do the same for any flow.
+The error is infinite where the pivots cannot be used or something is not finite: then the loops of `kernels.rodas5p`,
+which do the same for any flow, decide.
 """
 
 from __future__ import annotations
@@ -16,17 +17,27 @@ from typing import Any
 from llvmlite import ir
 
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, STAGES, A, C
-from gsp.machine_code.arithmetic import RealArithmetic
+from gsp.machine_code.arithmetic import RealArithmetic, intrinsic
 from gsp.machine_code.emission import DOUBLE, SIGNATURE, load, store
 from gsp.machine_code.flow_code import FlowCode
+from gsp.machine_code.state_vectors import StateVectors
 from gsp.machine_code.straight_line import factorise, solve
+
+# With more operations than these in a field and a solution both are called once a stage; else they are written into it,
+# and all is in registers: 75 ns a step of van der Pol's oscillator in place of 135. A ring of 100 neurons gains 5 %.
+_MOST_INLINED = 120
 
 
 def write_rosenbrock(flow: FlowCode) -> str:
     """The module's text."""
     module = ir.Module()
-    _write_linearise(module, flow)
-    _write_step(module, flow)
+    inlined = flow.operations + 2 * len(flow.elimination.places) <= _MOST_INLINED
+    linearise = _write_linearise(module, flow)
+    parts = (_write_field(module, flow), _write_decompose(module, flow), _write_solve(module, flow))
+    for function in parts:
+        function.linkage = "internal"
+        function.attributes.add("alwaysinline" if inlined else "noinline")
+    _write_step(module, flow, linearise, *parts)
     return str(module)
 
 
@@ -35,91 +46,124 @@ def block_size(flow: FlowCode) -> int:
     return 2 * len(flow.states) + len(flow.jacobian)
 
 
-def _write_linearise(module: ir.Module, flow: FlowCode) -> None:
-    function = ir.Function(module, SIGNATURE, "linearise")
-    builder: Any = ir.IRBuilder(function.append_basic_block())
-    _, z, p, out = function.args
+def _begin(module: ir.Module, name: str) -> tuple[Any, list[Any]]:
+    """A builder at the start of a new function, and the function's arguments; its arrays do not overlap."""
+    function = ir.Function(module, SIGNATURE, name)
+    for array in function.args[1:]:
+        array.add_attribute("noalias")
+    return ir.IRBuilder(function.append_basic_block()), list(function.args)
+
+
+def _write_linearise(module: ir.Module, flow: FlowCode) -> ir.Function:
+    builder, (_, z, p, out) = _begin(module, "linearise")
     y = [load(builder, z, i) for i in range(len(flow.states))]
-    _store_block(builder, flow, y, flow.constants(builder, p), out)
-    builder.ret_void()
-
-
-def _store_block(builder: Any, flow: FlowCode, y: list[Any], constants: dict, out: ir.Value) -> None:
-    rates, entries = flow.linearisation(builder, y, constants)
+    rates, entries = flow.linearisation(builder, y, flow.constants(builder, p))
     for i, value in enumerate((*y, *rates, *entries.values())):
         store(builder, value, out, i)
+    builder.ret_void()
+    return builder.function
 
 
-def _write_step(module: ir.Module, flow: FlowCode) -> None:
-    function = ir.Function(module, SIGNATURE, "step")
-    builder: Any = ir.IRBuilder(function.append_basic_block())
-    h, block, p, out = function.args
-    n, size = len(flow.states), block_size(flow)
-    y = [load(builder, block, i) for i in range(n)]
-    rates = [load(builder, block, n + i) for i in range(n)]
-    entries = {place: load(builder, block, 2 * n + i) for i, place in enumerate(flow.jacobian)}
-    rtol, atol = load(builder, block, size), load(builder, block, size + 1)
-    constants = flow.constants(builder, p)
+def _write_field(module: ir.Module, flow: FlowCode) -> ir.Function:
+    """out = the rates at z."""
+    builder, (_, z, p, out) = _begin(module, "field")
+    y = [load(builder, z, i) for i in range(len(flow.states))]
+    for i, rate in enumerate(flow.field(builder, y, flow.constants(builder, p))):
+        store(builder, rate, out, i)
+    builder.ret_void()
+    return builder.function
+
+
+def _write_decompose(module: ir.Module, flow: FlowCode) -> ir.Function:
+    """out = factors of t - J for the entries z of J, then 1 if they can be used."""
+    builder, (shift, z, _, out) = _begin(module, "decompose")
     real = RealArithmetic(builder)
+    entries = {place: real.negative(load(builder, z, i)) for i, place in enumerate(flow.jacobian)}
+    for i in range(len(flow.states)):
+        entries[i, i] = real.add(entries[i, i], shift) if (i, i) in entries else shift
+    factors, usable = factorise(real, entries, flow.elimination)
+    for i, place in enumerate(flow.elimination.places):
+        store(builder, factors[place], out, i)
+    store(builder, builder.uitofp(usable, DOUBLE), out, len(flow.elimination.places))
+    builder.ret_void()
+    return builder.function
 
+
+def _write_solve(module: ir.Module, flow: FlowCode) -> ir.Function:
+    """out = the solution for the right-hand side out, with the factors z."""
+    builder, (_, z, _, out) = _begin(module, "solve")
+    factors = {place: load(builder, z, i) for i, place in enumerate(flow.elimination.places)}
+    b = [load(builder, out, i) for i in range(len(flow.states))]
+    for i, value in enumerate(solve(RealArithmetic(builder), factors, flow.elimination, b)):
+        store(builder, value, out, i)
+    builder.ret_void()
+    return builder.function
+
+
+def _write_step(
+    module: ir.Module,
+    flow: FlowCode,
+    linearise: ir.Function,
+    field: ir.Function,
+    decompose: ir.Function,
+    solve: ir.Function,
+) -> None:
+    builder, (h, block, p, out) = _begin(module, "step")
+    n, size = len(flow.states), block_size(flow)
+    real = RealArithmetic(builder)
+    vectors = StateVectors(builder, n)
+    zero = real.constant(0.0)
+
+    argument, value, end = (vectors.array(n) for _ in range(3))
+    factors = vectors.array(len(flow.elimination.places) + 1)
     inverse = real.reciprocal(h)
-    diagonal = builder.fmul(inverse, real.constant(1.0 / GAMMA))
-    matrix = {place: builder.fneg(entry) for place, entry in entries.items()}
-    for i in range(n):
-        matrix[i, i] = builder.fadd(matrix[i, i], diagonal) if (i, i) in matrix else diagonal
-    elimination = flow.elimination
-    factors, usable = factorise(real, matrix, elimination)
+    entries = builder.gep(block, [ir.Constant(ir.IntType(64), 2 * n)])
+    builder.call(decompose, [real.multiply(inverse, real.constant(1.0 / GAMMA)), entries, p, factors])
 
-    k = [solve(real, factors, elimination, rates)]
-    argument = y
+    def increment(right: list[Any]) -> list[Any]:
+        vectors.store(right, value)
+        builder.call(solve, [zero, factors, p, value])
+        return vectors.load(value)
+
+    y = here = vectors.load(block)
+    k = [increment(vectors.load(block, n))]
     for s in range(1, STAGES):
-        if s < len(A):
-            argument = [_combination(real, A[s, :s], [row[i] for row in k], y[i]) for i in range(n)]
-        else:
-            argument = [builder.fadd(argument[i], k[-1][i]) for i in range(n)]
         # Oldest increments first: only the last is waited for.
-        pushes = [_combination(real, C[s, :s], [row[i] for row in k]) for i in range(n)]
-        values = flow.field(builder, argument, constants)
-        right = [real.add_product(values[i], pushes[i], inverse) for i in range(n)]
-        k.append(solve(real, factors, elimination, right))
-    y_new = [builder.fadd(argument[i], k[-1][i]) for i in range(n)]
+        here = vectors.combination(A[s, :s], k, y) if s < len(A) else vectors.add(here, k[-1])
+        vectors.store(here, argument)
+        pushes = vectors.combination(C[s, :s], k)
+        builder.call(field, [zero, argument, p, value])
+        k.append(increment(vectors.add_multiple(vectors.load(value), inverse, pushes)))
+    y_new = vectors.add(here, k[-1])
+    vectors.store(y_new, end)
+    builder.call(linearise, [zero, end, p, out])
 
-    weights = []
-    for a, b in zip(y, y_new):
-        larger = real.largest([real.size(a), real.size(b)])
-        weights.append(real.reciprocal(real.add_product(atol, rtol, larger)))
-    total: Any = None
-    for weight, last in zip(weights, k[-1]):
-        ratio = builder.fmul(last, weight)
-        total = real.add_product(total, ratio, ratio)
-    rows = [[_combination(real, DENSE[m], [row[i] for row in k]) for i in range(n)] for m in range(DENSE_ROWS)]
-    gap = _gap(real, rows[1], rows[2], weights)
-    _store_block(builder, flow, y_new, constants, out)
-    store(builder, builder.uitofp(usable, DOUBLE), out, size)
-    store(builder, builder.fmul(total, real.constant(1.0 / n)), out, size + 1)
-    store(builder, gap, out, size + 2)
-    for m in range(DENSE_ROWS):
-        for i in range(n):
-            store(builder, rows[m][i], out, size + 3 + m * n + i)
+    rtol, atol, share = (load(builder, block, size + i) for i in range(3))
+    weights = vectors.weights(y, y_new, rtol, atol)
+    rows = [vectors.combination(DENSE[m], k) for m in range(DENSE_ROWS)]
+    ratios = vectors.multiply(k[-1], weights)
+    mean = real.multiply(vectors.sum(vectors.multiply(ratios, ratios)), real.constant(1.0 / n))
+    gap = vectors.largest(vectors.multiply(_gap(vectors, rows[1], rows[2]), weights))
+    error = real.largest([intrinsic(builder, "sqrt", mean), real.multiply(share, gap)])
+    # What is not finite leaves a difference with itself that is no number.
+    finite = vectors.sum([builder.fsub(part, part) for part in (*y_new, *vectors.load(out, n))])
+    finite = builder.fcmp_ordered("==", real.add(finite, builder.fsub(error, error)), zero)
+    usable = builder.fcmp_ordered(
+        "==", load(builder, factors, len(flow.elimination.places)), real.constant(1.0)
+    )
+    store(builder, builder.select(builder.and_(finite, usable), error, real.constant(float("inf"))), out, size)
+    for m, row in enumerate(rows):
+        vectors.store(row, out, size + 1 + m * n)
     builder.ret_void()
 
 
-def _combination(real: RealArithmetic, weights: Any, values: list[Any], start: Any = None) -> Any:
-    total = start
-    for weight, value in zip(weights, values):
-        if weight != 0.0:
-            total = real.add_product(total, real.constant(float(weight)), value)
-    return total
-
-
-def _gap(real: RealArithmetic, before: list[Any], last: list[Any], weights: list[Any]) -> Any:
-    """Largest first term left out of the dense output, over the tolerance; see `kernels.rodas5p`."""
-    builder = real.builder
-    gaps = []
-    for b, a, weight in zip(before, last, weights):
-        smaller = builder.fmul(real.size(a), real.constant(LAST_TERM))
-        larger = builder.fmul(real.size(b), real.constant(LAST_BUT_ONE))
+def _gap(vectors: StateVectors, before: list[Any], last: list[Any]) -> list[Any]:
+    """The first term left out of the dense output; see `kernels.rodas5p`."""
+    builder = vectors.builder
+    terms = []
+    for b, a in zip(vectors.size(before), vectors.size(last)):
+        smaller = builder.fmul(a, vectors.alike(LAST_TERM, a))
+        larger = builder.fmul(b, vectors.alike(LAST_BUT_ONE, b))
         less = builder.fcmp_ordered("<", smaller, larger)
-        term = builder.select(less, builder.fdiv(builder.fmul(smaller, smaller), larger), smaller)
-        gaps.append(builder.fmul(term, weight))
-    return real.largest(gaps)
+        terms.append(builder.select(less, builder.fdiv(builder.fmul(smaller, smaller), larger), smaller))
+    return terms

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from gsp.machine_code.arithmetic import RealArithmetic
@@ -29,6 +30,15 @@ class Elimination:
     rows: tuple[tuple[int, ...], ...]
     columns: tuple[tuple[int, ...], ...]
 
+    @cached_property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Where the factors have entries, pivot by pivot."""
+        return tuple(
+            place
+            for k, rows, columns in zip(self.order, self.rows, self.columns)
+            for place in ((k, k), *((i, k) for i in rows), *((k, j) for j in columns))
+        )
+
     @property
     def operations(self) -> int:
         """Multiplications and additions of one decomposition."""
@@ -41,16 +51,20 @@ def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
     The diagonal counts as not zero.
 
     >>> eliminate([[1, 1, 1], [1, 1, 0], [1, 0, 1]]).order
-    (1, 0, 2)
+    (1, 2, 0)
     """
     n = len(pattern)
     below = [{i for i in range(n) if i != j and pattern[i][j]} for j in range(n)]
     right = [{j for j in range(n) if j != i and pattern[i][j]} for i in range(n)]
     order, rows, columns = [], [], []
     left = set(range(n))
+    # Of equals the one that waits for the fewest others, so that a long chain is not walked from end to end.
+    depth = [0] * n
     while left:
-        k = min(left, key=lambda i: (len(below[i]) * len(right[i]), i))
+        k = min(left, key=lambda i: (len(below[i]) * len(right[i]), depth[i], i))
         left.remove(k)
+        for i in below[k] | right[k]:
+            depth[i] = max(depth[i], depth[k] + 1)
         order.append(k)
         rows.append(tuple(sorted(below[k])))
         columns.append(tuple(sorted(right[k])))
@@ -66,8 +80,8 @@ def factorise(
 ) -> tuple[dict[tuple[int, int], Any], Any]:
     """Factors of the matrix of `entries`, by place, the pivots inverted; and a bit, whether they can be used.
 
-    They can when every pivot and its inverse are finite and no update exceeds `LARGEST_GROWTH` times what its row held:
-    the backward error of a solution is then so small, row by row.
+    They can when every pivot and its inverse are finite and not 0, and no update exceeds `LARGEST_GROWTH` times what
+    its row held: the backward error of a solution is then so small, row by row.
     """
     builder = arithmetic.builder
     entries = dict(entries)
@@ -77,12 +91,13 @@ def factorise(
     limit = RealArithmetic(builder, arithmetic.width).constant(LARGEST_GROWTH)
     bounds = {i: builder.fmul(limit, arithmetic.largest(row)) for i, row in sizes.items()}
     infinity = RealArithmetic(builder, arithmetic.width).constant(float("inf"))
+    zero = RealArithmetic(builder, arithmetic.width).constant(0.0)
     usable: Any = None
     for k, rows, columns in zip(elimination.order, elimination.rows, elimination.columns):
         inverse = arithmetic.reciprocal(entries[k, k])
-        checks = [
-            builder.fcmp_ordered("<", arithmetic.size(value), infinity) for value in (entries[k, k], inverse)
-        ]
+        # The inverse of what is infinite, or too large to be squared, is 0.
+        size = arithmetic.size(inverse)
+        checks = [builder.fcmp_ordered("<", size, infinity), builder.fcmp_ordered(">", size, zero)]
         entries[k, k] = inverse
         pivot_row = arithmetic.largest([arithmetic.size(entries[k, j]) for j in columns]) if columns else None
         for i in rows:

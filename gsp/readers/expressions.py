@@ -42,6 +42,8 @@ EXTREMA = 12
 CONSTANTS = 16
 """Bound on functions and roots of numbers, each of which SymPy factors and evaluates: 1 s for 32 long roots."""
 LARGEST = sp.Integer(10) ** 300
+# Digits in which a sum of constants must not cancel: fewer, and 1 - tanh(14) would be refused.
+CANCELLING = 25
 
 FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
     "sin": (1, sp.sin),
@@ -304,8 +306,8 @@ class _Parser:
         value = sp.Add(*terms)
         constants = [term for term in sp.Add.make_args(value) if not term.free_symbols]
         if any(not term.is_Rational for term in constants):
-            sizes = [self.evaluated(term, position) for term in constants]
-            if abs(sum(sizes)) <= sp.Float("1e-12") * sum(abs(size) for size in sizes):
+            sizes = [self.evaluated(term, position, digits=CANCELLING + 5) for term in constants]
+            if abs(sum(sizes)) <= sp.Float(10) ** -CANCELLING * sum(abs(size) for size in sizes):
                 self.fail("a sum of constants cancels up to rounding", position, "Write 0 in its place.")
         self.check_size(sp.Add.make_args(value)[0], position)
         return value
@@ -377,8 +379,8 @@ class _Parser:
             self.evaluated(value, token.position)
         return value
 
-    def evaluated(self, constant: sp.Expr, position: int) -> sp.Expr:
-        value = constant.evalf(15)
+    def evaluated(self, constant: sp.Expr, position: int, *, digits: int = 15) -> sp.Expr:
+        value = constant.evalf(digits)
         if not (value.is_Float or value.is_Rational):
             self.fail("a constant is not a real number", position, "Keep roots and logarithms in their domain.")
         if value != 0 and not 1 / LARGEST < abs(value) < LARGEST:

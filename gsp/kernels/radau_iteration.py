@@ -1,0 +1,51 @@
+"""Control of the simplified Newton iteration of the Radau methods: when it has converged, and when it will not."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+# As in RADAU: slower than 0.99 is divergence, then half a step.
+SLOWEST_RATE = 0.99
+DIVERGENCE_FACTOR = 0.5
+# After a value that is not finite or a pivot of 0 there is no estimate; as in Rodas5P.
+FAILURE_FACTOR = 0.1
+
+GOING_ON = 0
+CONVERGED = 1
+DIVERGED = 2
+UNDEFINED = 3
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def most_rounds(stages):
+    """7, 12, 17, as in RADAU."""
+    return 7 + 5 * (stages - 3) // 2
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def judge(k, most, norm, before, tolerance):
+    """What follows from the correction's `norm` in round `k` of `most`: (verdict, factor for the next attempt, now).
+
+    `before` and `now` are (norm, rate, theta/(1 - theta)); the last is what the error is over the correction.
+    """
+    last_norm, last_rate, contraction = before
+    if not math.isfinite(norm):
+        return UNDEFINED, FAILURE_FACTOR, before
+    rate = last_rate
+    if k > 1 and norm > 0.0:
+        rate = norm / last_norm
+        theta = rate if k == 2 else math.sqrt(rate * last_rate)
+        if theta >= SLOWEST_RATE:
+            return DIVERGED, DIVERGENCE_FACTOR, before
+        contraction = theta / (1.0 - theta)
+        if k < most:
+            left = most - 1 - k
+            expected = contraction * norm * theta**left / tolerance
+            if expected >= 1.0:
+                # Too slow to be done in time: a step for which it would be.
+                return DIVERGED, 0.8 * min(20.0, expected) ** (-1.0 / (4 + left)), before
+    if contraction * norm <= tolerance:
+        return CONVERGED, 1.0, (norm, rate, contraction)
+    return (GOING_ON if k < most else DIVERGED), DIVERGENCE_FACTOR, (norm, rate, contraction)

@@ -1,0 +1,213 @@
+"""An attempt at a step of Radau IIA for any flow and any number of stages, with partial pivoting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from gsp.kernels import ledger
+from gsp.kernels.call import call
+from gsp.kernels.linear_algebra import solve
+from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
+from gsp.kernels.radau_iteration import (
+    CONVERGED,
+    FAILURE_FACTOR,
+    GOING_ON,
+    UNDEFINED,
+    judge,
+    most_rounds,
+)
+from gsp.kernels.radau_systems import decompose, solve_complex
+from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
+from gsp.kernels.step_control import all_finite
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _guess(memory, step, z):
+    """First guess of the rises `z` (stages, n): the last step's dense output, continued; 0 where there is none."""
+    stages, n = z.shape
+    width = width_of(stages)
+    length = memory[LENGTH]
+    for a in range(stages):
+        r = 0.0 if length == 0.0 else -NODES[(stages - 3) // 2, a] * step / length
+        s = 1.0 - r
+        for i in range(n):
+            total = 0.0
+            for k in range(stages - 1, -1, -1):
+                total = memory[LINES + i * width + k] + (s if k % 2 == 0 else r) * total
+            z[a, i] = -r * memory[LINES + i * width + stages] + s * r * total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _multiply(matrices, x, out):
+    """`out` (stages, n) = M `x` for the family's M."""
+    stages, n = x.shape
+    for a in range(stages):
+        for i in range(n):
+            out[a, i] = 0.0
+        for q in range(stages):
+            factor = matrices[(stages - 3) // 2, a, q]
+            for i in range(n):
+                out[a, i] += factor * x[q, i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _round(field, p, t, step, y, weight, system, z, f, w, value, b):
+    """One round for the rises `z` (stages, n), of the norm that is returned.
+
+    The residual is h A F - Z, not multiplied by A^-1: the rises are then exact to rounding.
+    """
+    stages, n = z.shape
+    family = (stages - 3) // 2
+    real, complexes, pivots, complex_pivots = system
+    for a in range(stages):
+        for i in range(n):
+            w[a, i] = y[i] + z[a, i]
+        call(field, t + NODES[family, a] * step, w[a], p, f[a])
+    _multiply(A, f, w)
+    for a in range(stages):
+        for i in range(n):
+            w[a, i] = step * w[a, i] - z[a, i]
+    _multiply(T_INVERSE, w, f)
+    for i in range(n):
+        value[i] = f[0, i] * EIGENVALUES[family, 0].real / step
+    solve(real, pivots, value)
+    for i in range(n):
+        f[0, i] = value[i]
+    for m in range(stages // 2):
+        twist = EIGENVALUES[family, m + 1] * (1.0 / step)
+        for i in range(n):
+            b[i] = twist * complex(f[2 * m + 1, i], f[2 * m + 2, i])
+        solve_complex(complexes, m, complex_pivots, b)
+        for i in range(n):
+            f[2 * m + 1, i] = b[i].real
+            f[2 * m + 2, i] = b[i].imag
+    total = 0.0
+    for a in range(stages):
+        for i in range(n):
+            total += (f[a, i] * weight[i]) ** 2
+    _multiply(T, f, w)
+    for a in range(stages):
+        for i in range(n):
+            z[a, i] += w[a, i]
+    return math.sqrt(total / (n * stages))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _norm(values, y, y_new, rtol, atol):
+    n = y.shape[0]
+    total = 0.0
+    for i in range(n):
+        total += (values[i] / (atol + rtol * max(abs(y[i]), abs(y_new[i])))) ** 2
+    return math.sqrt(total / n)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _gap(coefficients, y, y_new, rtol, atol):
+    """Error of the collocation polynomial within the step, the first term left out, over the tolerance.
+
+    The estimate (8.19) is damped in the fast variables, by the factor 1/(h lambda), and the polynomial's error in one
+    that is slaved is not. The terms of the polynomial fall off like a geometric series.
+    """
+    stages, n = coefficients.shape
+    family = (stages - 3) // 2
+    largest = 0.0
+    for i in range(n):
+        last = LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 2, i])
+        before = LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 3, i])
+        if last < before:
+            last *= last / before
+        largest = max(largest, last / (atol + rtol * max(abs(y[i]), abs(y_new[i]))))
+    return largest
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def attempt_by_loops(
+    field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
+):  # fmt: skip
+    """Fill the end and the lines of `block`: (error over tolerance, rounds, factor if it is infinite, failure then).
+
+    `control` is (rtol, atol, the iteration's tolerance, share of the gap); with `twice` a large estimate is made again.
+    """
+    rtol, atol, tolerance, gap_share = control
+    n = y.shape[0]
+    family = (stages - 3) // 2
+    z = np.empty((stages, n))
+    f = np.empty((stages, n))
+    w = np.empty((stages, n))
+    weight = np.empty(n)
+    value = np.empty(n)
+    defect = np.empty(n)
+    slope = np.empty(n)
+    y_new = np.empty(n)
+    b = np.empty(n, np.complex128)
+    real = np.empty((n, n))
+    pivots = np.empty(n, np.int64)
+    complexes = np.empty((stages // 2, n, n), np.complex128)
+    complex_pivots = np.empty((stages // 2, n), np.int64)
+    system = (real, complexes, pivots, complex_pivots)
+    t = memory[ledger.TIME]
+    end = POINT + END * n
+    lines = lines_of(n)
+    width = width_of(stages)
+
+    if not decompose(jacobian_flat, step, family, system):
+        return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
+    for i in range(n):
+        weight[i] = 1.0 / (atol + rtol * abs(y[i]))
+    _guess(memory, step, z)
+    most = most_rounds(stages)
+    now = (0.0, 0.0, max(memory[CONTRACTION], 2.0**-52) ** 0.8)
+    verdict = GOING_ON
+    factor = FAILURE_FACTOR
+    rounds = 0
+    while verdict == GOING_ON:
+        rounds += 1
+        norm = _round(field, p, t, step, y, weight, system, z, f, w, value, b)
+        verdict, factor, now = judge(rounds, most, norm, now, tolerance)
+    counters[ledger.FIELD_CALLS] += rounds * stages
+    if verdict == UNDEFINED:
+        return math.inf, rounds, factor, ledger.NON_FINITE
+    if verdict != CONVERGED:
+        return math.inf, rounds, factor, ledger.STEP_TOO_SMALL
+    memory[CONTRACTION] = now[2]
+
+    # (8.19): e = (gamma/h - J)^-1 (f0 - u'(0)) with the collocation polynomial u.
+    _multiply(DENSE, z, w)
+    for i in range(n):
+        y_new[i] = y[i] + z[stages - 1, i]
+        slope[i] = (z[stages - 1, i] + w[0, i]) / step
+        defect[i] = rate[i] - slope[i]
+    solve(real, pivots, defect)
+    error = _norm(defect, y, y_new, rtol, atol)
+    if error >= 1.0 and twice:
+        # (8.20), for a start off the slow manifold.
+        for i in range(n):
+            value[i] = y[i] + defect[i]
+        call(field, t, value, p, defect)
+        counters[ledger.FIELD_CALLS] += 1
+        for i in range(n):
+            defect[i] -= slope[i]
+        solve(real, pivots, defect)
+        error = _norm(defect, y, y_new, rtol, atol)
+    # The gap counts in units of the tolerance asked for.
+    error = max(error, gap_share * _gap(w, y, y_new, rtol, atol))
+    if not math.isfinite(error):
+        return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
+    # The collocation polynomial and its leading error, filtered as the estimate is: y - u = gamma e K(theta) in the
+    # notation of the tableau, for the estimate e = h (f0 - u'(0))/gamma.
+    for k in range(stages):
+        leading = EIGENVALUES[family, 0].real * DEFECT[family, k]
+        for i in range(n):
+            block[lines + i * width + k] = w[k, i] + leading * defect[i]
+    call(field, t + step, y_new, p, value)
+    counters[ledger.FIELD_CALLS] += 1
+    if not all_finite(value):
+        return math.inf, rounds, FAILURE_FACTOR, ledger.NON_FINITE
+    for i in range(n):
+        block[end + i] = y_new[i]
+        block[end + n + i] = value[i]
+        block[lines + i * width + stages] = z[stages - 1, i]
+    return error, rounds, 1.0, ledger.STEP_TOO_SMALL
