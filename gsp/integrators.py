@@ -235,15 +235,15 @@ class Trial:
         return bool(largest_rate(compiled.jacobian, first, y, p) * abs(last - first) <= self.border)
 
 
-# Measured on the sleigh from epsilon = 0.01 to 3.2, linear fields, van der Pol's oscillator and others. Taylor series
-# draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times, with the Radau methods at 700 to
-# 2000; below they take down to a third of the time. At the border stability makes as many as 190 steps, of a quarter of
-# a microsecond each for six states. DOP853, for fields without series, draws level with Rodas5P at 92 and takes half
-# the Radau methods' time at 66; up to 300 it is faster than these, but there stability sets its step and its dense
-# output errs by 100 tolerances.
+# Measured on the sleigh from epsilon = 0.01 to 3.2, linear fields, van der Pol's oscillator and others, with code for
+# each method's step. Taylor series draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times,
+# with the Radau methods at 200 (linear fields) to 700 (van der Pol); below they take down to half of the time, on
+# oscillators a third. A step takes a quarter of a microsecond for six states. DOP853, for fields without series, takes
+# 1.0 to 1.5 times as long as the Radau methods and half to twice as long as Rodas5P; above 60 stability sets its step,
+# and its dense output errs by 100 tolerances.
 _WITHOUT_SERIES = Trial(Method.DOP853, 60.0, 120)
 _WITH_SERIES = Trial(Method.TAYLOR, 200.0, 250)
-_WITH_SERIES_TIGHT = Trial(Method.TAYLOR, 1000.0, 250)
+_WITH_SERIES_TIGHT = Trial(Method.TAYLOR, 300.0, 250)
 
 
 def _joined(one: Record, two: Record) -> Record:

@@ -202,7 +202,7 @@ def integrate(
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 5e-6,
     RADAU9 down to 5e-9, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
-    makes the span no more than 200 fast times, 1000 for rtol < 5e-6, and the field is smooth; else DOP853 up to 60.
+    makes the span no more than 200 fast times, 300 for rtol < 5e-6, and the field is smooth; else DOP853 up to 60.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
