@@ -192,15 +192,10 @@ def run(
         watch,
         rows_kept,
         0.0,
-        0.0 if trial is None else trial.border,
+        trial,
     )
-    if record is not None:
+    if trial is None or record.method is not trial.method:
         return record
-    assert trial is not None
-    record = advance(
-        compiled, p, y, first, stops, method=trial.method, rtol=rtol, atol=atol,
-        max_steps=min(trial.attempts, max_steps), dense=dense, progress=progress,
-    )  # fmt: skip
     used = record.attempts
     if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
         return record
@@ -285,7 +280,7 @@ def advance(
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C ends it with the steps that were made.
     """
-    record = _advance(
+    return _advance(
         compiled,
         p,
         y,
@@ -301,8 +296,6 @@ def advance(
         rows_kept,
         first_step,
     )
-    assert record is not None
-    return record
 
 
 def _advance(
@@ -320,13 +313,15 @@ def _advance(
     watch: Watch | None,
     rows_kept: int,
     first_step: float = 0.0,
-    mildest: float = 0.0,
-) -> Record | None:
-    """What `advance` says; None, and nothing done, where |J| times the span is at most `mildest` at the start."""
+    trial: Trial | None = None,
+) -> Record:
+    """What `advance` says; where the start is such, by the method of `trial` and with its attempts."""
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
-    if mildest > 0.0 and rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first) <= mildest:
-        return None
+    if trial is not None:
+        fast_times = rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first)
+        if fast_times <= trial.border:
+            method, max_steps = trial.method, min(trial.attempts, max_steps)
     solver = solver_of(method, rtol)
     program = solver.program(compiled)
     launch = solver.launch
@@ -381,7 +376,9 @@ def solver_of(method: Method, rtol: float) -> Solver:
 
 def taylor_order(rtol: float) -> int:
     """The order of a Taylor series at a tolerance."""
-    return next(order for least, order in _TAYLOR_ORDERS if rtol >= least)
+    if rtol >= _TAYLOR_ORDERS[0][0]:
+        return _TAYLOR_ORDERS[0][1]
+    return _TAYLOR_ORDERS[1][1] if rtol >= _TAYLOR_ORDERS[1][0] else _TAYLOR_ORDERS[2][1]
 
 
 def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarray:
