@@ -11,7 +11,7 @@ import numpy as np
 
 from gsp.errors import GspError
 from gsp.flow import Flow
-from gsp.integrators import Method, choose_method, is_mild
+from gsp.integrators import Method, Trial, choose_method, program_of
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.outlook import Outlook, SurfaceOutlook, foresee_surface
 from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
@@ -188,11 +188,15 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     begun = time.perf_counter()
     compiled = compile_flow(flow)
     _ = compiled.field, compiled.jacobian
-    preparation = time.perf_counter() - begun
     # Over a short piece the default could be another method than over the span, with steps of another kind.
     method = choose_method(flow, max(rtol, SMALLEST_RTOL))
-    if is_mild(compiled, parameter_vector(flow, scene.epsilon), np.array(flow.initial(start)), first, last):
-        method = Method.DOP853
+    trial = Trial.of(compiled, max(rtol, SMALLEST_RTOL))
+    p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
+    if trial is not None and trial.begins(compiled, p, y, first, last):
+        method = trial.method
+    # The code of a step is built here, once.
+    program_of(compiled, method, max(rtol, SMALLEST_RTOL))
+    preparation = time.perf_counter() - begun
     over = first + min(layer, LARGEST_LAYER * (last - first))
     middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))
     seconds, run = _timed(lambda: run_model(flow, start, scene, (first, end), rtol, method=method))

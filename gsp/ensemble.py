@@ -14,27 +14,26 @@ from numpy.typing import ArrayLike
 from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
-    EXPLICIT_ATTEMPTS,
-    MILD,
-    SOLVERS,
     STATUS,
     Method,
     Stats,
+    Trial,
     check_grid,
     check_method,
     check_span,
     check_step_limit,
     check_tolerances,
     choose_method,
-    program_of,
     remedy_of,
+    solver_of,
     stops_of,
 )
-from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels import ensemble as kernels
+from gsp.kernels import ledger
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.taylor import taylor
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of
 from gsp.parallel import Work, check_threads, share
@@ -43,7 +42,7 @@ from gsp.parallel import Work, check_threads, share
 _RECORD = 128
 _SHOWN_STATES = 4
 _QUANTILES = (0.05, 0.5, 0.95)
-_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853}
+_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853, taylor: kernels.TAYLOR}
 _WORST_FIRST = (
     Status.NON_FINITE,
     Status.SINGULAR_JACOBIAN,
@@ -125,6 +124,7 @@ class Ensemble:
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
     _explicit: np.ndarray = field(repr=False)
+    _trial: Method = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -172,7 +172,7 @@ class Ensemble:
             t=self.t,
             y=self.y[i],
             stats=Stats(
-                Method.DOP853 if self._explicit[i] else self.method,
+                self._trial if self._explicit[i] else self.method,
                 steps,
                 rejected,
                 field_calls,
@@ -298,16 +298,22 @@ def integrate_many(
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
-    solver = SOLVERS[chosen]
-    rows = solver.rows
-    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
-    border = MILD if asked is None and chosen is not Method.DOP853 else 0.0
+    solver = solver_of(chosen, rtol)
     compiled = compile_flow(flow)
+    program = solver.program(compiled)
+    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
+    trial = Trial.of(compiled, rtol) if asked is None else None
+    begins, first_solver = (_INDEX[solver.kernel], program, 0.0, 0), solver
+    if trial is not None and kernels.any_begins(
+        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), trial.border
+    ):
+        first_solver = solver_of(trial.method, rtol)
+        begins = (_INDEX[first_solver.kernel], first_solver.program(compiled), trial.border, trial.attempts)
     # Addresses are asked for here: two threads would compile twice.
     shared = (
-        _INDEX[solver.kernel], program_of(compiled, chosen),
+        _INDEX[solver.kernel], program,
         members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
-        (border, EXPLICIT_ATTEMPTS),
+        begins,
     )  # fmt: skip
     ends = members.starts.copy()
     reached = np.full(m, first)
@@ -321,9 +327,13 @@ def integrate_many(
     def worker() -> Work:
         memory = np.zeros(solver.memory_size(n))
         times, states = np.empty(_RECORD), np.empty((_RECORD, n))
-        # The explicit kernel computes its dense output, as `integrate` does, since that can fail by itself.
-        explicit_record = (times, states, np.empty((_RECORD, dop853_tableau.DENSE_ROWS, n)))
-        record = explicit_record if chosen is Method.DOP853 else (times, states, np.empty((0, rows, n)))
+
+        def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
+            return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
+
+        record = record_of(chosen, solver.rows)
+        trial_record = record if trial is None else record_of(trial.method, first_solver.rows)
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
@@ -341,7 +351,7 @@ def integrate_many(
                 rate,
                 memory,
                 record,
-                explicit_record,
+                trial_record,
             )
 
         return work
@@ -359,6 +369,7 @@ def integrate_many(
         last=frozen(ends),
         _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
         _explicit=frozen(explicit),
+        _trial=chosen if trial is None else trial.method,
     )
 
 

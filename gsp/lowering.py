@@ -17,7 +17,7 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.differentiation import derivative
-from gsp.errors import DeclarationError, GspError
+from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
@@ -27,6 +27,7 @@ from gsp.machine_code.collocation import Collocation
 from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
+from gsp.machine_code.taylor import TaylorCode, has_parts, stride
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,6 +146,50 @@ class CompiledFlow:
     def _collocations(self) -> dict[int, CompiledStep | None]:
         return {}
 
+    def has_series(self, order: int, *, products: int, parts: int) -> bool:
+        """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
+        known = self._known_series
+        if (order, products, parts) not in known:
+            known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
+                self._series is not None and self._series.products(order) <= products
+            )
+        return known[order, products, parts]
+
+    @cached_property
+    def _known_series(self) -> dict[tuple[int, int, int], bool]:
+        return {}
+
+    @cached_property
+    def _series(self) -> TaylorCode | None:
+        try:
+            return TaylorCode(self.expressions)
+        except UnsupportedFunctionError:
+            return None
+
+    def taylor_program(self, order: int) -> np.ndarray:
+        """What the kernel of Taylor series takes for an order; see `kernels.taylor`.
+
+        Raises `UnsupportedFunctionError` where a function has no series, `GspError` where the code would be too long.
+        """
+        known = self._taylor_programs.get(order)
+        if known is None:
+            code = self._series or TaylorCode(self.expressions)
+            engine = build(code.write(order), library=LIBRARY, optimised=False)
+            addresses = map(engine.get_function_address, ("expand", "advance", "interpolate"))
+            step = CompiledStep((*addresses, order, stride(self.size)), engine)
+            known = np.array([self.field, 0, *step.program])
+            self._taylor_steps.append(step)
+            self._taylor_programs[order] = known
+        return known
+
+    @cached_property
+    def _taylor_programs(self) -> dict[int, np.ndarray]:
+        return {}
+
+    @cached_property
+    def _taylor_steps(self) -> list[CompiledStep]:
+        return []
+
     @cached_property
     def expressions(self) -> FlowCode:
         """What is written into the code of a step."""
@@ -157,6 +202,11 @@ class CompiledFlow:
     def explicit_program(self) -> np.ndarray:
         """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
         return np.array([self.field, 0, 0])
+
+    @cached_property
+    def loops_program(self) -> np.ndarray:
+        """What a kernel takes that has no code for the flow: its field and Jacobian."""
+        return self._program(None)
 
     @cached_property
     def rosenbrock_program(self) -> np.ndarray:
@@ -240,7 +290,7 @@ def compile_flow(flow: Flow) -> CompiledFlow:
     known = _KNOWN.get(id(flow))
     if known is not None and known[0]() is flow:
         return known[1]
-    compiled = _compiled_once(flow)
+    compiled = _compiled_once(flow, flow.is_stiff)
     if len(_KNOWN) >= _MOST_KNOWN:
         _KNOWN.clear()
     _KNOWN[id(flow)] = weakref.ref(flow), compiled
@@ -248,7 +298,8 @@ def compile_flow(flow: Flow) -> CompiledFlow:
 
 
 @lru_cache(maxsize=1024)
-def _compiled_once(flow: Flow) -> CompiledFlow:
+def _compiled_once(flow: Flow, is_stiff: bool) -> CompiledFlow:
+    # Flows of two kinds may be equal, and only one of them be declared stiff.
     return CompiledFlow(flow)
 
 

@@ -6,19 +6,15 @@ in epsilon and the parameters, evaluated once a call.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import sympy as sp
 
-from gsp.functions import COMPOSED, CONSTANTS, RULES, composed, parts
-from gsp.kernels import jets
+from gsp.instructions import write_instructions
 from gsp.lowering import CompiledFunction, compile_function
 from gsp.system import SlowFastSystem
-
-_CODES = {name: getattr(jets, name.upper()) for name in RULES if name != "sign"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,188 +40,11 @@ def write_tape(system: SlowFastSystem) -> Tape:
     >>> write_tape(SlowFastSystem(slow={x: -x}, fast={y: sp.sin(x) - y}, epsilon=epsilon)).instructions.shape
     (7, 4)
     """
-    writer = _Writer(system.states)
-    rows = [writer.row(writer.read(rate)) for rate in (*system.f, *system.g)]
+    written = write_instructions(system.states, (*system.f, *system.g))
     constants = compile_function(
-        list(writer.constants) or [sp.S.Zero],
+        list(written.constants) or [sp.S.Zero],
         arguments=(),
         epsilon=system.epsilon,
         parameters=tuple(system.parameters),
     )
-    return Tape(np.array(writer.rows, dtype=np.int64), np.array(rows, dtype=np.int64), constants)
-
-
-class _Value:
-    """An expression on the tape: a row, or a constant; the operations are those that `gsp.functions` asks for."""
-
-    __slots__ = ("constant", "row", "writer")
-
-    def __init__(self, writer: _Writer, row: int = -1, constant: sp.Expr | None = None) -> None:
-        self.writer = writer
-        self.row = row
-        self.constant = constant
-
-    def __add__(self, other: _Value | int) -> _Value:
-        a, b = self, self.writer.lift(other)
-        if a.constant is not None and b.constant is not None:
-            return self.writer.lift(a.constant + b.constant)
-        if a.constant is not None:
-            a, b = b, a
-        if b.constant is None:
-            return self.writer.emit(jets.ADD, min(a.row, b.row), max(a.row, b.row))
-        return a if b.constant == 0 else self.writer.emit(jets.SHIFT, a.row, constant=b.constant)
-
-    def __sub__(self, other: _Value) -> _Value:
-        if self.constant is None and other.constant is None:
-            return self.writer.emit(jets.SUBTRACT, self.row, other.row)
-        return self + (-other)
-
-    def __neg__(self) -> _Value:
-        return self * -1
-
-    def __mul__(self, other: _Value | int | sp.Rational) -> _Value:
-        a, b = self, self.writer.lift(other)
-        if a.constant is not None and b.constant is not None:
-            return self.writer.lift(a.constant * b.constant)
-        if a.constant is not None:
-            a, b = b, a
-        if b.constant is None:
-            return self.writer.emit(jets.MULTIPLY, min(a.row, b.row), max(a.row, b.row))
-        if b.constant in (0, 1):
-            return a if b.constant == 1 else self.writer.lift(0)
-        return self.writer.emit(jets.SCALE, a.row, constant=b.constant)
-
-    def __truediv__(self, other: _Value) -> _Value:
-        if other.constant is not None:
-            return self * self.writer.lift(1 / other.constant)
-        if self.constant is not None:
-            return self.writer.emit(jets.QUOTIENT, other.row, constant=self.constant)
-        return self.writer.emit(jets.DIVIDE, self.row, other.row)
-
-    def inverse(self) -> _Value:
-        return self.writer.lift(1) / self
-
-    def apply(self, name: str) -> _Value:
-        return self.writer.function(name, self)
-
-
-class _Writer:
-    """Writes each different row once; `constants` maps each expression to its place."""
-
-    def __init__(self, states: Sequence[sp.Symbol]) -> None:
-        self.rows: list[tuple[int, int, int, int]] = [(jets.STATE, i, 0, 0) for i in range(len(states))]
-        self.constants: dict[sp.Expr, int] = {}
-        self._states: Mapping[sp.Symbol, int] = {symbol: i for i, symbol in enumerate(states)}
-        self._known: dict[tuple, int] = {}
-        self._read: dict[sp.Expr, _Value] = {}
-
-    def lift(self, value: _Value | sp.Expr | int) -> _Value:
-        return value if isinstance(value, _Value) else _Value(self, constant=sp.sympify(value, strict=True))
-
-    def row(self, value: _Value) -> int:
-        """The row of a value; constants get one of their own."""
-        return (
-            self.emit(jets.CONSTANT, constant=value.constant).row if value.constant is not None else value.row
-        )
-
-    def emit(self, operation: int, a: int = 0, b: int = 0, constant: sp.Expr | None = None) -> _Value:
-        place = 0 if constant is None else self.constants.setdefault(constant, len(self.constants))
-        key = (operation, a, b, place)
-        if key not in self._known:
-            self._known[key] = len(self.rows)
-            self.rows.append(key)
-        return _Value(self, self._known[key])
-
-    def function(self, name: str, u: _Value, exponent: sp.Expr | None = None) -> _Value:
-        if name in CONSTANTS:
-            return self.lift(CONSTANTS[name])
-        if u.constant is not None:
-            return self.lift(u.constant**exponent if exponent is not None else getattr(sp, name)(u.constant))
-        if name == "sign":
-            return self.emit(jets.SIGN, u.row)
-        operation = jets.POWER if exponent is not None else _CODES[name]
-        place = 0 if exponent is None else self.constants.setdefault(exponent, len(self.constants))
-        key = (operation, u.row, place)
-        if key in self._known:
-            return _Value(self, self._known[key])
-        v = _Value(self, len(self.rows))
-        self._known[key] = v.row
-        self.rows.append((operation, u.row, 0, place))
-        # The rate is written after v, which it may contain, and its row is then put in.
-        if exponent is not None:
-            rate = v * self.lift(exponent) / u
-        else:
-            rule = RULES[name].rate
-            assert rule is not None
-            rate = rule(v, u)
-        self.rows[v.row] = (operation, u.row, self.row(rate), place)
-        return v
-
-    def read(self, expression: sp.Expr) -> _Value:
-        """`expression` written to the tape."""
-        if expression not in self._read:
-            self._read[expression] = self._fresh(expression)
-        return self._read[expression]
-
-    def _fresh(self, e: sp.Expr) -> _Value:
-        if not (e.free_symbols & self._states.keys()):
-            return self.lift(e)
-        if isinstance(e, sp.Symbol):
-            return _Value(self, self._states[e])
-        if e.is_Add:
-            return self._sum(e)
-        if e.is_Mul:
-            return self._product(e)
-        if e.is_Pow and e.exp.is_Integer:
-            return self._power(e.base, int(e.exp))
-        name, arguments = parts(e)
-        if name in COMPOSED:
-            return composed(name, [self.read(argument) for argument in arguments])
-        u = self.read(arguments[0])
-        if name != "pow":
-            return u.apply(name)
-        exponent = arguments[1]
-        if exponent.free_symbols & self._states.keys():
-            # u^w = exp(w log u)
-            return (self.read(exponent) * u.apply("log")).apply("exp")
-        return self.function("pow", u, exponent)
-
-    def _sum(self, e: sp.Expr) -> _Value:
-        constant = [t for t in e.args if not (t.free_symbols & self._states.keys())]
-        terms = [t for t in e.args if t.free_symbols & self._states.keys()]
-        terms.sort(key=lambda t: bool(t.as_coeff_Mul()[0].is_negative))
-        total = self.lift(sp.Add(*constant)) if constant else None
-        for term in terms:
-            if total is None:
-                total = self.read(term)
-            elif term.as_coeff_Mul()[0].is_negative:
-                total = total - self.read(-term)
-            else:
-                total = total + self.read(term)
-        assert total is not None
-        return total
-
-    def _product(self, e: sp.Expr) -> _Value:
-        constant = sp.Mul(*[t for t in e.args if not (t.free_symbols & self._states.keys())])
-        above, below = self.lift(1), self.lift(1)
-        for factor in e.args:
-            if not (factor.free_symbols & self._states.keys()):
-                continue
-            if factor.is_Pow and factor.exp.is_Integer and factor.exp.is_negative:
-                below = below * self._power(factor.base, -int(factor.exp))
-            else:
-                above = above * self.read(factor)
-        return above * self.lift(constant) / below
-
-    def _power(self, base: sp.Expr, exponent: int) -> _Value:
-        if exponent < 0:
-            return self._power(base, -exponent).inverse()
-        square = self.read(base)
-        result = self.lift(1)
-        while exponent:
-            if exponent & 1:
-                result = result * square
-            exponent >>= 1
-            if exponent:
-                square = square * square
-        return result
+    return Tape(np.array(written.rows, dtype=np.int64), np.array(written.outputs, dtype=np.int64), constants)

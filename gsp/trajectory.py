@@ -18,18 +18,17 @@ from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
 from gsp.flow import Flow, Point, frozen
 from gsp.integrators import (
-    EXPLICIT_ATTEMPTS,
     RECORD,
     Method,
     Record,
     Stats,
+    Trial,
     check_grid,
     check_method,
     check_span,
     check_step_limit,
     check_tolerances,
     choose_method,
-    is_mild,
     run,
     standing,
     stops_of,
@@ -106,10 +105,10 @@ class Trajectory:
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
 
-        It is of order 4 for RODAS5P, 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, which RADAU takes
-        by turns. The implicit methods choose their steps so that its error stays near the tolerance in slaved fast
-        variables too; where these carry a time scale of their own, RODAS5P falls to order 3 between the steps, and
-        RADAU9 serves better.
+        It is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, which RADAU takes by
+        turns, and 9, 12 and 15 for TAYLOR of order 12, 16 and 20. The implicit methods choose their steps so that its
+        error stays near the tolerance in slaved fast variables too; where these carry a time scale of their own,
+        RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
 
         Raises `GspError` outside the interval covered.
         """
@@ -202,15 +201,16 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
-    RADAU9 down to 1e-6, RADAU13 below; but DOP853 too where the Jacobian at the start makes the span no more than
-    some sixty fast times, unless that proves wrong on the way. `dense=False` keeps nothing between the steps, for
-    speed; `.at` is then refused. `max_steps` bounds the attempted steps. `events` are zeros to be found along the run,
-    which a terminal one ends; see `Event`. `progress` is called now and then with the fraction done.
+    RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
+    makes the span no more than 200 fast times, 300 for rtol < 5e-6, and the field is smooth; else DOP853 up to 60.
+    `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
+    steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
+    now and then with the fraction done.
 
     A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
     series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
-    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `HyperbolicityError` for a
-    reduced flow started on a loss.
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `UnsupportedFunctionError` for
+    TAYLOR on a field without series, `HyperbolicityError` for a reduced flow started on a loss.
 
     >>> from gsp import VectorField
     >>> x = sp.Symbol("x")
@@ -228,11 +228,12 @@ def integrate(
     p = compiled.parameters(epsilon)
     asked = None if events == () else compile_events(flow, events, np.array(p))
     search = ending = begun = None
-    if asked is not None and chosen is None and is_mild(compiled, np.array(p), np.array(y), first, last):
+    trial = Trial.of(compiled, rtol) if asked is not None and chosen is None else None
+    if trial is not None and trial.begins(compiled, np.array(p), np.array(y), first, last):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = integrate(
-            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.DOP853,
-            max_steps=min(EXPLICIT_ATTEMPTS, limit), events=events, progress=progress,
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=trial.method,
+            max_steps=min(trial.attempts, limit), events=events, progress=progress,
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found

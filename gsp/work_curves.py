@@ -60,7 +60,7 @@ class WorkPrecision:
     """Error against seconds for one scene at one epsilon.
 
     `curves` in the order full, peers, reduced; `reference_error` is how far the two references differ; `start` says
-    from where the runs begin; `omitted` names peers that are not installed or cannot take the flow, with the reason;
+    from where the runs begin; `omitted` names what is not installed or cannot take the flow, with the reason;
     `machine` holds what it ran on.
     """
 
@@ -166,7 +166,7 @@ def work_precision(
     omitted: dict[str, str] = {}
     reference, disagreement = _reference(placement, start, value, grid)
     tasks = [
-        *full_tasks(placement, start, value, grid, list(Method) if methods is None else methods),
+        *full_tasks(placement, start, value, grid, list(Method) if methods is None else methods, omitted),
         *peer_tasks(placement, start, value, grid, PEERS if peers is None else peers, omitted),
         *reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
     ]

@@ -11,8 +11,8 @@ import numpy as np
 
 from gsp.errors import GspError, Status
 from gsp.flow import Flow
-from gsp.integrators import Method
-from gsp.lowering import parameter_vector
+from gsp.integrators import Method, program_of
+from gsp.lowering import compile_flow, parameter_vector
 from gsp.peers import Peer
 from gsp.placement import Placement
 from gsp.reduced import restrict
@@ -22,6 +22,8 @@ from gsp.trajectory import integrate
 # atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.
 ATOL_SHARE = 1e-2
 MAX_STEPS = 200_000
+# Whether a method takes a system does not depend on the tolerance.
+SOME_RTOL = 1e-8
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
 MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
 # Characters of a failing peer's message that are kept.
@@ -117,6 +119,7 @@ def full_tasks(
     epsilon: float,
     grid: np.ndarray,
     methods: Sequence[Method],
+    omitted: dict[str, str],
 ) -> Iterator[Task]:
     system = placement.system
     span = (placement.scene.span[0], float(grid[-1]))
@@ -137,6 +140,11 @@ def full_tasks(
         return np.full((len(system.x), grid.size), np.nan), found.stats.steps, found.stats.field_calls
 
     for method in methods:
+        try:
+            program_of(compile_flow(system), method, SOME_RTOL)
+        except GspError as error:
+            omitted[method.value] = _reason(error)
+            continue
         yield Task(method.value, ModelKind.FULL, lambda rtol, method=method: run(rtol, method))
     yield Task("default", ModelKind.FULL, lambda rtol: run(rtol, None))
 

@@ -10,7 +10,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.integrators import Method, advance, program_of
+from gsp.integrators import Method, advance, program_of, solver_of
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -19,12 +19,14 @@ from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import STAGES as STAGES_NOW
 from gsp.kernels.radau_block import change_stages, memory_size
 from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.taylor import taylor
 from gsp.lowering import CompiledFlow, compile_flow
 from gsp.system import VectorField
 
 METHODS = {
     "rodas5p": (rodas5p, rodas5p_tableau.DENSE_ROWS),
     "dop853": (dop853, dop853_tableau.DENSE_ROWS),
+    "taylor": (taylor, 0),
     "radau5": (radau, 3),
     "radau9": (radau, 5),
     "radau13": (radau, 7),
@@ -51,7 +53,8 @@ class Run:
         capacity=10_000,
         loops=False,
     ):
-        self.kernel, self.rows = METHODS[method]
+        solver = solver_of(Method(method), rtol)
+        self.kernel, self.rows = solver.kernel, solver.rows
         self.compiled = compiled
         self.stops = np.array(stops[1:], dtype=float)
         self.tolerances = (rtol, atol)
@@ -64,7 +67,7 @@ class Run:
         self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
         self.keeps_dense = True
-        self.program = program_of(compiled, Method(method))
+        self.program = program_of(compiled, Method(method), rtol)
         if loops:
             self.program = np.append(self.program[: ledger.CODE], np.zeros_like(self.program[ledger.CODE :]))
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
@@ -468,6 +471,10 @@ def test_the_counters_add_up(method, swing):
         rounds, others = divmod(counters[ledger.FIELD_CALLS] - steps - 2, STAGES[method])
         assert steps + rejected <= rounds <= 8 * (steps + rejected)
         assert others <= rejected
+    elif method == "taylor":
+        assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
+        # One expansion a step, of order 16, and the field at the end of each attempt.
+        assert counters[ledger.FIELD_CALLS] == 2 + 16 * steps + steps + rejected
     else:
         assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
         assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected

@@ -125,7 +125,7 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
     start = np.cos(np.arange(n))
     records = []
     for program in (
-        program_of(compiled, Method.RODAS5P),
+        program_of(compiled, Method.RODAS5P, 1e-8),
         np.array([compiled.field, compiled.jacobian, 0]),
     ):
         y, rate = start.copy(), compiled.rates(start, p)

@@ -88,5 +88,6 @@ def _name(curve: WorkCurve) -> str:
         "radau13": "Radau 13",
         "radau": "Radau 5 to 13",
         "dop853": "DOP853",
+        "taylor": "Taylor",
     }
     return names.get(curve.label, curve.label)

@@ -13,9 +13,10 @@ Engine = llvm.ExecutionEngine
 
 
 @global_compiler_lock
-def build(text: str, *, library: Sequence[str]) -> Engine:
-    """Optimised machine code of an IR module that may call the functions of the C library named in `library`.
+def build(text: str, *, library: Sequence[str], optimised: bool = True) -> Engine:
+    """Machine code of an IR module that may call the functions of the C library named in `library`.
 
+    Long straight-line code without a value too many is built in half the time when it is not `optimised` first.
     Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
     """
     llvm.initialize_native_target()
@@ -29,15 +30,16 @@ def build(text: str, *, library: Sequence[str]) -> Engine:
     module.triple = llvm.get_process_triple()
     module.verify()
     machine = llvm.Target.from_default_triple().create_target_machine(
-        opt=2,
+        opt=2 if optimised else 1,
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
         jit=True,
         codemodel="jitdefault",
     )
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
+    if optimised:
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        builder = llvm.create_pass_builder(machine, options)
+        builder.getModulePassManager().run(module, builder)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine

@@ -11,11 +11,13 @@ from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
+from gsp.kernels.taylor import taylor
 
 # Which kernel runs.
 RODAS5P = 0
 RADAU = 1
 DOP853 = 2
+TAYLOR = 3
 
 # Codes beside the ledger's: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
 NOT_FINISHED = ledger.RECORD_FULL
@@ -31,6 +33,8 @@ def _advance(kernel, program, p, stops, control, y, rate, memory, counters, reco
         )
     if kernel == RADAU:
         return radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
+    if kernel == TAYLOR:
+        return taylor(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
     return dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
 
 
@@ -57,22 +61,38 @@ def _run_member(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _begins(jacobian, p, first, last, y, border):
+    """Whether a member's start has so few fast times before it that the trial is made."""
+    return largest_rate(jacobian, first, y, p) * abs(last - first) <= border
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def any_begins(jacobian, constants, first, last, starts, border):
+    """Whether the trial is made for any member."""
+    for i in range(starts.shape[0]):  # noqa: SIM110 - a generator does not compile
+        if _begins(jacobian, constants[i], first, last, starts[i], border):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def run_members(
-    kernel, program, constants, first, stops, before, control, mild, low, high, halt,
-    ends, reached, kept, counters, codes, explicit, rate, memory, record, explicit_record,
+    kernel, program, constants, first, stops, before, control, trial, low, high, halt,
+    ends, reached, kept, counters, codes, explicit, rate, memory, record, trial_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
     Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached`, `codes` and `explicit` (members,) is
     member i's: p, its state (the start, then what was reached), the ledger's counters, the time reached, the code,
-    and whether DOP853 went all the way. Column before + q of `kept` (members, times, n) receives the state at
-    stops[q], if there is such a column. `control` is (rtol, atol, max_steps). `mild` is (border, attempts): where |J|
-    times the span is at most the border at the start, DOP853 has that many attempts first, as in `integrators.run`.
+    and whether the trial went all the way. Column before + q of `kept` (members, times, n) receives the state at
+    stops[q], if there is such a column. `control` is (rtol, atol, max_steps). `trial` is (kernel, program,
+    border, attempts): where |J| times the span is at most the border at the start, that kernel has so many attempts
+    first, as in `integrators.run`.
     `rate` (n,), `memory` and the records (times, states, dense) are scratch of this call. No step is begun with a
     fresh record once `halt` (1,) is not 0.
     """
     rtol, atol, max_steps = control
-    border, attempts = mild
+    first_kernel, first_program, border, attempts = trial
     spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     for i in range(low, high):
         if halt[0] != 0:
@@ -82,17 +102,14 @@ def run_members(
         rate[:] = 0.0
         spent[:] = 0
         code = ledger.RECORD_FULL
-        explicit[i] = kernel == DOP853
-        if kernel != DOP853 and border > 0.0:
-            begins = (
-                largest_rate(program[ledger.JACOBIAN], first, ends[i], constants[i]) * abs(stops[-1] - first)
-                <= border
-            )
+        explicit[i] = False
+        if border > 0.0:
+            begins = _begins(program[ledger.JACOBIAN], constants[i], first, stops[-1], ends[i], border)
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
                 code = _run_member(
-                    DOP853, program, constants[i], stops, before, limited, halt,
-                    ends[i], kept[i], counters[i], rate, memory, explicit_record,
+                    first_kernel, first_program, constants[i], stops, before, limited, halt,
+                    ends[i], kept[i], counters[i], rate, memory, trial_record,
                 )  # fmt: skip
                 used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
                 explicit[i] = code == ledger.FINISHED or halt[0] != 0 or used >= max_steps
@@ -105,7 +122,7 @@ def run_members(
                     memory[:] = 0.0
                     memory[ledger.TIME] = here
                     rate[:] = 0.0
-        if not (explicit[i] and kernel != DOP853):
+        if not explicit[i]:
             left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
             code = _run_member(
                 kernel, program, constants[i], stops, before, left, halt,

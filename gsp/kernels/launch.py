@@ -17,6 +17,7 @@ from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
+from gsp.kernels.taylor import taylor
 
 # given: the time of the start and the tolerances; then y (n,), which moves with the run, then p.
 FIRST = 0
@@ -68,6 +69,16 @@ def launch_dop853(program, given, stops, max_steps, work, counters, times, state
     """DOP853."""
     y, p, memory, rate = _parts(given, work, counters, times, states)
     return dop853(
+        program, p, stops, given[RTOL], given[ATOL], max_steps,
+        y, rate, memory, counters, times[1:], states[1:], dense,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def launch_taylor(program, given, stops, max_steps, work, counters, times, states, dense):
+    """Taylor series."""
+    y, p, memory, rate = _parts(given, work, counters, times, states)
+    return taylor(
         program, p, stops, given[RTOL], given[ATOL], max_steps,
         y, rate, memory, counters, times[1:], states[1:], dense,
     )  # fmt: skip

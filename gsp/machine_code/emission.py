@@ -15,6 +15,7 @@ from llvmlite import ir
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from gsp.errors import GspError, UnsupportedFunctionError
+from gsp.instructions import landings
 
 DOUBLE = ir.DoubleType()
 POINTER = DOUBLE.as_pointer()
@@ -30,8 +31,6 @@ _NAN = ir.Constant(DOUBLE, float("nan"))
 
 # Up to here repeated squaring is faster than pow and loses a few units in the last place at most.
 _LARGEST_UNROLLED_POWER = 16
-# Levels of nesting that are written by recursion, three calls each.
-_DEEPEST = 80
 
 # Known to SymPy and to the C library by the same name.
 _KNOWN = {
@@ -99,7 +98,7 @@ class Emitter:
         """
         written = []
         for expression in expressions:
-            for landing in _landings(expression):
+            for landing in landings(expression):
                 self._value(landing)
             written.append(self._value(expression))
         return written
@@ -296,26 +295,6 @@ class Emitter:
             # No one reads errno: a value that is needed twice is computed once.
             function.attributes.add("readnone")
         return function
-
-
-def _landings(expression: sp.Expr) -> list[sp.Expr]:
-    """Subexpressions, lowest first, such that between one and the next nothing is nested deeper than `_DEEPEST`.
-
-    Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
-    """
-    heights: dict[sp.Basic, int] = {}
-    stack: list[Any] = [expression]
-    while stack:
-        top = stack[-1]
-        pending = [part for part in top.args if part not in heights]
-        if pending:
-            stack.extend(pending)
-            continue
-        stack.pop()
-        heights[top] = 1 + max((heights[part] for part in top.args), default=0)
-    arithmetic = (sp.Add, sp.Mul, sp.Pow)
-    found = [e for e, height in heights.items() if height % _DEEPEST == 0 and isinstance(e, arithmetic)]
-    return sorted(found, key=heights.__getitem__)
 
 
 def _is_negated(term: Any) -> bool:
