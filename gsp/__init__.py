@@ -84,7 +84,7 @@ _HOME = {
     "integrate_many": "ensemble",
     "Ensemble": "ensemble",
     "Event": "events",
-    "Method": "integrators",
+    "Method": "solvers",
     "periodic_orbit": "periodic",
     "PeriodicOrbit": "periodic",
     "shoot": "periodic",
@@ -170,7 +170,6 @@ if TYPE_CHECKING:
     from gsp.fibres import project as project
     from gsp.hyperbolicity import Hyperbolicity as Hyperbolicity
     from gsp.hyperbolicity import classify as classify
-    from gsp.integrators import Method as Method
     from gsp.layers import CompositeSolution as CompositeSolution
     from gsp.layers import composite as composite
     from gsp.losses import Loss as Loss
@@ -214,6 +213,7 @@ if TYPE_CHECKING:
     from gsp.singularities import match_canard as match_canard
     from gsp.slow_points import SlowPoints as SlowPoints
     from gsp.slow_points import zero_derivative as zero_derivative
+    from gsp.solvers import Method as Method
     from gsp.splitting import Splitting as Splitting
     from gsp.splitting import split as split
     from gsp.system import SlowFastSystem as SlowFastSystem

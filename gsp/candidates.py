@@ -11,12 +11,12 @@ import numpy as np
 
 from gsp.errors import GspError
 from gsp.flow import Flow
-from gsp.integrators import Method, Trial, choose_method, program_of
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.outlook import Outlook, SurfaceOutlook, foresee_surface
 from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
 from gsp.region import Interval
 from gsp.scene import Scene
+from gsp.solvers import Method, Trial, choose_method, program_of
 from gsp.trajectory import Trajectory, integrate
 
 # Share of the tolerance left to the integrator; a model has the rest.
@@ -189,7 +189,7 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     compiled = compile_flow(flow)
     _ = compiled.field, compiled.jacobian
     # Over a short piece the default could be another method than over the span, with steps of another kind.
-    method = choose_method(flow, max(rtol, SMALLEST_RTOL))
+    method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
     trial = Trial.of(compiled, max(rtol, SMALLEST_RTOL))
     p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
     if trial is not None and trial.begins(compiled, p, y, first, last):

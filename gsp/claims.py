@@ -10,13 +10,13 @@ import numpy as np
 from gsp.comparison import compare, sense
 from gsp.errors import GspError
 from gsp.flow import Flow
-from gsp.integrators import Method
 from gsp.lowering import finite_rows
 from gsp.placement import Placement
 from gsp.reduced import restrict
 from gsp.sampling import Sampler
 from gsp.series import SeriesManifold
 from gsp.slow_points import zero_derivative
+from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
 
 # Share of the span for which a run follows a position.

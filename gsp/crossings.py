@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integrators import Method, Record, advance
+from gsp.integrators import Record, advance
 from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import CompiledFlow
+from gsp.solvers import Method
 
 # Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
 # dip between two points shows at the points beside it.

@@ -15,10 +15,11 @@ import numpy as np
 
 from gsp.crossings import DIP, LOOK, SUBDIVISIONS, Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.errors import HyperbolicityError, Status
-from gsp.integrators import Method, Record, advance, standing
+from gsp.integrators import Record, advance, standing
 from gsp.kernels.scan import clear_of_zero
 from gsp.lowering import compile_flow
 from gsp.reduced import ReducedFlow
+from gsp.solvers import Method
 from gsp.validity import eigenvalues, validity_of
 
 # A start is on a loss when det g_y is below this share of what a relative change of the point makes, or H of its

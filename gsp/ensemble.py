@@ -15,17 +15,12 @@ from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
     STATUS,
-    Method,
     Stats,
-    Trial,
     check_grid,
-    check_method,
     check_span,
     check_step_limit,
     check_tolerances,
-    choose_method,
     remedy_of,
-    solver_of,
     stops_of,
 )
 from gsp.kernels import ensemble as kernels
@@ -37,6 +32,7 @@ from gsp.kernels.taylor import taylor
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of
 from gsp.parallel import Work, check_threads, share
+from gsp.solvers import Method, Trial, check_method, choose_method, solver_of
 
 # Steps between two looks at an interrupt, and rows of scratch in each thread.
 _RECORD = 128
@@ -291,7 +287,8 @@ def integrate_many(
     check_tolerances(rtol, atol)
     grid = None if at is None else check_grid(at, first, last)
     asked = check_method(method)
-    chosen = asked or choose_method(flow, rtol)
+    compiled = compile_flow(flow)
+    chosen = asked or choose_method(compiled, rtol)
     limit = check_step_limit(max_steps)
     count = check_threads(threads)
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
@@ -299,7 +296,6 @@ def integrate_many(
     t = np.array([last]) if grid is None else grid
     before = int(t[0] == first)
     solver = solver_of(chosen, rtol)
-    compiled = compile_flow(flow)
     program = solver.program(compiled)
     # As in `integrators.run`: the default begins explicitly where the start is not stiff.
     trial = Trial.of(compiled, rtol) if asked is None else None

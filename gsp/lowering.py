@@ -130,7 +130,7 @@ class CompiledFlow:
     @cached_property
     def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
-        if not is_worth_writing(self.expressions):
+        if not self.is_written:
             return None
         return _step(write_rosenbrock(self.expressions), ("linearise", "step"), block_size(self.expressions))
 
@@ -138,7 +138,7 @@ class CompiledFlow:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
         if stages not in self._collocations:
             code = Collocation(self.expressions, stages)
-            worth = is_worth_writing(self.expressions)
+            worth = self.is_written
             self._collocations[stages] = _step(code.text(), code.NAMES, code.size) if worth else None
         return self._collocations[stages]
 
@@ -189,6 +189,11 @@ class CompiledFlow:
     @cached_property
     def _taylor_steps(self) -> list[CompiledStep]:
         return []
+
+    @cached_property
+    def is_written(self) -> bool:
+        """Whether code for this flow alone is better than loops for any."""
+        return is_worth_writing(self.expressions)
 
     @cached_property
     def expressions(self) -> FlowCode:

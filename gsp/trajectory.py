@@ -19,22 +19,19 @@ from gsp.explanations import explain
 from gsp.flow import Flow, Point, frozen
 from gsp.integrators import (
     RECORD,
-    Method,
     Record,
     Stats,
-    Trial,
     check_grid,
-    check_method,
     check_span,
     check_step_limit,
     check_tolerances,
-    choose_method,
     run,
     standing,
     stops_of,
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
+from gsp.solvers import Method, Trial, check_method, choose_method
 
 if TYPE_CHECKING:
     from gsp.endings import Ending
@@ -202,7 +199,8 @@ def integrate(
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
     RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
-    makes the span no more than 200 fast times, 300 for rtol < 5e-6, and the field is smooth; else DOP853 up to 60.
+    makes the span no more than 200 fast times and the field is smooth; else DOP853 up to 60. Where the Jacobian is
+    too full for code of its own, RODAS5P serves down to 1e-6.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
@@ -238,7 +236,7 @@ def integrate(
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
     if asked is not None or flow.is_reduced:
-        chosen = chosen or choose_method(flow, rtol)
+        chosen = chosen or choose_method(compiled, rtol)
         stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
         state = np.array(y)
         if flow.is_reduced:
@@ -246,7 +244,7 @@ def integrate(
             begun = ending.at_start(first, state)
         search = _search(asked, ending, stepper, (first, last), state)
     if begun is not None:
-        record = standing(first, np.array(y), begun.status, chosen or choose_method(flow, rtol))
+        record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
     else:
         record = run(
             compiled,

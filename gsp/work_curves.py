@@ -23,11 +23,11 @@ from gsp.errors import BranchError, DeclarationError, HyperbolicityError, unknow
 from gsp.fibres import project
 from gsp.flow import check_epsilon, check_orders
 from gsp.inner import expand_inner
-from gsp.integrators import Method
 from gsp.peers import PEERS, Peer
 from gsp.placement import Placement, place
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
+from gsp.solvers import Method
 from gsp.tables import write_rows
 from gsp.trajectory import integrate
 from gsp.work_runs import (

@@ -11,12 +11,12 @@ import numpy as np
 
 from gsp.errors import GspError, Status
 from gsp.flow import Flow
-from gsp.integrators import Method, program_of
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.peers import Peer
 from gsp.placement import Placement
 from gsp.reduced import restrict
 from gsp.series import SeriesManifold
+from gsp.solvers import Method, program_of
 from gsp.trajectory import integrate
 
 # atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.

@@ -56,6 +56,7 @@ LAYERS = [
     "reduced",
     "validity",
     "surface_flow",
+    "solvers",
     "integrators",
     "crossings",
     "events",

@@ -10,7 +10,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.integrators import Method, advance, program_of, solver_of
+from gsp.integrators import advance
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -21,6 +21,7 @@ from gsp.kernels.radau_block import change_stages, memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.taylor import taylor
 from gsp.lowering import CompiledFlow, compile_flow
+from gsp.solvers import Method, program_of, solver_of
 from gsp.system import VectorField
 
 METHODS = {

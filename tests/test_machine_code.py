@@ -10,13 +10,13 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.errors import GspError, Status
-from gsp.integrators import Method, program_of
 from gsp.kernels import ledger, rodas5p_tableau
 from gsp.kernels.engine import build
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import compile_flow, compile_function
 from gsp.machine_code.emission import DOUBLE, LIBRARY, SIGNATURE, Emitter, load, store
 from gsp.machine_code.flow_code import is_worth_writing
+from gsp.solvers import Method, choose_method, program_of
 from gsp.system import VectorField
 from gsp.trajectory import integrate
 
@@ -148,6 +148,8 @@ def test_one_full_jacobian_is_left_to_the_loops_and_a_sparse_one_of_any_size_is_
     assert compile_flow(full).rosenbrock is None
     chain = VectorField({s: t - s**3 for s, t in zip(states, states[1:] + states[:1])}, epsilon=None)
     assert compile_flow(chain).rosenbrock is not None
+    assert choose_method(compile_flow(full), 1e-5) is Method.RODAS5P
+    assert choose_method(compile_flow(chain), 1e-5) is Method.RADAU9
     for field in (full, chain):
         run = integrate(field, start=dict.fromkeys(states, 0.5), span=(0, 1), method=Method.RODAS5P, rtol=1e-6)
         exact = integrate(

@@ -11,9 +11,9 @@ import sympy as sp
 
 from gsp import models
 from gsp.errors import DeclarationError, GspError, OutputError
-from gsp.integrators import Method
 from gsp.peers import PEERS, Peer, PeerRun
 from gsp.scene import Scene
+from gsp.solvers import Method
 from gsp.system import SlowFastSystem
 from gsp.work_curves import work_precision
 from gsp.work_runs import ModelKind, WorkCurve, WorkPoint

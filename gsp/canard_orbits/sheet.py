@@ -17,7 +17,7 @@ from gsp.canard_orbits.collocation import Collocation, Conditions, OrbitSegment,
 from gsp.canard_orbits.frame import Frame, Plane
 from gsp.canard_orbits.line import Line, SheetNotFound, crossing_times
 from gsp.errors import Status
-from gsp.integrators import Method
+from gsp.solvers import Method
 from gsp.trajectory import integrate
 
 # Elements of a segment to begin with, and at most.

@@ -11,11 +11,11 @@ import sympy as sp
 from gsp.declaration import exact
 from gsp.errors import DeclarationError
 from gsp.flow import check_epsilon
-from gsp.integrators import Method
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage.delay import DelayedExit, ExitKind
 from gsp.passage.extended import ExtendedOrbit, follow
 from gsp.passage.failure import PassageError
+from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
 
 # Digits kept below the least deviation of the passage.

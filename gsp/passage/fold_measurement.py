@@ -10,11 +10,11 @@ import numpy as np
 from gsp.continuation.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Point, check_epsilon, check_epsilons, complete, named
-from gsp.integrators import Method
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.passage.failure import PassageError
 from gsp.passage.folds import FoldPassage, omega0
+from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).

@@ -17,10 +17,10 @@ from gsp.branch import Branch
 from gsp.decaying import chebyshev, tail
 from gsp.differentiation import derivative
 from gsp.errors import BranchError, Status
-from gsp.integrators import Method
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage.failure import PassageError
+from gsp.solvers import Method
 from gsp.system import VectorField
 from gsp.trajectory import integrate
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from gsp.errors import GspError, Status
 from gsp.flow import Flow, Point
-from gsp.integrators import Method
 from gsp.periodic.collocation import Cycle, gauss
 from gsp.periodic.mesh import FEWEST, adapted
 from gsp.periodic.newton import scales_of
+from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
 
 # A lap is a guess when it closes within this share of its amplitude.

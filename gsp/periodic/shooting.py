@@ -8,10 +8,11 @@ import numpy as np
 
 from gsp.errors import Status
 from gsp.flow import Point
-from gsp.integrators import Method, advance
+from gsp.integrators import advance
 from gsp.lowering import compile_flow
 from gsp.periodic.collocation import OrbitProblem
 from gsp.periodic.orbit import PeriodicOrbit
+from gsp.solvers import Method
 
 # Laps of Newton's method; its derivative is collocation's, so that it converges at once or not at all.
 LAPS = 6
