@@ -138,8 +138,10 @@ class CompiledFlow:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
         if stages not in self._collocations:
             code = Collocation(self.expressions, stages)
-            worth = self.is_written
-            self._collocations[stages] = _step(code.text(), code.NAMES, code.size) if worth else None
+            self._collocations[stages] = None
+            if self.is_written:
+                # As fast without LLVM's passes, and built in two thirds of the time.
+                self._collocations[stages] = _step(code.text(), code.NAMES, code.size, optimised=False)
         return self._collocations[stages]
 
     @cached_property
@@ -349,8 +351,8 @@ def _compile(
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
 
 
-def _step(text: str, names: Sequence[str], size: int) -> CompiledStep:
-    engine = build(text, library=LIBRARY)
+def _step(text: str, names: Sequence[str], size: int, *, optimised: bool = True) -> CompiledStep:
+    engine = build(text, library=LIBRARY, optimised=optimised)
     return CompiledStep((*map(engine.get_function_address, names), size), engine)
 
 

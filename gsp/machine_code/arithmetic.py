@@ -6,7 +6,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from gsp.machine_code.emission import DOUBLE, spread
+from gsp.machine_code.emission import constant, constants
 
 Complex = tuple[Any, Any]
 
@@ -31,8 +31,7 @@ class RealArithmetic:
 
     def constant(self, value: float) -> Any:
         """`value`, in every lane."""
-        one = ir.Constant(DOUBLE, value)
-        return spread(self.builder, one, self.width) if self.width else one
+        return constants(*[value] * self.width) if self.width else constant(value)
 
     def negative(self, a: Any) -> Any:
         """-a."""

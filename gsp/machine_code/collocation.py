@@ -26,12 +26,21 @@ from llvmlite import ir
 from gsp.kernels import radau_block
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.machine_code.arithmetic import ComplexArithmetic, RealArithmetic, intrinsic
-from gsp.machine_code.emission import DOUBLE, SIGNATURE, Emitter, load, spread, store
+from gsp.machine_code.emission import (
+    DOUBLE,
+    SIGNATURE,
+    Emitter,
+    address,
+    constants,
+    lane,
+    load,
+    shuffled,
+    spread,
+    store,
+)
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.straight_line import factorise, solve
 
-_LANE = ir.IntType(32)
-_INDEX = ir.IntType(64)
 # What is known of an address, in bytes.
 _UNALIGNED = 8
 
@@ -134,7 +143,7 @@ class _Writer:
 
     def place(self, i: int, width: int) -> Any:
         """A pointer to the vector that begins at entry i."""
-        pointer = self.builder.gep(self.block, [ir.Constant(_INDEX, i)])
+        pointer = address(self.builder, self.block, i)
         return self.builder.bitcast(pointer, ir.VectorType(DOUBLE, width).as_pointer())
 
     def vector(self, i: int, width: int) -> Any:
@@ -164,11 +173,11 @@ class _Writer:
 
     def lane(self, vector: Any, k: int) -> Any:
         """Number k of `vector`."""
-        return self.builder.extract_element(vector, ir.Constant(_LANE, k))
+        return self.builder.extract_element(vector, lane(k))
 
     def shuffled(self, a: Any, b: Any, lanes: Sequence[int]) -> Any:
         """Those numbers of `a`, then `b`."""
-        return self.builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_LANE, len(lanes)), list(lanes)))
+        return shuffled(self.builder, a, b, lanes)
 
     def sum(self, factors: Sequence[Any], values: Sequence[Any]) -> Any:
         """Sum of the products, in two chains: only half as many are waited for."""
@@ -315,7 +324,7 @@ class _Writer:
             self.keep_row(self.row(radau_block.END + k), k)
         for i in range(self.n):
             line = self.vector(self.code.lines + i * width, width)
-            target = self.builder.gep(self.memory, [ir.Constant(_INDEX, radau_block.LINES + i * width)])
+            target = address(self.builder, self.memory, radau_block.LINES + i * width)
             target = self.builder.bitcast(target, line.type.as_pointer())
             self.builder.store(line, target, align=_UNALIGNED)
         store(self.builder, self.h, self.memory, radau_block.LENGTH)
@@ -368,10 +377,9 @@ class _Writer:
         last = self.code.stages
         for i, (c, e, end) in enumerate(zip(coefficients, errors, ends)):
             line = real.add_product(c, leading, spread(builder, e, code.width))
-            line = builder.insert_element(line, end, ir.Constant(_LANE, last))
+            line = builder.insert_element(line, end, lane(last))
             self.keep_vector(line, code.lines + i * code.width)
 
 
 def _constant(values: Iterable[float]) -> Any:
-    numbers = [ir.Constant(DOUBLE, float(value)) for value in values]
-    return ir.Constant(ir.VectorType(DOUBLE, len(numbers)), numbers)
+    return constants(*map(float, values))

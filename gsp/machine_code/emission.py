@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import sympy as sp
@@ -45,24 +46,64 @@ LIBRARY = tuple(_KNOWN.values())
 _RELATIONS = {sp.Lt: "<", sp.Le: "<=", sp.Gt: ">", sp.Ge: ">=", sp.Eq: "==", sp.Ne: "!="}
 
 
+# Constants are written over and over again, and their text costs more than to keep them.
+@lru_cache(maxsize=65536)
+def constant(value: float) -> Any:
+    """A double."""
+    return ir.Constant(DOUBLE, value)
+
+
+@lru_cache(maxsize=65536)
+def constants(*values: float) -> Any:
+    """Doubles side by side."""
+    return ir.Constant(ir.VectorType(DOUBLE, len(values)), list(map(constant, values)))
+
+
+@lru_cache(maxsize=1024)
+def lane(k: int) -> Any:
+    """The number of a lane."""
+    return ir.Constant(_LANE, k)
+
+
+def shuffled(builder: Any, a: Any, b: Any, lanes: Sequence[int]) -> Any:
+    """Those lanes of `a`, then `b`."""
+    return builder.shuffle_vector(a, b, _mask(tuple(lanes)))
+
+
+@lru_cache(maxsize=4096)
+def _mask(lanes: tuple[int, ...]) -> Any:
+    return ir.Constant(ir.VectorType(_LANE, len(lanes)), list(lanes))
+
+
+@lru_cache(maxsize=1024)
+def _place(i: int) -> Any:
+    return ir.Constant(_INDEX, i)
+
+
+def address(builder: Any, array: ir.Value, i: int) -> Any:
+    """The address of `array[i]`."""
+    return builder.gep(array, [_place(i)])
+
+
 def load(builder: Any, array: ir.Value, i: int) -> Any:
     """`array[i]`."""
-    return builder.load(builder.gep(array, [ir.Constant(_INDEX, i)]))
+    return builder.load(address(builder, array, i))
 
 
 def store(builder: Any, value: Any, array: ir.Value, i: int) -> None:
     """`array[i] = value`."""
-    builder.store(value, builder.gep(array, [ir.Constant(_INDEX, i)]))
+    builder.store(value, address(builder, array, i))
 
 
 def spread(builder: Any, value: Any, width: int) -> Any:
     """A vector of `width` copies of one number."""
     kind = ir.VectorType(value.type, width)
     if isinstance(value, ir.Constant):
-        return ir.Constant(kind, [value] * width)
+        return (
+            constants(*[value.constant] * width) if value.type == DOUBLE else ir.Constant(kind, [value] * width)
+        )
     nothing = ir.Constant(kind, ir.Undefined)
-    one = builder.insert_element(nothing, value, ir.Constant(_LANE, 0))
-    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_LANE, width), [0] * width))
+    return shuffled(builder, builder.insert_element(nothing, value, lane(0)), nothing, [0] * width)
 
 
 class Emitter:
@@ -135,7 +176,7 @@ class Emitter:
         if isinstance(expression, sp.Symbol):
             raise GspError(f"{expression} is no argument and no parameter. The arguments are {self._symbols}.")
         if expression.is_Number or isinstance(expression, sp.NumberSymbol):
-            return ir.Constant(DOUBLE, nearest_double(expression))
+            return constant(nearest_double(expression))
         if isinstance(expression, sp.Add):
             return self._sum(expression)
         if isinstance(expression, sp.Mul):
@@ -202,7 +243,7 @@ class Emitter:
         if kind is sp.Abs:
             return self._folded(expression, lambda x: self._call("fabs", x, intrinsic=True))
         if kind is sp.sign:
-            return self._step(self._value(expression.args[0]), ir.Constant(DOUBLE, -1.0), _ZERO)
+            return self._step(self._value(expression.args[0]), constant(-1.0), _ZERO)
         if kind is sp.Heaviside:
             return self._step(self._value(expression.args[0]), _ZERO, self._value(expression.args[1]))
         if kind is sp.DiracDelta:
@@ -224,7 +265,7 @@ class Emitter:
         """What `write` makes of the arguments' values; one rounded constant when they are constant."""
         values = [self._value(argument) for argument in expression.args]
         if all(isinstance(value, ir.Constant) for value in values) and expression.is_number:
-            return ir.Constant(DOUBLE, nearest_double(expression))
+            return constant(nearest_double(expression))
         return write(*values)
 
     def _step(self, x: Any, below: Any, at_zero: Any) -> Any:
@@ -283,9 +324,9 @@ class Emitter:
         if kind == DOUBLE:
             return self.builder.call(function, values)
         result: Any = spread(self.builder, _ZERO, self.width)
-        for lane in (ir.Constant(_LANE, i) for i in range(self.used)):
-            each = self.builder.call(function, [self.builder.extract_element(v, lane) for v in values])
-            result = self.builder.insert_element(result, each, lane)
+        for i in range(self.used):
+            each = self.builder.call(function, [self.builder.extract_element(v, lane(i)) for v in values])
+            result = self.builder.insert_element(result, each, lane(i))
         return result
 
     def _function_named(self, name: str, kind: ir.Type, count: int) -> ir.Function:

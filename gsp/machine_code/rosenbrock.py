@@ -18,7 +18,7 @@ from llvmlite import ir
 
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, STAGES, A, C
 from gsp.machine_code.arithmetic import RealArithmetic, intrinsic
-from gsp.machine_code.emission import DOUBLE, SIGNATURE, load, store
+from gsp.machine_code.emission import DOUBLE, SIGNATURE, address, load, store
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.state_vectors import StateVectors
 from gsp.machine_code.straight_line import factorise, solve
@@ -117,7 +117,7 @@ def _write_step(
     argument, value, end = (vectors.array(n) for _ in range(3))
     factors = vectors.array(len(flow.elimination.places) + 1)
     inverse = real.reciprocal(h)
-    entries = builder.gep(block, [ir.Constant(ir.IntType(64), 2 * n)])
+    entries = address(builder, block, 2 * n)
     builder.call(decompose, [real.multiply(inverse, real.constant(1.0 / GAMMA)), entries, p, factors])
 
     def increment(right: list[Any]) -> list[Any]:

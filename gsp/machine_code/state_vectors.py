@@ -9,13 +9,11 @@ import numpy as np
 from llvmlite import ir
 
 from gsp.machine_code.arithmetic import intrinsic
-from gsp.machine_code.emission import DOUBLE, spread
+from gsp.machine_code.emission import DOUBLE, address, constant, lane, spread
 
 # From so many states on they are worth gathering from where their rates leave them.
 _FEWEST_SIDE_BY_SIDE = 8
 _WIDTH = 8
-_INDEX = ir.IntType(64)
-_LANE = ir.IntType(32)
 
 Parts = list[Any]
 
@@ -43,14 +41,14 @@ class StateVectors:
             self.builder.store(value, self._place(array, start, part), align=8)
 
     def _place(self, array: ir.Value, start: int, part: tuple[int, int]) -> Any:
-        place = self.builder.gep(array, [ir.Constant(_INDEX, start + part[0])])
+        place = address(self.builder, array, start + part[0])
         return (
             place if part[1] == 1 else self.builder.bitcast(place, ir.VectorType(DOUBLE, part[1]).as_pointer())
         )
 
     def alike(self, value: float | ir.Value, part: Any) -> Any:
         """One number as a part like `part`."""
-        one = ir.Constant(DOUBLE, value) if isinstance(value, float) else value
+        one = constant(value) if isinstance(value, float) else value
         return spread(self.builder, one, part.type.count) if isinstance(part.type, ir.VectorType) else one
 
     def add(self, a: Parts, b: Parts) -> Parts:
@@ -111,8 +109,7 @@ class StateVectors:
         numbers = []
         for part in a:
             if isinstance(part.type, ir.VectorType):
-                lanes = [ir.Constant(_LANE, i) for i in range(part.type.count)]
-                numbers += [self.builder.extract_element(part, lane) for lane in lanes]
+                numbers += [self.builder.extract_element(part, lane(i)) for i in range(part.type.count)]
             else:
                 numbers.append(part)
         return numbers
