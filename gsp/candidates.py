@@ -16,7 +16,7 @@ from gsp.outlook import Outlook, SurfaceOutlook, foresee_surface
 from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
 from gsp.region import Interval
 from gsp.scene import Scene
-from gsp.solvers import Method, Trial, choose_method, program_of
+from gsp.solvers import Method, begins_with_series, choose_method, fast_times, program_of
 from gsp.trajectory import Trajectory, integrate
 
 # Share of the tolerance left to the integrator; a model has the rest.
@@ -190,10 +190,10 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     _ = compiled.field, compiled.jacobian
     # Over a short piece the default could be another method than over the span, with steps of another kind.
     method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
-    trial = Trial.of(compiled, max(rtol, SMALLEST_RTOL))
     p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
-    if trial is not None and trial.begins(compiled, p, y, first, last):
-        method = trial.method
+    times = fast_times(compiled, p, y, first, last)
+    if flow.is_stiff and begins_with_series(compiled, max(rtol, SMALLEST_RTOL), times):
+        method = Method.TAYLOR
     # The code of a step is built here, once.
     program_of(compiled, method, max(rtol, SMALLEST_RTOL))
     preparation = time.perf_counter() - begun

@@ -32,7 +32,15 @@ from gsp.kernels.taylor import taylor
 from gsp.lowering import compile_flow
 from gsp.members import Column, Columns, Members, Starts, members_of
 from gsp.parallel import Work, check_threads, share
-from gsp.solvers import Method, Trial, check_method, choose_method, solver_of
+from gsp.solvers import (
+    MILD,
+    MILD_ATTEMPTS,
+    Method,
+    begins_with_series,
+    check_method,
+    choose_method,
+    solver_of,
+)
 
 # Steps between two looks at an interrupt, and rows of scratch in each thread.
 _RECORD = 128
@@ -120,7 +128,6 @@ class Ensemble:
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
     _explicit: np.ndarray = field(repr=False)
-    _trial: Method = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -168,7 +175,7 @@ class Ensemble:
             t=self.t,
             y=self.y[i],
             stats=Stats(
-                self._trial if self._explicit[i] else self.method,
+                Method.TAYLOR if self._explicit[i] else self.method,
                 steps,
                 rejected,
                 field_calls,
@@ -297,14 +304,18 @@ def integrate_many(
     before = int(t[0] == first)
     solver = solver_of(chosen, rtol)
     program = solver.program(compiled)
-    # As in `integrators.run`: the default begins explicitly where the start is not stiff.
-    trial = Trial.of(compiled, rtol) if asked is None else None
-    begins, first_solver = (_INDEX[solver.kernel], program, 0.0, 0), solver
-    if trial is not None and kernels.any_begins(
-        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), trial.border
-    ):
-        first_solver = solver_of(trial.method, rtol)
-        begins = (_INDEX[first_solver.kernel], first_solver.program(compiled), trial.border, trial.attempts)
+    # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
+    tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol, 0.0)
+    tries = tries and kernels.any_begins(
+        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), MILD
+    )
+    first_solver = solver_of(Method.TAYLOR, rtol) if tries else solver
+    begins = (
+        _INDEX[first_solver.kernel],
+        first_solver.program(compiled),
+        MILD if tries else 0.0,
+        MILD_ATTEMPTS,
+    )
     # Addresses are asked for here: two threads would compile twice.
     shared = (
         _INDEX[solver.kernel], program,
@@ -329,7 +340,7 @@ def integrate_many(
             return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
 
         record = record_of(chosen, solver.rows)
-        trial_record = record if trial is None else record_of(trial.method, first_solver.rows)
+        trial_record = record_of(Method.TAYLOR, first_solver.rows) if tries else record
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
@@ -365,7 +376,6 @@ def integrate_many(
         last=frozen(ends),
         _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
         _explicit=frozen(explicit),
-        _trial=chosen if trial is None else trial.method,
     )
 
 

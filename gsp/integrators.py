@@ -15,7 +15,7 @@ from gsp.errors import DeclarationError, Status
 from gsp.kernels import ledger
 from gsp.kernels.launch import rate_at_start
 from gsp.lowering import CompiledFlow
-from gsp.solvers import Method, Trial, choose_method, solver_of
+from gsp.solvers import MILD_ATTEMPTS, Method, begins_with_series, choose_method, solver_of
 
 # Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
 _SMALLEST_RTOL = 1e-14
@@ -105,7 +105,7 @@ def run(
     goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
     """
     chosen = method or choose_method(compiled, rtol)
-    trial = Trial.of(compiled, rtol) if method is None else None
+    tries = method is None and compiled.flow.is_stiff
     record = _advance(
         compiled,
         p,
@@ -121,9 +121,9 @@ def run(
         watch,
         rows_kept,
         0.0,
-        trial,
+        tries,
     )
-    if trial is None or record.method is not trial.method:
+    if not tries or record.method is not Method.TAYLOR:
         return record
     used = record.attempts
     if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
@@ -209,15 +209,15 @@ def _advance(
     watch: Watch | None,
     rows_kept: int,
     first_step: float = 0.0,
-    trial: Trial | None = None,
+    tries: bool = False,
 ) -> Record:
-    """What `advance` says; where the start is such, by the method of `trial` and with its attempts."""
+    """What `advance` says; if it `tries` and the start is such, by Taylor series and with their attempts."""
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
-    if trial is not None:
-        fast_times = rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first)
-        if fast_times <= trial.border:
-            method, max_steps = trial.method, min(trial.attempts, max_steps)
+    if tries:
+        times = rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first)
+        if begins_with_series(compiled, rtol, times):
+            method, max_steps = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps)
     solver = solver_of(method, rtol)
     program = solver.program(compiled)
     launch = solver.launch

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from operator import attrgetter, methodcaller
 from typing import NamedTuple
@@ -135,33 +134,20 @@ def check_method(method: Method | str | None) -> Method | None:
         ) from None
 
 
-@dataclass(frozen=True)
-class Trial:
-    """What a flow that is declared stiff begins with where |J| (t1 - t0) is `border` or less at the start."""
-
-    method: Method
-    border: float
-    attempts: int
-
-    @staticmethod
-    def of(compiled: CompiledFlow, rtol: float) -> Trial | None:
-        """None for a flow that is not declared stiff, whose method is explicit anyway."""
-        if not compiled.flow.is_stiff:
-            return None
-        if not compiled.has_series(taylor_order(rtol), products=_MOST_PRODUCTS, parts=_MOST_PARTS):
-            return _WITHOUT_SERIES
-        return _WITH_SERIES
-
-    def begins(self, compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> bool:
-        """Whether there are so few fast times in the span that it is tried."""
-        return bool(largest_rate(compiled.jacobian, first, y, p) * abs(last - first) <= self.border)
-
-
+# What has few fast times in its span, |J| (t1 - t0) at the start, is tried by Taylor series, with so many attempts.
 # Measured on the sleigh from epsilon = 0.01 to 3.2, linear fields, van der Pol's oscillator and others, with code for
-# each method's step. Taylor series draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times,
-# with the Radau methods at 200 (linear fields) to 700 (van der Pol); below they take down to half of the time, on
-# oscillators a third. A step takes a quarter of a microsecond for six states. DOP853, for fields without series, takes
-# 1.0 to 1.5 times as long as the Radau methods and half to twice as long as Rodas5P; above 60 stability sets its step,
-# and its dense output errs by 100 tolerances.
-_WITHOUT_SERIES = Trial(Method.DOP853, 60.0, 120)
-_WITH_SERIES = Trial(Method.TAYLOR, 200.0, 250)
+# each method's step. They draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times, with the
+# Radau methods at 200 (linear fields) to 700 (van der Pol); below they take down to half of the time, on oscillators a
+# third. DOP853, for fields without series, took 1.0 to 1.5 times as long as the Radau methods.
+MILD = 200.0
+MILD_ATTEMPTS = 250
+
+
+def fast_times(compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> float:
+    """|J| (t1 - t0) at the start."""
+    return float(largest_rate(compiled.jacobian, first, y, p)) * abs(last - first)
+
+
+def begins_with_series(compiled: CompiledFlow, rtol: float, times: float) -> bool:
+    """Whether the default tries Taylor series on a flow that is declared stiff, with so many fast times."""
+    return times <= MILD and compiled.has_series(taylor_order(rtol), products=_MOST_PRODUCTS, parts=_MOST_PARTS)

@@ -31,7 +31,7 @@ from gsp.integrators import (
 )
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering import compile_flow, parameter_vector
-from gsp.solvers import Method, Trial, check_method, choose_method
+from gsp.solvers import MILD_ATTEMPTS, Method, begins_with_series, check_method, choose_method, fast_times
 
 if TYPE_CHECKING:
     from gsp.endings import Ending
@@ -199,8 +199,8 @@ def integrate(
     the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
     RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
-    makes the span no more than 200 fast times and the field is smooth; else DOP853 up to 60. Where the Jacobian is
-    too full for code of its own, RODAS5P serves down to 1e-6.
+    makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its
+    own, RODAS5P serves down to 1e-6.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
@@ -226,12 +226,14 @@ def integrate(
     p = compiled.parameters(epsilon)
     asked = None if events == () else compile_events(flow, events, np.array(p))
     search = ending = begun = None
-    trial = Trial.of(compiled, rtol) if asked is not None and chosen is None else None
-    if trial is not None and trial.begins(compiled, np.array(p), np.array(y), first, last):
+    tries = asked is not None and chosen is None and flow.is_stiff
+    if tries and begins_with_series(
+        compiled, rtol, fast_times(compiled, np.array(p), np.array(y), first, last)
+    ):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = integrate(
-            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=trial.method,
-            max_steps=min(trial.attempts, limit), events=events, progress=progress,
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
+            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress,
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
