@@ -132,7 +132,8 @@ class CompiledFlow:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
         if not self.is_written:
             return None
-        return _step(write_rosenbrock(self.expressions), ("linearise", "step"), block_size(self.expressions))
+        code = self.expressions
+        return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
 
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
@@ -140,8 +141,7 @@ class CompiledFlow:
             code = Collocation(self.expressions, stages)
             self._collocations[stages] = None
             if self.is_written:
-                # As fast without LLVM's passes, and built in two thirds of the time.
-                self._collocations[stages] = _step(code.text(), code.NAMES, code.size, optimised=False)
+                self._collocations[stages] = _step(code.text(), code.NAMES, code.size)
         return self._collocations[stages]
 
     @cached_property
@@ -176,7 +176,7 @@ class CompiledFlow:
         known = self._taylor_programs.get(order)
         if known is None:
             code = self._series or TaylorCode(self.expressions)
-            engine = build(code.write(order), library=LIBRARY, optimised=False)
+            engine = build(code.write(order), library=LIBRARY)
             addresses = map(engine.get_function_address, ("expand", "advance", "interpolate"))
             step = CompiledStep((*addresses, order, stride(self.size)), engine)
             known = np.array([self.field, 0, *step.program])
@@ -351,7 +351,7 @@ def _compile(
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
 
 
-def _step(text: str, names: Sequence[str], size: int, *, optimised: bool = True) -> CompiledStep:
+def _step(text: str, names: Sequence[str], size: int, *, optimised: bool = False) -> CompiledStep:
     engine = build(text, library=LIBRARY, optimised=optimised)
     return CompiledStep((*map(engine.get_function_address, names), size), engine)
 

@@ -13,10 +13,11 @@ Engine = llvm.ExecutionEngine
 
 
 @global_compiler_lock
-def build(text: str, *, library: Sequence[str], optimised: bool = True) -> Engine:
+def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engine:
     """Machine code of an IR module that may call the functions of the C library named in `library`.
 
-    Long straight-line code without a value too many is built in half the time when it is not `optimised` first.
+    Straight-line code in which no value is computed twice is as fast without LLVM's passes, and built in half the time;
+    `optimised` is for code with calls and scratch arrays to be taken out.
     Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
     """
     llvm.initialize_native_target()
