@@ -24,10 +24,11 @@ from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.radau_block import CODE_SIZE
 from gsp.kernels.radau_tableau import STAGES
 from gsp.machine_code.collocation import Collocation
-from gsp.machine_code.emission import LIBRARY, SIGNATURE, Emitter, load, nearest_double, store
+from gsp.machine_code.emission import LIBRARY, Emitter, nearest_double
 from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
 from gsp.machine_code.taylor import TaylorCode, has_parts, stride
+from gsp.machine_code.values import SIGNATURE, load, store
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,8 +14,9 @@ from gsp.kernels import ledger, rodas5p_tableau
 from gsp.kernels.engine import build
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering import compile_flow, compile_function
-from gsp.machine_code.emission import DOUBLE, LIBRARY, SIGNATURE, Emitter, load, store
+from gsp.machine_code.emission import LIBRARY, Emitter
 from gsp.machine_code.flow_code import is_worth_writing
+from gsp.machine_code.values import DOUBLE, SIGNATURE, load, store
 from gsp.solvers import Method, choose_method, program_of
 from gsp.system import VectorField
 from gsp.trajectory import integrate

@@ -10,8 +10,8 @@ from llvmlite import ir
 
 from gsp.kernels.engine import build
 from gsp.machine_code.arithmetic import ComplexArithmetic, RealArithmetic
-from gsp.machine_code.emission import DOUBLE, SIGNATURE, load, store
 from gsp.machine_code.straight_line import eliminate, factorise, solve
+from gsp.machine_code.values import DOUBLE, SIGNATURE, load, store
 
 POINTER = ctypes.POINTER(ctypes.c_double)
 FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_double, POINTER, POINTER, POINTER)

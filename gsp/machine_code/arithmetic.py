@@ -6,7 +6,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from gsp.machine_code.emission import constant, constants
+from gsp.machine_code.values import constant, constants
 
 Complex = tuple[Any, Any]
 

@@ -26,20 +26,10 @@ from llvmlite import ir
 from gsp.kernels import radau_block
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.machine_code.arithmetic import ComplexArithmetic, RealArithmetic, intrinsic
-from gsp.machine_code.emission import (
-    DOUBLE,
-    SIGNATURE,
-    Emitter,
-    address,
-    constants,
-    lane,
-    load,
-    shuffled,
-    spread,
-    store,
-)
+from gsp.machine_code.emission import Emitter
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.straight_line import factorise, solve
+from gsp.machine_code.values import DOUBLE, SIGNATURE, address, constants, lane, load, shuffled, spread, store
 
 # What is known of an address, in bytes.
 _UNALIGNED = 8

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any
 
 import sympy as sp
@@ -17,14 +16,8 @@ from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.instructions import landings
-
-DOUBLE = ir.DoubleType()
-POINTER = DOUBLE.as_pointer()
-_BIT = ir.IntType(1)
-_LANE = ir.IntType(32)
-_INDEX = ir.IntType(64)
-# That of every compiled function: void f(double t, double* z, double* p, double* out).
-SIGNATURE = ir.FunctionType(ir.VoidType(), [DOUBLE, POINTER, POINTER, POINTER])
+from gsp.machine_code.elementary import exponential, sine_and_cosine
+from gsp.machine_code.values import DOUBLE, constant, lane, spread
 
 _ZERO = ir.Constant(DOUBLE, 0.0)
 _ONE = ir.Constant(DOUBLE, 1.0)
@@ -46,72 +39,13 @@ LIBRARY = tuple(_KNOWN.values())
 _RELATIONS = {sp.Lt: "<", sp.Le: "<=", sp.Gt: ">", sp.Ge: ">=", sp.Eq: "==", sp.Ne: "!="}
 
 
-# Constants are written over and over again, and their text costs more than to keep them.
-@lru_cache(maxsize=65536)
-def constant(value: float) -> Any:
-    """A double."""
-    return ir.Constant(DOUBLE, value)
-
-
-@lru_cache(maxsize=65536)
-def constants(*values: float) -> Any:
-    """Doubles side by side."""
-    return ir.Constant(ir.VectorType(DOUBLE, len(values)), list(map(constant, values)))
-
-
-@lru_cache(maxsize=1024)
-def lane(k: int) -> Any:
-    """The number of a lane."""
-    return ir.Constant(_LANE, k)
-
-
-def shuffled(builder: Any, a: Any, b: Any, lanes: Sequence[int]) -> Any:
-    """Those lanes of `a`, then `b`."""
-    return builder.shuffle_vector(a, b, _mask(tuple(lanes)))
-
-
-@lru_cache(maxsize=4096)
-def _mask(lanes: tuple[int, ...]) -> Any:
-    return ir.Constant(ir.VectorType(_LANE, len(lanes)), list(lanes))
-
-
-@lru_cache(maxsize=1024)
-def _place(i: int) -> Any:
-    return ir.Constant(_INDEX, i)
-
-
-def address(builder: Any, array: ir.Value, i: int) -> Any:
-    """The address of `array[i]`."""
-    return builder.gep(array, [_place(i)])
-
-
-def load(builder: Any, array: ir.Value, i: int) -> Any:
-    """`array[i]`."""
-    return builder.load(address(builder, array, i))
-
-
-def store(builder: Any, value: Any, array: ir.Value, i: int) -> None:
-    """`array[i] = value`."""
-    builder.store(value, address(builder, array, i))
-
-
-def spread(builder: Any, value: Any, width: int) -> Any:
-    """A vector of `width` copies of one number."""
-    kind = ir.VectorType(value.type, width)
-    if isinstance(value, ir.Constant):
-        return (
-            constants(*[value.constant] * width) if value.type == DOUBLE else ir.Constant(kind, [value] * width)
-        )
-    nothing = ir.Constant(kind, ir.Undefined)
-    return shuffled(builder, builder.insert_element(nothing, value, lane(0)), nothing, [0] * width)
-
-
 class Emitter:
     """Writes expressions at the builder's place: `values` holds the states' values, doubles or vectors of `width`.
 
     Equal subexpressions are written once: values are kept by expression. `constants`, doubles by expression, are the
     same in every lane; what follows from them alone is added to it, so that emitters that share it in a function
-    share that. To divide by such a value is to multiply by its inverse: code with `constants` runs often.
+    share that. Code with `constants` runs often: to divide by such a value is to multiply by its inverse, and sin, cos
+    and exp are computed in place, within four units in the last place.
     Functions of the C library are called for the first `used` lanes, all by default, and are 0 in the others.
     """
 
@@ -129,6 +63,7 @@ class Emitter:
         self.used = width if used is None else used
         self._values: dict[sp.Basic, Any] = dict(values)
         self._constants = constants
+        self._angles: dict[sp.Basic, tuple[Any, Any]] = {}
         known = (*values, *(e for e in constants or () if isinstance(e, sp.Symbol)))
         self._symbols = ", ".join(map(str, known)) or "none"
 
@@ -238,6 +173,8 @@ class Emitter:
 
     def _function(self, expression: sp.Basic) -> Any:
         kind = expression.func
+        if kind in (sp.sin, sp.cos, sp.exp) and self._constants is not None:
+            return self._folded(expression, lambda x: self._elementary(kind, expression.args[0], x))
         if kind in _KNOWN:
             return self._folded(expression, lambda *x: self._call(_KNOWN[kind], *x))
         if kind is sp.Abs:
@@ -260,6 +197,14 @@ class Emitter:
             "Write it in powers, exp, log, trigonometric and hyperbolic functions and their inverses, erf, "
             "Abs, sign, Max, Min, Heaviside and Piecewise."
         )
+
+    def _elementary(self, kind: type, argument: sp.Basic, x: Any) -> Any:
+        """sin, cos or exp of the value `x` of `argument`; the first two are had together."""
+        if kind is sp.exp:
+            return exponential(self.builder, x, self._call)
+        if argument not in self._angles:
+            self._angles[argument] = sine_and_cosine(self.builder, x, self._call)
+        return self._angles[argument][0 if kind is sp.sin else 1]
 
     def _folded(self, expression: Any, write: Callable[..., Any]) -> Any:
         """What `write` makes of the arguments' values; one rounded constant when they are constant."""
@@ -296,7 +241,7 @@ class Emitter:
 
     def _condition(self, condition: Any) -> Any:
         if isinstance(condition, (BooleanTrue, BooleanFalse)):
-            return ir.Constant(_BIT, bool(condition))
+            return ir.Constant(ir.IntType(1), bool(condition))
         if isinstance(condition, sp.Not):
             return self.builder.not_(self._condition(condition.args[0]))
         if isinstance(condition, (sp.And, sp.Or)):

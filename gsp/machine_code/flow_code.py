@@ -11,8 +11,9 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.differentiation import derivative
-from gsp.machine_code.emission import Emitter, load
+from gsp.machine_code.emission import Emitter
 from gsp.machine_code.straight_line import Elimination, eliminate
+from gsp.machine_code.values import load
 
 # Above this many operations of a decomposition compiling takes seconds. A full Jacobian of 9 states takes 500, a ring
 # of 20 neurons 200.

@@ -18,10 +18,10 @@ from llvmlite import ir
 
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, STAGES, A, C
 from gsp.machine_code.arithmetic import RealArithmetic, intrinsic
-from gsp.machine_code.emission import DOUBLE, SIGNATURE, address, load, store
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.state_vectors import StateVectors
 from gsp.machine_code.straight_line import factorise, solve
+from gsp.machine_code.values import DOUBLE, SIGNATURE, address, load, store
 
 # With more operations than these in a field and a solution both are called once a stage; else they are written into it,
 # and all is in registers: 75 ns a step of van der Pol's oscillator in place of 135. A ring of 100 neurons gains 5 %.

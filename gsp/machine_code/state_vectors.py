@@ -9,7 +9,7 @@ import numpy as np
 from llvmlite import ir
 
 from gsp.machine_code.arithmetic import intrinsic
-from gsp.machine_code.emission import DOUBLE, address, constant, lane, spread
+from gsp.machine_code.values import DOUBLE, address, constant, lane, spread
 
 # From so many states on they are worth gathering from where their rates leave them.
 _FEWEST_SIDE_BY_SIDE = 8

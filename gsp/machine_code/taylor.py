@@ -34,8 +34,9 @@ from gsp.instructions import Instructions, every_part, write_instructions
 from gsp.kernels import jets
 from gsp.kernels.taylor import ATOL, FIRST, LAST, LAST_BUT_ONE, RTOL, SCALE
 from gsp.machine_code.arithmetic import RealArithmetic
-from gsp.machine_code.emission import DOUBLE, SIGNATURE, Emitter, load, spread, store
+from gsp.machine_code.emission import Emitter
 from gsp.machine_code.flow_code import FlowCode
+from gsp.machine_code.values import DOUBLE, SIGNATURE, load, spread, store
 
 # Building takes 0.1 milliseconds for each, and more where there are many.
 MOST_PRODUCTS = 100_000
