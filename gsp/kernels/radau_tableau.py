@@ -183,8 +183,8 @@ def _fill(family: int, stages: int) -> None:
 for _family, _stages in enumerate(STAGES):
     _fill(_family, _stages)
 
-# The largest values on (0, 1) of the factors of the polynomial's last two coefficients, x^a (1-x)^b with a + b =
-# stages - 1 and stages, a = b or b + 1: they come at x = a/(a+b).
+# The largest values on (0, 1) of the factors of the polynomial's last three coefficients, x^a (1-x)^b with a + b =
+# stages - 2 to stages, a = b or b + 1: they come at x = a/(a+b). With three stages there are two coefficients.
 LARGEST_FACTORS = np.array(
-    [[(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m, m), (m + 1, m))] for m in (1, 2, 3)]
+    [[(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m, m - 1), (m, m), (m + 1, m))] for m in (1, 2, 3)]
 )

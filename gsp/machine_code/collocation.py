@@ -354,12 +354,19 @@ class _Writer:
             weight = real.reciprocal(real.add_product(atol, rtol, larger))
             ratio = builder.fmul(e, weight)
             total = real.add_product(total, ratio, ratio)
-            size = [
-                builder.fmul(factor, real.size(self.lane(c, code.stages - 3 + k)))
+            first, before, last = (
+                builder.fmul(factor, real.size(self.lane(c, max(code.stages - 4 + k, 0))))
                 for k, factor in enumerate(largest)
-            ]
-            falls = builder.fcmp_ordered("<", size[1], size[0])
-            term = builder.select(falls, builder.fdiv(builder.fmul(size[1], size[1]), size[0]), size[1])
+            )
+            falls = builder.fcmp_ordered("<", last, before)
+            term = builder.select(falls, builder.fdiv(builder.fmul(last, last), before), last)
+            if code.stages > 3:
+                # Where the last coefficient happens to be small the next one is not.
+                ratio = builder.fdiv(before, first)
+                other = builder.fmul(before, builder.fmul(ratio, ratio))
+                term = real.largest(
+                    [term, builder.select(builder.fcmp_ordered("<", before, first), other, term)]
+                )
             gaps.append(builder.fmul(term, weight))
         self.keep(self.norm(total, self.n), radau_block.ERROR)
         self.keep(real.largest(gaps), radau_block.GAP)
