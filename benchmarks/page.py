@@ -92,6 +92,8 @@ def _integrators(found: dict) -> list[Target]:
     name = "dense output: error over the tolerance asked for, worst of all"
     note = f", {found['dense']['within_three']:.0%} are within it"
     rows.append(at_most(name, found["dense"]["worst"], 3, "", note))
+    name = "dense output: error over that of the steps' ends around, or over the tolerance"
+    rows.append(at_most(name, found["dense"]["added"], 3, ""))
     return rows
 
 
