@@ -109,14 +109,16 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
     for i in range(n):
         weight = 1.0 / (atol + rtol * max(abs(y[i]), abs(y_new[i])))
         total += (estimate[i] * weight) ** 2
-        last = LARGEST_FACTORS[family, 2] * abs(coefficients[stages - 2, i])
-        before = LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 3, i])
-        term = last * last / before if last < before else last
+        last = LARGEST_FACTORS[family, 3] * abs(coefficients[stages - 2, i])
+        before = LARGEST_FACTORS[family, 2] * abs(coefficients[stages - 3, i])
         if stages > 3:
-            first = LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 4, i])
-            if before < first:
-                # Where the last coefficient happens to be small the next one is not.
-                term = max(term, before * (before / first) * (before / first))
+            # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
+            last = max(last, before)
+            before = max(
+                LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 4, i]),
+                LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 5, i]),
+            )
+        term = last * last / before if last < before else last
         largest = max(largest, term * weight)
     return math.sqrt(total / n), largest
 

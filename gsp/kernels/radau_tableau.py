@@ -183,8 +183,14 @@ def _fill(family: int, stages: int) -> None:
 for _family, _stages in enumerate(STAGES):
     _fill(_family, _stages)
 
-# The largest values on (0, 1) of the factors of the polynomial's last three coefficients, x^a (1-x)^b with a + b =
-# stages - 2 to stages, a = b or b + 1: they come at x = a/(a+b). With three stages there are two coefficients.
+# The largest values on (0, 1) of the factors of the polynomial's last four coefficients, x^a (1-x)^b with a + b =
+# stages - 3 to stages, a = b or b + 1: they come at x = a/(a+b). With three stages there are but the last two.
 LARGEST_FACTORS = np.array(
-    [[(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m, m - 1), (m, m), (m + 1, m))] for m in (1, 2, 3)]
+    [
+        [
+            (a / max(a + b, 1)) ** a * (b / max(a + b, 1)) ** b
+            for a, b in ((m - 1, m - 1), (m, m - 1), (m, m), (m + 1, m))
+        ]
+        for m in (1, 2, 3)
+    ]
 )

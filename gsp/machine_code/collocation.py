@@ -354,19 +354,15 @@ class _Writer:
             weight = real.reciprocal(real.add_product(atol, rtol, larger))
             ratio = builder.fmul(e, weight)
             total = real.add_product(total, ratio, ratio)
-            first, before, last = (
-                builder.fmul(factor, real.size(self.lane(c, max(code.stages - 4 + k, 0))))
-                for k, factor in enumerate(largest)
+            *earlier, before, last = (
+                builder.fmul(largest[4 - k], real.size(self.lane(c, code.stages - 1 - k)))
+                for k in range(4 if code.stages > 3 else 2, 0, -1)
             )
+            if earlier:
+                # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
+                last, before = real.largest([last, before]), real.largest(earlier)
             falls = builder.fcmp_ordered("<", last, before)
             term = builder.select(falls, builder.fdiv(builder.fmul(last, last), before), last)
-            if code.stages > 3:
-                # Where the last coefficient happens to be small the next one is not.
-                ratio = builder.fdiv(before, first)
-                other = builder.fmul(before, builder.fmul(ratio, ratio))
-                term = real.largest(
-                    [term, builder.select(builder.fcmp_ordered("<", before, first), other, term)]
-                )
             gaps.append(builder.fmul(term, weight))
         self.keep(self.norm(total, self.n), radau_block.ERROR)
         self.keep(real.largest(gaps), radau_block.GAP)
