@@ -30,9 +30,9 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
         _draw(axes, curve, GREY, MARKERS[i % len(MARKERS)], dash, filled=False)
     for i, curve in enumerate(full):
         chosen = curve.label == "default"
-        _draw(
-            axes, curve, BLUE if chosen else SKY, MARKERS[i % len(MARKERS)], "-", width=2.2 if chosen else 1.0
-        )
+        line = "-" if chosen or i < len(MARKERS) else "--"
+        colour, width = (BLUE, 2.2) if chosen else (SKY, 1.0)
+        _draw(axes, curve, colour, MARKERS[i % len(MARKERS)], line, width=width)
     for i, curve in enumerate(reduced):
         colour = LADDER[min(i, len(LADDER) - 1)]
         _draw(axes, curve, colour, MARKERS[i % len(MARKERS)], "-")
