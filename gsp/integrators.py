@@ -106,23 +106,10 @@ def run(
     """
     chosen = method or choose_method(compiled, rtol)
     tries = method is None and compiled.flow.is_stiff
-    record = _advance(
-        compiled,
-        p,
-        y,
-        first,
-        stops,
-        chosen,
-        rtol,
-        atol,
-        max_steps,
-        dense,
-        progress,
-        watch,
-        rows_kept,
-        0.0,
-        tries,
-    )
+    record = advance(
+        compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=max_steps,
+        dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries,
+    )  # fmt: skip
     if not tries or record.method is not Method.TAYLOR:
         return record
     used = record.attempts
@@ -169,49 +156,15 @@ def advance(
     watch: Watch | None = None,
     rows_kept: int = RECORD,
     first_step: float = 0.0,
+    tries: bool = False,
 ) -> Record:
     """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
-    `dense` has no rows. Ctrl-C ends it with the steps that were made.
+    `dense` has no rows. If it `tries` and the start is such, Taylor series run in place of `method`, with their
+    attempts. Ctrl-C ends it with the steps that were made.
     """
-    return _advance(
-        compiled,
-        p,
-        y,
-        first,
-        stops,
-        method,
-        rtol,
-        atol,
-        max_steps,
-        dense,
-        progress,
-        watch,
-        rows_kept,
-        first_step,
-    )
-
-
-def _advance(
-    compiled: CompiledFlow,
-    p: Numbers,
-    y: Numbers,
-    first: float,
-    stops: np.ndarray,
-    method: Method,
-    rtol: float,
-    atol: float,
-    max_steps: int,
-    dense: bool,
-    progress: Callable[[float], object] | None,
-    watch: Watch | None,
-    rows_kept: int,
-    first_step: float = 0.0,
-    tries: bool = False,
-) -> Record:
-    """What `advance` says; if it `tries` and the start is such, by Taylor series and with their attempts."""
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
     if tries:

@@ -16,7 +16,6 @@ import numpy as np
 import sympy as sp
 from llvmlite import ir
 
-from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.flow import Flow, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
@@ -124,9 +123,8 @@ class CompiledFlow:
     @cached_property
     def derivatives(self) -> CompiledFunction:
         """The Jacobian as a function with n*n outputs, row by row."""
-        return self._compiled(
-            [derivative(rate, state) for rate in self.flow.rates for state in self.flow.states]
-        )
+        n, entries = range(self.size), self.expressions.jacobian
+        return self._compiled([entries.get((i, j), sp.S.Zero) for i in n for j in n])
 
     @cached_property
     def rosenbrock(self) -> CompiledStep | None:
@@ -177,21 +175,14 @@ class CompiledFlow:
         known = self._taylor_programs.get(order)
         if known is None:
             code = self._series or TaylorCode(self.expressions)
-            engine = build(code.write(order), library=LIBRARY)
-            addresses = map(engine.get_function_address, ("expand", "advance", "interpolate"))
-            step = CompiledStep((*addresses, order, stride(self.size)), engine)
-            known = np.array([self.field, 0, *step.program])
-            self._taylor_steps.append(step)
-            self._taylor_programs[order] = known
-        return known
+            step = _step(code.write(order), code.NAMES, order, stride(self.size))
+            # The step is kept for its machine code.
+            known = self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
+        return known[0]
 
     @cached_property
-    def _taylor_programs(self) -> dict[int, np.ndarray]:
+    def _taylor_programs(self) -> dict[int, tuple[np.ndarray, CompiledStep]]:
         return {}
-
-    @cached_property
-    def _taylor_steps(self) -> list[CompiledStep]:
-        return []
 
     @cached_property
     def is_written(self) -> bool:
@@ -284,7 +275,7 @@ class CompiledFlow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompiledStep:
-    """A method's step for one flow: the addresses of its functions and the size of its block, as the kernel takes them.
+    """A method's step for one flow: the addresses of its functions and the numbers behind them that the kernel takes.
 
     The addresses are good for as long as this object lives.
     """
@@ -352,9 +343,9 @@ def _compile(
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
 
 
-def _step(text: str, names: Sequence[str], size: int, *, optimised: bool = False) -> CompiledStep:
+def _step(text: str, names: Sequence[str], *numbers: int, optimised: bool = False) -> CompiledStep:
     engine = build(text, library=LIBRARY, optimised=optimised)
-    return CompiledStep((*map(engine.get_function_address, names), size), engine)
+    return CompiledStep((*map(engine.get_function_address, names), *numbers), engine)
 
 
 def _exact(expression: object) -> sp.Expr:

@@ -259,7 +259,7 @@ def test_events_on_a_reduced_flow_know_the_parameters_and_the_slow_variables():
         (lambda: oscillate([x]), "events is a sequence of Event"),
         (lambda: oscillate([Event("x"), Event("x", direction=1)]), 'two events are called "x"'),
     ],
-    ids=lambda value: str(value)[:30],
+    ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_a_wrong_event_is_named(make, words):
     with pytest.raises(DeclarationError, match=words):

@@ -353,15 +353,21 @@ def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
 
 @pytest.mark.parametrize("method", WRITTEN)
 def test_a_pivot_of_zero_is_left_to_the_loops(method):
-    """x' = y, y' = x + 10^8 (y - x) at the step for which gamma/h is just the Jacobian's entry."""
+    """x' = x + y, y' = -x at the step for which the shift is just the first entry of the Jacobian."""
     gamma = rodas5p_tableau.GAMMA
     if method in STAGES:
         gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
-    run = Run(method, compiled, (1.0, 0.5), [0.0, 1.0], rtol=1.0, atol=1e9).force_step(1.0 / gamma)
-    run.stops[:] = 1.0 / gamma
-    assert run.advance(1) in (ledger.FINISHED, ledger.TOO_MANY_STEPS)
-    assert np.isfinite(run.y).all()
+    ends = []
+    for loops in (False, True):
+        run = Run(method, compiled, (1.0, 0.5), [0.0, 1.0], rtol=1.0, atol=1e9, loops=loops)
+        run.force_step(1.0 / gamma).stops[:] = 1.0 / gamma
+        assert run.advance(1) in (ledger.FINISHED, ledger.TOO_MANY_STEPS)
+        assert run.counters[ledger.STEPS] == 1
+        ends.append(run.y)
+    # The same to the last bit, which two ways to compute would not be.
+    assert np.isfinite(ends[0]).all()
+    assert np.array_equal(*ends)
 
 
 def test_the_order_rises_where_the_iteration_is_fast_and_falls_where_it_is_slow(swing):

@@ -41,9 +41,10 @@ from gsp.kernels.radau_iteration import (
     CONVERGED,
     FAILURE_FACTOR,
     GOING_ON,
-    UNDEFINED,
+    failure_of,
     judge,
     most_rounds,
+    opening,
 )
 from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
@@ -70,7 +71,6 @@ TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
 # the dense output was up to 47 times as bad as the tolerance without it, 50 times as good with a share of 1, and never
 # 3 times as bad with these; nor is it on Prothero and Robinson's problem, where only this sees to it.
 GAP_SHARE = np.array([0.02, 0.02, 0.016])
-
 
 # Variable order: more stages when the iteration has converged at such a rate for so many steps and the step is steady,
 # fewer when it is slower than this. RADAU's rates, 0.002 and 0.8 or a failure, were up to 20 % slower on the stiff
@@ -107,7 +107,7 @@ def _attempt_by_code(program, base, p, step, stages, control, twice, memory, blo
     if block[USABLE] != 1.0:
         return math.inf, 0, FAILURE_FACTOR, ledger.NON_FINITE
     most = most_rounds(stages)
-    now = (0.0, 0.0, max(memory[CONTRACTION], 2.0**-52) ** 0.8)
+    now = opening(memory[CONTRACTION])
     verdict = GOING_ON
     factor = FAILURE_FACTOR
     rounds = 0
@@ -116,10 +116,8 @@ def _attempt_by_code(program, base, p, step, stages, control, twice, memory, blo
         call(round_code, step, memory, p, block)
         verdict, factor, now = judge(rounds, most, block[NORM], now, tolerance)
     counters[ledger.FIELD_CALLS] += rounds * stages
-    if verdict == UNDEFINED:
-        return math.inf, rounds, factor, ledger.NON_FINITE
     if verdict != CONVERGED:
-        return math.inf, rounds, factor, ledger.STEP_TOO_SMALL
+        return math.inf, rounds, factor, failure_of(verdict)
     call(program[base + 2], step, memory, p, block)
     counters[ledger.FIELD_CALLS] += 1
     if twice and block[ERROR] >= 1.0:

@@ -51,7 +51,7 @@ def lines_of(n):
 
 def memory_size(stages: int, n: int) -> int:
     """Entries of `memory` for `n` states."""
-    return LINES + n * (4 if stages == 3 else 8)
+    return LINES + n * width_of.py_func(stages)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -6,6 +6,8 @@ import math
 
 from numba import njit
 
+from gsp.kernels import ledger
+
 # As in RADAU: slower than 0.99 is divergence. After that it halves the step; 0.3 takes 1 % less work, 0.2 3 % more.
 SLOWEST_RATE = 0.99
 DIVERGENCE_FACTOR = 0.3
@@ -22,6 +24,18 @@ UNDEFINED = 3
 def most_rounds(stages):
     """7, 12, 17, as in RADAU."""
     return 7 + 5 * (stages - 3) // 2
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def opening(contraction):
+    """What `judge` takes before the first round, from what the step before left."""
+    return 0.0, 0.0, max(contraction, 2.0**-52) ** 0.8
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def failure_of(verdict):
+    """What is wrong with an attempt whose iteration ended so, and not by converging."""
+    return ledger.NON_FINITE if verdict == UNDEFINED else ledger.STEP_TOO_SMALL
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -15,9 +15,10 @@ from gsp.kernels.radau_iteration import (
     CONVERGED,
     FAILURE_FACTOR,
     GOING_ON,
-    UNDEFINED,
+    failure_of,
     judge,
     most_rounds,
+    opening,
 )
 from gsp.kernels.radau_systems import decompose, solve_complex
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
@@ -159,7 +160,7 @@ def attempt_by_loops(
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     _guess(memory, step, z)
     most = most_rounds(stages)
-    now = (0.0, 0.0, max(memory[CONTRACTION], 2.0**-52) ** 0.8)
+    now = opening(memory[CONTRACTION])
     verdict = GOING_ON
     factor = FAILURE_FACTOR
     rounds = 0
@@ -168,10 +169,8 @@ def attempt_by_loops(
         norm = _round(field, p, t, step, y, weight, system, z, f, w, value, b)
         verdict, factor, now = judge(rounds, most, norm, now, tolerance)
     counters[ledger.FIELD_CALLS] += rounds * stages
-    if verdict == UNDEFINED:
-        return math.inf, rounds, factor, ledger.NON_FINITE
     if verdict != CONVERGED:
-        return math.inf, rounds, factor, ledger.STEP_TOO_SMALL
+        return math.inf, rounds, factor, failure_of(verdict)
     memory[CONTRACTION] = now[2]
 
     # (8.19): e = (gamma/h - J)^-1 (f0 - u'(0)) with the collocation polynomial u.

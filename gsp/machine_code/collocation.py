@@ -29,10 +29,18 @@ from gsp.machine_code.arithmetic import ComplexArithmetic, RealArithmetic, intri
 from gsp.machine_code.emission import Emitter
 from gsp.machine_code.flow_code import FlowCode
 from gsp.machine_code.straight_line import factorise, solve
-from gsp.machine_code.values import DOUBLE, SIGNATURE, address, constants, lane, load, shuffled, spread, store
-
-# What is known of an address, in bytes.
-_UNALIGNED = 8
+from gsp.machine_code.values import (
+    DOUBLE,
+    SIGNATURE,
+    constants,
+    lane,
+    load,
+    load_vector,
+    shuffled,
+    spread,
+    store,
+    store_vector,
+)
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ class Collocation:
     @property
     def width(self) -> int:
         """Lanes of a vector of stages; those beyond the last stage hold 0."""
-        return radau_block.width_of(self.stages)
+        return radau_block.width_of.py_func(self.stages)
 
     @property
     def systems(self) -> int:
@@ -70,7 +78,7 @@ class Collocation:
     @property
     def lines(self) -> int:
         """Where the dense output begins in the block, rows of `width`."""
-        return radau_block.lines_of(len(self.flow.states))
+        return radau_block.lines_of.py_func(len(self.flow.states))
 
     @property
     def rises(self) -> int:
@@ -131,18 +139,13 @@ class _Writer:
         for i, value in enumerate(values):
             self.keep(value, radau_block.POINT + k * self.n + i)
 
-    def place(self, i: int, width: int) -> Any:
-        """A pointer to the vector that begins at entry i."""
-        pointer = address(self.builder, self.block, i)
-        return self.builder.bitcast(pointer, ir.VectorType(DOUBLE, width).as_pointer())
-
     def vector(self, i: int, width: int) -> Any:
         """The vector that begins at entry i."""
-        return self.builder.load(self.place(i, width), align=_UNALIGNED)
+        return load_vector(self.builder, self.block, i, width)
 
     def keep_vector(self, value: Any, i: int) -> None:
         """Store the vector `value` from entry i on."""
-        self.builder.store(value, self.place(i, value.type.count), align=_UNALIGNED)
+        store_vector(self.builder, value, self.block, i)
 
     def rises(self) -> list[Any]:
         """Z, a vector for each state."""
@@ -314,9 +317,7 @@ class _Writer:
             self.keep_row(self.row(radau_block.END + k), k)
         for i in range(self.n):
             line = self.vector(self.code.lines + i * width, width)
-            target = address(self.builder, self.memory, radau_block.LINES + i * width)
-            target = self.builder.bitcast(target, line.type.as_pointer())
-            self.builder.store(line, target, align=_UNALIGNED)
+            store_vector(self.builder, line, self.memory, radau_block.LINES + i * width)
         store(self.builder, self.h, self.memory, radau_block.LENGTH)
 
     def coefficients(self, rises: list[Any]) -> list[Any]:

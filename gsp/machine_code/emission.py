@@ -16,6 +16,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from gsp.errors import GspError, UnsupportedFunctionError
 from gsp.instructions import landings
+from gsp.machine_code.arithmetic import intrinsic
 from gsp.machine_code.elementary import exponential, sine_and_cosine
 from gsp.machine_code.values import DOUBLE, constant, lane, spread
 
@@ -159,7 +160,7 @@ class Emitter:
         if not (2 * exponent).is_Integer or exponent > _LARGEST_UNROLLED_POWER:
             return self._general(expression)
         x, k = self._value(base), int(exponent)
-        result = None if exponent.is_Integer else self._call("sqrt", x, intrinsic=True)
+        result = None if exponent.is_Integer else intrinsic(self.builder, "sqrt", x)
         while k:
             if k & 1:
                 result = x if result is None else self.builder.fmul(result, x)
@@ -169,7 +170,7 @@ class Emitter:
         return _ONE if result is None else result
 
     def _general(self, expression: Any) -> Any:
-        return self._folded(expression, lambda x, k: self._call("pow", x, k, intrinsic=True))
+        return self._folded(expression, lambda x, k: intrinsic(self.builder, "pow", *self._alike(x, k)))
 
     def _function(self, expression: sp.Basic) -> Any:
         kind = expression.func
@@ -178,7 +179,7 @@ class Emitter:
         if kind in _KNOWN:
             return self._folded(expression, lambda *x: self._call(_KNOWN[kind], *x))
         if kind is sp.Abs:
-            return self._folded(expression, lambda x: self._call("fabs", x, intrinsic=True))
+            return self._folded(expression, lambda x: intrinsic(self.builder, "fabs", x))
         if kind is sp.sign:
             return self._step(self._value(expression.args[0]), constant(-1.0), _ZERO)
         if kind is sp.Heaviside:
@@ -259,28 +260,21 @@ class Emitter:
         left, right = (self._value(side) for side in condition.args)
         return self._compare(relation, left, right)
 
-    def _call(self, name: str, *values: Any, intrinsic: bool = False) -> Any:
+    def _call(self, name: str, *values: Any) -> Any:
+        """The value of a function of the C library, lane by lane."""
         values = self._alike(*values)
-        kind = values[0].type
-        if intrinsic:
-            suffix = f"v{self.width}f64" if isinstance(kind, ir.VectorType) else "f64"
-            return self.builder.call(self._function_named(f"llvm.{name}.{suffix}", kind, len(values)), values)
-        function = self._function_named(name, DOUBLE, len(values))
-        if kind == DOUBLE:
+        function = self.builder.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.builder.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(values)), name)
+            # No one reads errno: a value that is needed twice is computed once.
+            function.attributes.add("readnone")
+        if values[0].type == DOUBLE:
             return self.builder.call(function, values)
         result: Any = spread(self.builder, _ZERO, self.width)
         for i in range(self.used):
             each = self.builder.call(function, [self.builder.extract_element(v, lane(i)) for v in values])
             result = self.builder.insert_element(result, each, lane(i))
         return result
-
-    def _function_named(self, name: str, kind: ir.Type, count: int) -> ir.Function:
-        function = self.builder.module.globals.get(name)
-        if function is None:
-            function = ir.Function(self.builder.module, ir.FunctionType(kind, [kind] * count), name)
-            # No one reads errno: a value that is needed twice is computed once.
-            function.attributes.add("readnone")
-        return function
 
 
 def _is_negated(term: Any) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from llvmlite import ir
 
 from gsp.machine_code.arithmetic import intrinsic
-from gsp.machine_code.values import DOUBLE, address, constant, lane, spread
+from gsp.machine_code.values import DOUBLE, constant, lane, load, load_vector, spread, store, store_vector
 
 # From so many states on they are worth gathering from where their rates leave them.
 _FEWEST_SIDE_BY_SIDE = 8
@@ -33,18 +33,17 @@ class StateVectors:
 
     def load(self, array: ir.Value, start: int = 0) -> Parts:
         """The vector at `array[start]`."""
-        return [self.builder.load(self._place(array, start, part), align=8) for part in self._parts]
+        return [
+            load(self.builder, array, start + i)
+            if width == 1
+            else load_vector(self.builder, array, start + i, width)
+            for i, width in self._parts
+        ]
 
     def store(self, vector: Parts, array: ir.Value, start: int = 0) -> None:
         """The vector into `array[start]` and on."""
-        for value, part in zip(vector, self._parts):
-            self.builder.store(value, self._place(array, start, part), align=8)
-
-    def _place(self, array: ir.Value, start: int, part: tuple[int, int]) -> Any:
-        place = address(self.builder, array, start + part[0])
-        return (
-            place if part[1] == 1 else self.builder.bitcast(place, ir.VectorType(DOUBLE, part[1]).as_pointer())
-        )
+        for value, (i, width) in zip(vector, self._parts):
+            (store if width == 1 else store_vector)(self.builder, value, array, start + i)
 
     def alike(self, value: float | ir.Value, part: Any) -> Any:
         """One number as a part like `part`."""

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy as sp
 from llvmlite import ir
@@ -36,7 +36,17 @@ from gsp.kernels.taylor import ATOL, FIRST, LAST, LAST_BUT_ONE, RTOL, SCALE
 from gsp.machine_code.arithmetic import RealArithmetic
 from gsp.machine_code.emission import Emitter
 from gsp.machine_code.flow_code import FlowCode
-from gsp.machine_code.values import DOUBLE, SIGNATURE, load, spread, store
+from gsp.machine_code.values import (
+    SIGNATURE,
+    constant,
+    constants,
+    lane,
+    load,
+    load_vector,
+    spread,
+    store,
+    store_vector,
+)
 
 # Building takes 0.1 milliseconds for each, and more where there are many.
 MOST_PRODUCTS = 100_000
@@ -44,8 +54,7 @@ MOST_PRODUCTS = 100_000
 WIDTH = 4
 # Sums that run side by side where one would wait for itself.
 _SUMS = 4
-_LANE = ir.IntType(32)
-_ZERO = ir.Constant(DOUBLE, 0.0)
+_ZERO = constant(0.0)
 # A multiple that is added to something is rounded once.
 _FUSED = ("contract",)
 _FUNCTIONS: dict[int, Any] = {
@@ -88,6 +97,8 @@ class TaylorCode:
     """
 
     flow: FlowCode
+
+    NAMES: ClassVar = ("expand", "advance", "interpolate")
 
     def __post_init__(self) -> None:
         states = set(self.flow.states)
@@ -166,7 +177,7 @@ class _Bundle:
         a = [coefficients[one.a][k] for one in self.members]
         for i, one in enumerate(self.members):
             if one.weighted and k > 1:
-                a[i] = builder.fmul(a[i], ir.Constant(DOUBLE, float(k)))
+                a[i] = builder.fmul(a[i], constant(float(k)))
         self._a.append(_vector(builder, a))
         b = self._a[-1] if self.squares else _vector(builder, [coefficients[one.b][k] for one in self.members])
         self._b.append(b)
@@ -188,7 +199,7 @@ class _Bundle:
                 total = real.add_product(total, self._a[j], self._b[k - j])
         if len(self.members) == 1:
             return [total]
-        return [builder.extract_element(total, ir.Constant(_LANE, lane)) for lane in range(len(self.members))]
+        return [builder.extract_element(total, lane(i)) for i in range(len(self.members))]
 
 
 def _vector(builder: Any, values: Sequence[Any]) -> Any:
@@ -196,9 +207,9 @@ def _vector(builder: Any, values: Sequence[Any]) -> Any:
     if len(values) == 1:
         return values[0]
     width = 2 if len(values) == 2 else WIDTH
-    result: Any = ir.Constant(ir.VectorType(DOUBLE, width), [0.0] * width)
-    for lane, value in enumerate(values):
-        result = builder.insert_element(result, value, ir.Constant(_LANE, lane))
+    result: Any = constants(*[0.0] * width)
+    for i, value in enumerate(values):
+        result = builder.insert_element(result, value, lane(i))
     return result
 
 
@@ -323,10 +334,10 @@ def _write_advance(module: ir.Module, flow: FlowCode, order: int) -> None:
     slopes = [builder.fmul(power, real.constant(float(k))) for k, power in enumerate(powers)]
     found = []
     for place in range(0, length, width):
-        c = [_load_vector(builder, z, k * length + place, width) for k in range(order + 1)]
+        c = [load_vector(builder, z, k * length + place, width) for k in range(order + 1)]
         end = _sum(real, c[0], c[1:], powers[1:])
         found.append((c[0], end, _sum(real, None, c[1:], slopes[1:])))
-    y = [builder.extract_element(found[i // width][1], ir.Constant(_LANE, i % width)) for i in range(n)]
+    y = [builder.extract_element(found[i // width][1], lane(i % width)) for i in range(n)]
     rates = flow.field(builder, y, flow.constants(builder, p)) + [_ZERO] * (length - n)
     squares: Any = None
     for i, (begin, end, slope) in enumerate(found):
@@ -336,10 +347,10 @@ def _write_advance(module: ir.Module, flow: FlowCode, order: int) -> None:
         squares = real.add_product(squares, defect, defect)
         # 0, or NaN where the end is not finite.
         squares = builder.fadd(squares, builder.fsub(end, end))
-        _store_vector(builder, end, out, i * width)
-        _store_vector(builder, rate, out, length + i * width)
-    total = _total(builder, [builder.extract_element(squares, ir.Constant(_LANE, i)) for i in range(width)])
-    store(builder, builder.fmul(total, ir.Constant(DOUBLE, 1.0 / n)), out, 2 * length)
+        store_vector(builder, end, out, i * width)
+        store_vector(builder, rate, out, length + i * width)
+    total = _total(builder, [builder.extract_element(squares, lane(i)) for i in range(width)])
+    store(builder, builder.fmul(total, constant(1.0 / n)), out, 2 * length)
     builder.ret_void()
 
 
@@ -378,7 +389,7 @@ def _write_interpolate(module: ir.Module, n: int, order: int) -> None:
     rows: list[list[Any]] = [[] for _ in range(dense_rows(order))]
     for place in range(0, length, width):
         q = [
-            builder.fmul(_load_vector(builder, z, k * length + place, width), powers[k])
+            builder.fmul(load_vector(builder, z, k * length + place, width), powers[k])
             for k in range(1, order + 1)
         ]
         # Whether q stands for minus its values.
@@ -396,11 +407,10 @@ def _write_interpolate(module: ir.Module, n: int, order: int) -> None:
         for i, value in enumerate(values):
             if row + 1 < len(rows) or (i + 1) * width <= n:
                 # Beyond the row's end lies the next one, which is written next.
-                _store_vector(builder, value, out, row * n + i * width)
+                store_vector(builder, value, out, row * n + i * width)
             else:
-                for lane in range(n - i * width):
-                    one = builder.extract_element(value, ir.Constant(_LANE, lane))
-                    store(builder, one, out, row * n + i * width + lane)
+                for j in range(n - i * width):
+                    store(builder, builder.extract_element(value, lane(j)), out, row * n + i * width + j)
     builder.ret_void()
 
 
@@ -410,13 +420,3 @@ def _powers(builder: Any, share: Any, width: int, order: int) -> list[Any]:
     for k in range(2, order + 1):
         powers.append(builder.fmul(powers[k // 2], powers[k - k // 2]))
     return powers
-
-
-def _load_vector(builder: Any, array: ir.Value, i: int, width: int) -> Any:
-    place = builder.gep(array, [ir.Constant(ir.IntType(64), i)])
-    return builder.load(builder.bitcast(place, ir.VectorType(DOUBLE, width).as_pointer()), align=8)
-
-
-def _store_vector(builder: Any, value: Any, array: ir.Value, i: int) -> None:
-    place = builder.gep(array, [ir.Constant(ir.IntType(64), i)])
-    builder.store(value, builder.bitcast(place, value.type.as_pointer()), align=8)

@@ -65,6 +65,17 @@ def store(builder: Any, value: Any, array: ir.Value, i: int) -> None:
     builder.store(value, address(builder, array, i))
 
 
+def load_vector(builder: Any, array: ir.Value, i: int, width: int) -> Any:
+    """`array[i : i + width]`, at any multiple of a double's address."""
+    start = builder.bitcast(address(builder, array, i), ir.VectorType(DOUBLE, width).as_pointer())
+    return builder.load(start, align=8)
+
+
+def store_vector(builder: Any, value: Any, array: ir.Value, i: int) -> None:
+    """The vector `value` into `array[i]` and on."""
+    builder.store(value, builder.bitcast(address(builder, array, i), value.type.as_pointer()), align=8)
+
+
 def spread(builder: Any, value: Any, width: int) -> Any:
     """A vector of `width` copies of one number."""
     kind = ir.VectorType(value.type, width)

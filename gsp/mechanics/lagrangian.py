@@ -11,9 +11,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
+from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, HyperbolicityError, nearest
 from gsp.flow import Values
-from gsp.lowering import derivative
 from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
 from gsp.system import VectorField
 
