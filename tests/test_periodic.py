@@ -1,6 +1,7 @@
 """Periodic orbits: orders of convergence, exact cycles in disguise, published periods, and what is refused."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gsp.errors import DeclarationError, GspError, Status
 from gsp.lowering import parameter_vector
 from gsp.periodic import OrbitError
 from gsp.periodic.collocation import Cycle, OrbitProblem, gauss
+from gsp.periodic.finding import ISOLATED, isolation_of
 from gsp.periodic.floquet import multipliers
 from gsp.periodic.mesh import interval_errors
 from gsp.periodic.newton import scales_of, solve_cycle
@@ -286,7 +288,10 @@ def test_a_run_that_settles_names_the_equilibrium() -> None:
 @pytest.mark.parametrize(
     ("rates", "said"),
     [
-        ({x: y, y: -x}, "no isolated orbit"),
+        (
+            {x: y, y: -x},
+            "no isolated orbit here: the run from start closes by itself, and so do its neighbours",
+        ),
         ({x: y - x**3 / 100, y: -x}, "no isolated orbit"),
         ({x: x**2}, "STEP_TOO_SMALL"),
         ({x: 1 + 0 * x}, "leaves for infinity"),
@@ -299,6 +304,63 @@ def test_flows_without_an_isolated_cycle_are_named(rates, said: str) -> None:
         gsp.periodic_orbit(
             gsp.VectorField(rates, epsilon=None), start={s.name: 1.0 if s is x else 0.0 for s in rates}
         )
+
+
+CONSERVATIVE = {
+    "centre": ({x: y, y: -x}, (1, 0)),
+    "Lotka and Volterra": ({x: x * (1 - y), y: y * (x - 1)}, (2, 1)),
+    "cubic": ({x: y, y: -(x**3)}, (1, 0)),
+    "pendulum": ({x: y, y: -sp.sin(x)}, (2, 0)),
+    "Euler's top": ({x: y * z, y: -2 * x * z, z: x * y / 2}, (1, 0.1, 0.2)),
+}
+
+
+def moved(rates, start, seed: int):
+    """The same flow in coordinates turned, stretched and shifted at random, and its start."""
+    rng = np.random.default_rng(seed)
+    n = len(rates)
+    M = np.linalg.qr(rng.normal(size=(n, n)))[0] @ np.diag(10.0 ** rng.uniform(-1, 1, n))
+    c = rng.normal(size=n)
+    new = sp.Matrix(sp.symbols(f"w:{n}"))
+    there = dict(zip(rates, sp.Matrix(np.linalg.inv(M)) * (new - sp.Matrix(c))))
+    turned = sp.Matrix(M) * sp.Matrix(list(rates.values())).xreplace(there)
+    flow = gsp.VectorField(dict(zip(new, turned)), epsilon=None)
+    return flow, dict(zip((s.name for s in new), map(float, M @ np.array(start, dtype=float) + c)))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("name", CONSERVATIVE)
+def test_orbits_of_conservative_flows_are_not_isolated_in_any_coordinates(name: str, seed: int) -> None:
+    flow, start = moved(*CONSERVATIVE[name], seed)
+    with pytest.raises(OrbitError, match="no isolated orbit here") as caught:
+        gsp.periodic_orbit(flow, start=start)
+    # A tenth of the limit at most, whatever rounding does.
+    assert float(re.search(r"isolation (\S+),", str(caught.value))[1]) < 0.1 * ISOLATED
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6])
+def test_a_cycle_that_hardly_attracts_is_isolated_all_the_same(share: float) -> None:
+    flow, start = moved({x: y, y: -x + share * (1 - x**2) * y}, (1, 0), 0)
+    orbit = gsp.periodic_orbit(flow, start=start)
+    assert orbit.status.ok
+    # The multiplier is exp(-2 pi share) but for share^2.
+    assert -orbit.divergence == pytest.approx(2 * math.pi * share, rel=1e-3)
+
+
+@pytest.mark.parametrize("epsilon", [1.0, 1e-2, 1e-5, 1e-8])
+def test_isolation_of_a_relaxation_oscillation_does_not_depend_on_epsilon(epsilon: float) -> None:
+    orbit = gsp.periodic_orbit(van_der_pol(), start={"x": 2, "y": 0}, epsilon=epsilon)
+    problem = OrbitProblem(van_der_pol(), parameter_vector(van_der_pol(), epsilon))
+    assert 0.5 < isolation_of(problem, orbit._cycle) < 0.8
+
+
+def test_an_orbit_of_a_family_is_refused_from_an_orbit_nearby_too() -> None:
+    a = sp.Symbol("a")
+    flow = gsp.VectorField({x: y, y: -x + a * (1 - x**2) * y}, epsilon=None, parameters={a: 1e-6})
+    orbit = gsp.periodic_orbit(flow, start={"x": 1, "y": 0})
+    assert orbit.status.ok
+    with pytest.raises(OrbitError, match="no isolated orbit here"):
+        gsp.periodic_orbit(flow.with_parameters(a=0), start=orbit)
 
 
 def test_too_few_intervals_are_a_status_with_the_error_that_was_reached() -> None:

@@ -30,8 +30,9 @@ class MeasuredDelay:
     """When orbits of the full system at `epsilon` leave the branch: first reach `radius` from it after the loss.
 
     `exit` is the slow time in extended precision (`digits` of them), `double_exit` in double precision, None where it
-    does not leave; `expected` and `expected_double` are the theory's. `extended` and `double` are the runs, with the
-    distances (k,) from the branch along them. `why` and `double_why` say why there is no exit; empty where there is.
+    does not leave; `expected` and `expected_double` are the theory's, and `expected_double_band` holds `double_exit` on
+    any processor. `extended` and `double` are the runs, with the distances (k,) from the branch along them. `why` and
+    `double_why` say why there is no exit; empty where there is.
     """
 
     delayed: DelayedExit
@@ -42,6 +43,7 @@ class MeasuredDelay:
     double_exit: float | None
     expected: float
     expected_double: float | None
+    expected_double_band: tuple[float, float] | None
     extended: ExtendedOrbit
     double: Trajectory
 
@@ -92,8 +94,12 @@ class MeasuredDelay:
         return f"MeasuredDelay(epsilon={self.epsilon:g}, exit={self.exit}, double_exit={self.double_exit})"
 
     def __str__(self) -> str:
-        early = self.expected_double
-        foreseen = "no early exit expected" if early is None else f"expected to leave early at {early:.6g}"
+        band = self.expected_double_band
+        foreseen = (
+            "no early exit expected"
+            if band is None
+            else f"expected to leave early, from {band[0]:.6g} to {band[1]:.6g} as rounding decides"
+        )
         shown = f"none: {self.why}" if self.exit is None else sp.N(self.exit, 15)
         double = f"none: {self.double_why}" if self.double_exit is None else f"{self.double_exit:.8g}"
         return (
@@ -189,6 +195,7 @@ def measure_delay(
         early,
         delayed.t,
         delayed.double_exit(small),
+        delayed.double_exit_band(small),
         run,
         double,
     )

@@ -13,7 +13,7 @@ from gsp.flow import Flow, Point
 from gsp.integrators import check_step_limit
 from gsp.lowering import parameter_vector
 from gsp.periodic.collocation import Cycle, OrbitProblem
-from gsp.periodic.floquet import multipliers
+from gsp.periodic.floquet import isolation, multipliers
 from gsp.periodic.mesh import FEWEST
 from gsp.periodic.newton import COLLAPSED, Refined, refine, scales_of
 from gsp.periodic.orbit import OrbitStats, PeriodicOrbit
@@ -25,6 +25,9 @@ FIRST_ERRORS = (1e-8, 1e-11)
 CLOSER = 1e-6
 # A part of a cycle is the whole again when the two agree to this share of the amplitude.
 SAME = 1e-6
+# A cycle with a smaller isolation has neighbours that are cycles too. Laps of conservative flows have 1e-9 at most,
+# which is the accuracy of the run, and 1e-14 for linear ones; hyperbolic cycles, relaxation included, 1e-3 to 1.
+ISOLATED = 1e-8
 # Tolerances nearer to rounding than this are never met.
 SMALLEST_TOLERANCE = 1e-12
 
@@ -73,6 +76,7 @@ def periodic_orbit(
             )
         cycle = Cycle(start._cycle.mesh, start._cycle.values, start.period)
         refined = refine(problem, cycle, tolerance=tolerance, most=max_intervals, progress=progress)
+        _check_isolated(problem, refined, isolation_of(problem, cycle))
         return assembled(problem, refined)
     flow.initial(start)
 
@@ -114,16 +118,18 @@ def _solved(
 ) -> Refined:
     """The cycle that a lap leads to, once around; raises `OrbitError` when that is an equilibrium."""
     best: Refined | None = None
-    size = np.full(problem.size, np.inf)
+    size, nearest = np.full(problem.size, np.inf), np.inf
     for error in FIRST_ERRORS:
         guess = lap.cycle(degree, error=error, most=most)
         size = scales_of(guess)
+        nearest = min(nearest, isolation_of(problem, guess))
         found = refine(problem, guess, tolerance=tolerance, most=most, progress=progress)
         if best is None or found.status.ok or found.error < best.error:
             best = found
         if best.status.ok:
             break
     assert best is not None
+    _check_isolated(problem, best, nearest)
     cycle = best.solution.cycle
     if (cycle.amplitudes <= 1e-4 * size).all() and (problem.residual(cycle, size) < COLLAPSED):
         states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
@@ -138,6 +144,33 @@ def _solved(
         once = Cycle(cycle.mesh, _part(cycle, times), cycle.period / times)
         best = refine(problem, once, tolerance=tolerance, most=most, progress=progress)
     return best
+
+
+def isolation_of(problem: OrbitProblem, cycle: Cycle) -> float:
+    """`isolation` of a cycle, or of a lap that may become one; infinite where it cannot be told."""
+    try:
+        with np.errstate(all="ignore"):
+            transfers = problem.linearise(cycle).transfers
+            rates = problem.compiled.rates(cycle.values[:, 0], problem.constants(cycle))
+            found = isolation(transfers, rates, scales_of(cycle))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.inf
+    return found if np.isfinite(found) else np.inf
+
+
+def _check_isolated(problem: OrbitProblem, refined: Refined, before: float) -> None:
+    """Raises `OrbitError` for a cycle of a family; `before` is the isolation of the lap that it came from.
+
+    Newton's equations have no unique solution in a family: where its iterates go, if anywhere, rounding decides.
+    """
+    if refined.status.ok:
+        before = isolation_of(problem, refined.solution.cycle)
+    if before <= ISOLATED:
+        raise OrbitError(
+            "there is no isolated orbit here: the run from start closes by itself, and so do its neighbours, as around "
+            f"a centre or where a quantity is conserved (isolation {before:.1e}, where cycles have more than "
+            f"{ISOLATED:g}). Start elsewhere, change a parameter, or integrate over the lap that you want."
+        )
 
 
 def _times_around(cycle: Cycle) -> int:

@@ -34,6 +34,25 @@ def multipliers(transfers: np.ndarray, divergence: float, scales: np.ndarray) ->
     return np.append(values[trivial], others)
 
 
+def isolation(transfers: np.ndarray, rates: np.ndarray, scales: np.ndarray) -> float:
+    """How far a cycle is from having neighbours, from 0, where it belongs to a family of cycles, to about 1.
+
+    A neighbour is a start z_0 and a change of the period that close as well: M dz_0 + F(z_0) dT = dz_0. That has no
+    solution across the flow for an isolated cycle; the answer is the least singular value of these n equations, in
+    rows that are orthonormal for the graph {(z_0, z_N)} of M, so that no growth or decay on the way enters. `rates`
+    (N, n) is F at the mesh points, from the slowest of which the lap is taken, and `scales` (n,) are the units.
+    """
+    n = len(scales)
+    along = rates / scales
+    speeds = np.linalg.norm(along, axis=1)
+    first = int(np.argmin(speeds))
+    B, C = joined(np.roll(transfers * scales / scales[:, None], -first, axis=0))
+    rows = np.linalg.qr(np.hstack([B, -C]).T)[0].T
+    shift = rows[:, n:] @ (along[first] / speeds[first])
+    closing = np.column_stack([rows[:, :n] + rows[:, n:], shift])
+    return float(np.linalg.svd(closing, compute_uv=False)[-1])
+
+
 def joined(transfers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(B, C) with C z_N = B z_0 from z_(j+1) = transfers[j] z_j, joining neighbours in pairs."""
     n = transfers.shape[1]
