@@ -6,17 +6,19 @@ import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
+from gsp.attempts import Missing, attempt, made
 from gsp.boundary import Boundary, boundary_of
 from gsp.choice import Choice, choose
 from gsp.comparison import Comparison, compare, on_manifold
 from gsp.continuation import CriticalCurve, CriticalSheet
-from gsp.errors import DeclarationError, GspError, HyperbolicityError
+from gsp.errors import DeclarationError, HyperbolicityError, MissingPartError
 from gsp.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.failures import WIDENED as REACH
 from gsp.fibres import BasePoint, project
@@ -55,6 +57,8 @@ class Analysis:
     `boundary` holds the folds around the region and what follows from them. `choice` is the cheapest model that meets
     the scene's tolerance, `failures` a coarse failure map (None for the `failures_reason`). `timings` are seconds per
     stage, `versions` of what computed it.
+
+    What a stage could not make is left out: reading it raises `MissingPartError`, and `lost` gives the reason by name.
     """
 
     scene: Scene
@@ -78,6 +82,25 @@ class Analysis:
     timings: Mapping[str, float]
     versions: Mapping[str, str]
 
+    def __post_init__(self) -> None:
+        parts = {field.name: self.__dict__[field.name] for field in fields(self)}
+        lost = {name: part.reason for name, part in parts.items() if isinstance(part, Missing)}
+        for name in lost:
+            del self.__dict__[name]
+        self.__dict__["_lost"] = MappingProxyType(lost)
+
+    @property
+    def lost(self) -> Mapping[str, str]:
+        """What could not be made, by name, with the reason."""
+        return self.__dict__["_lost"]
+
+    def __getattr__(self, name: str) -> Any:
+        # Asked for what is not there only.
+        reason = self.__dict__.get("_lost", {}).get(name)
+        if reason is None:
+            raise AttributeError(f"an Analysis has no attribute {name!r}")
+        raise MissingPartError(reason)
+
     @property
     def flow(self) -> ReducedFlow:
         """The reduced flow of order 0, in the coordinates of the critical manifold."""
@@ -89,11 +112,14 @@ class Analysis:
         return self.boundary.surroundings
 
     def __repr__(self) -> str:
-        return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {self.comparison!r})"
+        found = "no comparison" if "comparison" in self.lost else repr(self.comparison)
+        return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {found})"
 
     def __str__(self) -> str:
         parts = [str(self.placement.splitting)] if self.placement.splitting else []
-        return "\n\n".join([*parts, str(self.hyperbolicity), str(self.series), str(self.comparison)])
+        shown = [str(getattr(self, name)) for name in ("series", "comparison") if name not in self.lost]
+        lost = [f"not made: {name}: {reason}" for name, reason in self.lost.items()]
+        return "\n\n".join([*parts, str(self.hyperbolicity), *shown, *(["\n".join(lost)] if lost else [])])
 
 
 STAGES = ("split", "hyperbolicity", "boundary", "series", "comparison", "choice", "failures", "trajectories")
@@ -131,41 +157,48 @@ def analyse(
     with stage("hyperbolicity"):
         hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
         _require_hyperbolic(hyperbolicity)
+    parts: dict[str, Any] = {}
+
+    def part(name: str, make: Callable[[], Any]) -> Any:
+        parts[name] = attempt(name, make)
+        return parts[name]
+
     with stage("boundary"):
-        ends = boundary_of(placement, hyperbolicity)
+        part("boundary", lambda: boundary_of(placement, hyperbolicity))
     with stage("series"):
-        series = expand(placement.branch, order=order)
-        shown = series.readable(READABLE)
-        raw = None if placement.splitting is None else carry_back(shown, placement.splitting)
+        series = part("series", lambda: expand(placement.branch, order=order))
+        shown = part("shown", lambda: made(series).readable(READABLE))
+        splitting = placement.splitting
+        part("raw", lambda: None if splitting is None else carry_back(made(shown), splitting))
     with stage("comparison"):
-        comparison = compare(scene, orders=orders, progress=lambda share: report("comparison", share))
+        part(
+            "comparison",
+            lambda: compare(scene, orders=orders, progress=lambda share: report("comparison", share)),
+        )
     with stage("choice"):
         # Solving the manifold would take most of the report's time.
-        choice = choose(scene, orders=orders, solve=False)
+        part("choice", lambda: choose(scene, orders=orders, solve=False))
     with stage("failures"):
         failures, failures_reason = _failures(placement, lambda share: report("failures", share))
     with stage("trajectories"):
         base, base_reason = _base_point(scene, placement, series, hyperbolicity)
-        runs = _runs(scene, placement, series, base)
-        landing = _landing(scene, placement, series, hyperbolicity, runs["limit"])
+        ladder = part("ladder", lambda: _ladder(scene))
+        part("full", lambda: made(ladder)[scene.epsilon])
+        start = {**placement.start, **scene.reconstruction_start}
+        limit = part("limit", lambda: _reduced(scene, made(series), 0, start))
+        part("reduced", lambda: _reduced(scene, made(series), made(series).order, base or start))
+        part("landing", lambda: _landing(scene, placement, series, hyperbolicity, limit))
     return Analysis(
         scene=scene,
         placement=placement,
         hyperbolicity=hyperbolicity,
-        series=series,
-        shown=shown,
-        raw=raw,
-        comparison=comparison,
-        landing=landing,
         base=base,
         base_reason=base_reason,
-        boundary=ends,
-        choice=choice,
         failures=failures,
         failures_reason=failures_reason,
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
-        **runs,
+        **parts,
     )
 
 
@@ -189,8 +222,9 @@ def _failures(placement: Placement, progress: Callable[[float], object]) -> tupl
     low, high = placement.region[axis]
     room = REACH * (high - low)
     epsilons, positions, tolerances = MAP
-    try:
-        found = failure_map(
+    found = attempt(
+        "the failure map",
+        lambda: failure_map(
             scene,
             axis=axis,
             positions=np.linspace(low - room, high + room, positions).tolist(),
@@ -200,42 +234,37 @@ def _failures(placement: Placement, progress: Callable[[float], object]) -> tupl
             tolerances=np.geomspace(LOOSEST, TIGHTEST, tolerances).tolist(),
             orders=MAP_ORDERS,
             progress=progress,
-        )
-    except GspError as error:
-        return None, str(error)
-    return found, ""
+        ),
+    )
+    return (None, found.reason) if isinstance(found, Missing) else (found, "")
 
 
 def _base_point(
-    scene: Scene, placement: Placement, series: SeriesManifold, hyperbolicity: Hyperbolicity
+    scene: Scene, placement: Placement, series: SeriesManifold | Missing, hyperbolicity: Hyperbolicity
 ) -> tuple[BasePoint | None, str]:
     """Base point of the fast fibre through the scene's start, or None and why there is none."""
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
     start = {**placement.start, **scene.reconstruction_start}
-    try:
-        base = project(
-            series, start, epsilon=scene.epsilon, order=series.order, reconstruction=scene.reconstruction
+
+    def base() -> BasePoint:
+        known = made(series)
+        return project(
+            known, start, epsilon=scene.epsilon, order=known.order, reconstruction=scene.reconstruction
         )
-    except GspError as error:
-        return None, str(error)
-    return base, ""
+
+    found = attempt("the base point", base)
+    return (None, found.reason) if isinstance(found, Missing) else (found, "")
 
 
-def _runs(scene: Scene, placement: Placement, series: SeriesManifold, base: BasePoint | None) -> dict:
+def _ladder(scene: Scene) -> Mapping[float, Trajectory]:
     epsilons = [multiple * scene.epsilon for multiple in PICTURED]
-    ladder = {e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons}
-    start = {**placement.start, **scene.reconstruction_start}
-    flows = [restrict(series, order=n, reconstruction=scene.reconstruction) for n in (0, series.order)]
-    limit, reduced = (
-        _picture(flow, begin, scene, scene.epsilon) for flow, begin in zip(flows, (start, base or start))
-    )
-    return {
-        "full": ladder[scene.epsilon],
-        "ladder": MappingProxyType(ladder),
-        "limit": limit,
-        "reduced": reduced,
-    }
+    return MappingProxyType({e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons})
+
+
+def _reduced(scene: Scene, series: SeriesManifold, order: int, start) -> Trajectory:
+    flow = restrict(series, order=order, reconstruction=scene.reconstruction)
+    return _picture(flow, start, scene, scene.epsilon)
 
 
 def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = None) -> Trajectory:
@@ -246,13 +275,14 @@ def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = N
 def _landing(
     scene: Scene,
     placement: Placement,
-    series: SeriesManifold,
+    series: SeriesManifold | Missing,
     hyperbolicity: Hyperbolicity,
-    limit: Trajectory,
+    limit: Trajectory | Missing,
 ) -> tuple[Trajectory, ...]:
     """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return ()
+    series, limit = made(series), made(limit)
     t0, t1 = scene.span
     layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
     end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))

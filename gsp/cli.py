@@ -310,7 +310,6 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
     check_folder(folder)
     with _progress("") as show:
         from gsp.analysis import STAGES, analyse
-        from gsp.report import as_json as report_json
         from gsp.report import write_report
 
         stages = (*STAGES, "report")
@@ -320,14 +319,18 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
 
         analysis = analyse(scene, order=order, progress=progress)
         page = write_report(analysis, folder, progress=lambda share: progress("report", share))
+    written = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
     if as_json:
-        _print_json(report_json(analysis))
+        _print_json(written)
         return
     click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
     for condition in analysis.hyperbolicity.conditions:
         if not condition.holds:
             click.echo(f"do not reduce here: {condition}")
-    click.echo(str(analysis.comparison))
+    if "comparison" not in analysis.lost:
+        click.echo(str(analysis.comparison))
+    for name, reason in written["missing"].items():
+        click.echo(f"not made: {name}: {reason}")
     click.echo(f"report: {page}")
 
 

@@ -45,6 +45,14 @@ class OutputError(GspError):
     """A folder or file that cannot be written."""
 
 
+class MissingPartError(GspError):
+    """A part of an analysis that could not be made; the message is the reason."""
+
+
+class DefectWarning(UserWarning):
+    """A part that could not be made because of a defect in this package, not of the model."""
+
+
 class UnknownNameError(GspError, KeyError):
     """A name that a result does not have; what there is stands in the message."""
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
+from gsp.attempts import attempt
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
@@ -86,17 +87,21 @@ def _failures(analysis: Analysis) -> Axes:
 
 
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
-    """The charts that say something about this analysis, by name, in the order of a report."""
+    """The charts that say something about this analysis, by name, in the order of a report.
+
+    One that needs what the analysis has lost is among them: drawing it raises the reason.
+    """
     charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
-    if not has_constant_eigenvalues(analysis):
+    if attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True:
         charts["eigenvalues"] = eigenvalues
-    if analysis.surroundings is not None:
+    if "boundary" in analysis.lost or analysis.surroundings is not None:
         charts["critical_manifold"] = surroundings
     # In higher dimensions `manifold` is the distance already, and nothing when no run lands.
     seen = shape(analysis) in ((1, 1), (2, 1))
-    if seen or analysis.landing:
+    lands = "landing" in analysis.lost or bool(analysis.landing)
+    if seen or lands:
         charts["manifold"] = manifold
-    if seen and analysis.landing:
+    if seen and lands:
         charts["distance"] = distance
     charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
     charts["time_series"] = time_series

@@ -12,6 +12,7 @@ from gsp.charts.sampling import (
     chart_symbols,
     covered,
     dense_run,
+    during,
     evaluate,
     even_places,
     fast_range,
@@ -22,6 +23,7 @@ from gsp.charts.sampling import (
     mesh,
     on_branch,
     path_names,
+    reading,
     shape,
     slow_curve,
     widened,
@@ -47,6 +49,7 @@ from gsp.charts.style import (
     orbit,
     plane_axes,
 )
+from gsp.differentiation import derivative
 
 # Differences below this are the tolerance of the pictured runs, not the limit's error.
 NOTHING = 1e-6
@@ -101,7 +104,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
         axes.plot(on[:, 0], on_branch(analysis, on[:, :1])[:, 0], color=INK, lw=1.1, label="critical manifold")
     axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.4, label=manifold_label(analysis.scene.epsilon), zorder=3)
     run = dense_run(analysis.full)
-    orbit(axes, run[names[0]], run[names[1]], VERMILION, "full run")
+    orbit(axes, *(reading(analysis, run, name) for name in names), VERMILION, "full run")
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     name_axes(axes, *names)
@@ -121,7 +124,7 @@ def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.nd
     lines = contours.allsegs[0]
     contours.remove()
     for line in map(np.asarray, lines):
-        near, slope = evaluate([g, g.diff(y)], system, epsilon, line).T
+        near, slope = evaluate([g, derivative(g, y)], system, epsilon, line).T
         # At a pole g changes sign too, without being small there.
         usable = np.abs(near) < 0.1 * size
         for stable, label, style in ((True, "attracting", "-"), (False, "repelling", (0, (4, 2)))):
@@ -188,7 +191,7 @@ def convergence(analysis: Analysis, axes: Axes) -> None:
             start, end = covered(run, analysis.limit)
             # Quadratic spacing: the initial layer is short.
             t = start + (end - start) * np.linspace(0.0, 1.0, LINE) ** 2
-            difference = (run.sample(t)[name] - analysis.limit.sample(t)[name]) / size
+            difference = (reading(analysis, run.sample(t), name) - analysis.limit.sample(t)[name]) / size
             label = at_epsilon(epsilon) if name == names[0] else None
             axes.plot(t, difference, color=colour, ls=style, label=label)
             seen.append(difference[np.abs(difference) < 1.0])
@@ -219,7 +222,7 @@ def time_series(analysis: Analysis, axes: Axes) -> None:
     layer = analysis.scene.epsilon / analysis.hyperbolicity.gap
     first = min(0.03 * layer, 0.01 * length)
     t = start + np.geomspace(first, length, LINE)
-    full, reduced = (run.sample(t[t <= run.t[-1]]) for run in (analysis.full, analysis.reduced))
+    full, reduced = (during(run, t) for run in (analysis.full, analysis.reduced))
     names = [s.name for s in analysis.scene.system.states]
     for colour, name in zip((*SERIES, INK), names):
         label = f"{mathematics(name)}, full"

@@ -23,6 +23,7 @@ from gsp.charts.style import (
     mathematics,
     name_axes,
 )
+from gsp.differentiation import derivative
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage import FoldExit, FoldPassage, MeasuredDelay
@@ -110,7 +111,7 @@ def critical_lines(
     """g(x, y, 0) = 0 of a planar system in the frame, x across, solid where it attracts."""
     g = laurent(system.g[0], system.epsilon, order=0)[0]
     function = compile_function(
-        [g, g.diff(system.y[0])],
+        [g, derivative(g, system.y[0])],
         arguments=system.states,
         epsilon=system.epsilon,
         parameters=tuple(system.parameters),

@@ -38,6 +38,25 @@ def dense_run(run: Trajectory) -> Trajectory:
     return run.sample(np.unique([*run.t, *np.linspace(run.t[0], run.t[-1], 3 * LINE)]))
 
 
+def during(run: Trajectory, times: np.ndarray) -> Trajectory:
+    """The run at those of `times` that it reached; on its own, where it ended before the first."""
+    reached = times[(times >= run.t[0]) & (times <= run.t[-1])]
+    return run.sample(reached) if reached.size else run
+
+
+def reading(analysis: Analysis, run: Trajectory, name: str) -> np.ndarray:
+    """Values (m,) of a variable along a run, also of a slow coordinate along a run in raw variables."""
+    splitting = analysis.placement.splitting
+    known = {s.name for s in (*run.flow.states, *run.flow.observables)}
+    coordinates = {} if splitting is None else {s.name: e for s, e in splitting.coordinates.items()}
+    if name in known or name not in coordinates:
+        return run[name]
+    assert splitting is not None
+    states = splitting.field.states
+    points = np.stack([run[s.name] for s in states], axis=1)
+    return evaluate([coordinates[name]], analysis.scene.system, run.epsilon or 0.0, points, states)[:, 0]
+
+
 def covered(*runs: Trajectory) -> tuple[float, float]:
     """The interval of time that all runs cover."""
     return max(float(run.t[0]) for run in runs), min(float(run.t[-1]) for run in runs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -12,6 +12,7 @@ import sympy as sp
 
 from gsp import charts
 from gsp.analysis import Analysis
+from gsp.attempts import Missing, attempt
 from gsp.boundary import FoldOutlook
 from gsp.choice import Choice
 from gsp.claims import Claim
@@ -21,45 +22,51 @@ from gsp.trajectory import Trajectory
 
 
 def as_json(analysis: Analysis) -> dict[str, Any]:
-    """What report.json holds, apart from what writing it adds: plain values only, nan and infinity as None."""
-    scene, placement, series = analysis.scene, analysis.placement, analysis.shown
+    """What report.json holds, apart from what writing it adds: plain values only, nan and infinity as None.
+
+    What could not be made is None, and `missing` maps its name to the reason.
+    """
+    scene, placement = analysis.scene, analysis.placement
     system, splitting = placement.system, placement.splitting
     coordinates = splitting.coordinates if splitting else {s: s for s in system.states}
-    content = {
-        "name": scene.name,
-        "title": scene.title,
-        "source": scene.source,
-        "description": scene.description,
-        "slow": [x.name for x in system.x],
-        "fast": [y.name for y in system.y],
-        "coordinates": {s.name: str(e) for s, e in coordinates.items()},
-        "h": [[str(e) for e in row] for row in series.coefficients],
-        "reduced_field": [[str(e) for e in row] for row in series.reduced_field],
-        "series": {
+    parts: dict[str, Callable[[], Any]] = {
+        "name": lambda: scene.name,
+        "title": lambda: scene.title,
+        "source": lambda: scene.source,
+        "description": lambda: scene.description,
+        "slow": lambda: [x.name for x in system.x],
+        "fast": lambda: [y.name for y in system.y],
+        "coordinates": lambda: {s.name: str(e) for s, e in coordinates.items()},
+        "h": lambda: [[str(e) for e in row] for row in analysis.shown.coefficients],
+        "reduced_field": lambda: [[str(e) for e in row] for row in analysis.shown.reduced_field],
+        "series": lambda: {
             "order": analysis.series.order,
             "terms": list(analysis.series.sizes),
-            "shown_through": series.order,
-            "parameters": "symbolic" if series is analysis.series else "values",
+            "shown_through": analysis.shown.order,
+            "parameters": "symbolic" if analysis.shown is analysis.series else "values",
         },
-        "raw": _raw(analysis),
-        "hyperbolicity": hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
-        "comparison": _comparison(analysis),
-        "choice": choice_as_json(analysis.choice),
-        "failures": _failures(analysis),
-        "boundary": _boundary(analysis),
-        "parameters": {s.name: float(value) for s, value in system.parameters.items()},
-        "epsilon": scene.epsilon,
-        "tolerance": scene.tolerance,
-        "span": list(scene.span),
-        "start": dict(scene.full_start),
-        "base_point": None if analysis.base is None else dict(analysis.base),
-        "region": {name: list(interval) for name, interval in scene.region.items()},
-        "stats": {name: _stats(getattr(analysis, name)) for name in ("full", "limit", "reduced")},
-        "timings": {**analysis.timings, "total": sum(analysis.timings.values())},
-        "versions": dict(analysis.versions),
-        "figures": [f"{name}.png" for name in charts.applicable(analysis)],
+        "raw": lambda: _raw(analysis),
+        "hyperbolicity": lambda: hyperbolicity_as_json(analysis.hyperbolicity, epsilon=scene.epsilon),
+        "comparison": lambda: _comparison(analysis),
+        "choice": lambda: choice_as_json(analysis.choice),
+        "failures": lambda: _failures(analysis),
+        "boundary": lambda: _boundary(analysis),
+        "parameters": lambda: {s.name: float(value) for s, value in system.parameters.items()},
+        "epsilon": lambda: scene.epsilon,
+        "tolerance": lambda: scene.tolerance,
+        "span": lambda: list(scene.span),
+        "start": lambda: dict(scene.full_start),
+        "base_point": lambda: None if analysis.base is None else dict(analysis.base),
+        "region": lambda: {name: list(interval) for name, interval in scene.region.items()},
+        "stats": lambda: {name: _stats(analysis, name) for name in ("full", "limit", "reduced")},
+        "timings": lambda: {**analysis.timings, "total": sum(analysis.timings.values())},
+        "versions": lambda: dict(analysis.versions),
+        "figures": lambda: [f"{name}.png" for name in charts.applicable(analysis)],
     }
-    return plain(content)
+    # Strict JSON of each part by itself: what cannot be made costs that part.
+    content = {name: attempt(name, lambda make=make: plain(make())) for name, make in parts.items()}
+    missing = {name: part.reason for name, part in content.items() if isinstance(part, Missing)}
+    return {**content, **dict.fromkeys(missing), "missing": {**analysis.lost, **missing}}
 
 
 def _raw(analysis: Analysis) -> dict[str, Any] | None:
@@ -231,7 +238,10 @@ def _fold(fold: FoldOutlook, epsilon: float) -> dict[str, Any]:
     }
 
 
-def _stats(run: Trajectory) -> dict[str, Any]:
+def _stats(analysis: Analysis, name: str) -> dict[str, Any] | None:
+    if name in analysis.lost:
+        return None
+    run: Trajectory = getattr(analysis, name)
     return {**asdict(run.stats), "method": run.stats.method.value, "status": run.status.name}
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from gsp import charts
 from gsp.analysis import Analysis
+from gsp.attempts import Missing, attempt
 from gsp.errors import DeclarationError, OutputError
 from gsp.report.content import as_json
 from gsp.report.page import render
@@ -41,9 +42,10 @@ def write_report(
 ) -> Path:
     """Write report.html (self-contained), report.json and the figures as PNG to `folder`; returns the page's path.
 
-    The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work
-    goes on. Raises `OutputError` when the folder cannot be written; then, and when anything else fails or
-    is interrupted, an older report is intact and nothing new is left.
+    The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work goes
+    on. A figure or a section that cannot be made is left out, with its reason in its place. Raises `OutputError`
+    when the folder cannot be written; then, and when it is interrupted, an older report is intact and nothing new
+    is left.
     """
     if not isinstance(analysis, Analysis):
         raise DeclarationError(
@@ -54,16 +56,20 @@ def write_report(
     told(0.0)
     begun = time.perf_counter()
     drawn = charts.applicable(analysis)
-    pictures: dict[str, bytes] = {}
+    pictures: dict[str, bytes | Missing] = {}
     for i, (name, draw) in enumerate(drawn.items()):
-        pictures[name] = charts.png(draw(analysis))
+        pictures[name] = attempt(f"the figure {name}", lambda draw=draw: charts.png(draw(analysis)))
         told(0.9 * (i + 1) / len(drawn))
+    made = {name: picture for name, picture in pictures.items() if not isinstance(picture, Missing)}
     content = as_json(analysis)
-    content["figures"] = [f"{name}.png" for name in pictures]
+    content["figures"] = [f"{name}.png" for name in made]
+    content["missing"] |= {
+        f"{name}.png": picture.reason for name, picture in pictures.items() if isinstance(picture, Missing)
+    }
     timings = {**analysis.timings, "report": time.perf_counter() - begun}
     timings["total"] = sum(timings.values())
     content["timings"] = timings
-    files = {f"{name}.png": picture for name, picture in pictures.items()}
+    files = {f"{name}.png": picture for name, picture in made.items()}
     files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
     # Last, so that who finds a new page finds all of it new.
     files[HTML] = render(analysis, pictures=pictures, timings=timings).encode()

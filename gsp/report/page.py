@@ -6,20 +6,24 @@ Words come from here and from templates/report.html; all that comes from a model
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from gsp.analysis import Analysis
+from gsp.attempts import Missing, attempt
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words
 
 
-def render(analysis: Analysis, *, pictures: Mapping[str, bytes], timings: Mapping[str, float]) -> str:
-    """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page."""
+def render(analysis: Analysis, *, pictures: Mapping[str, bytes | Missing], timings: Mapping[str, float]) -> str:
+    """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page.
+
+    A section or a figure that cannot be made costs itself: its reason stands in its place.
+    """
     environment = Environment(
         loader=PackageLoader("gsp"),
         autoescape=True,
@@ -36,20 +40,39 @@ def render(analysis: Analysis, *, pictures: Mapping[str, bytes], timings: Mappin
     }
     page = Page(analysis)
     return environment.get_template("report.html").render(
-        **page.sections(),
+        **page.head(),
+        page=page,
+        section=_section,
         figures=_figures(analysis, page, pictures),
         timings=timings,
         versions=analysis.versions,
     )
 
 
-def _figures(analysis: Analysis, page: Page, pictures: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
-    result = {}
-    for i, (name, picture) in enumerate(pictures.items()):
+def _section(heading: str, caller: Callable[[], Markup]) -> Markup:
+    """The body of a section, as `{% call section("...") %}` hands it over, or why there is none."""
+    made = attempt(f'the section "{heading}"', caller)
+    if isinstance(made, Missing):
+        return Markup('<p class="note missing">This part could not be made: {}</p>').format(words(made.reason))
+    return made
+
+
+def _figures(
+    analysis: Analysis, page: Page, pictures: Mapping[str, bytes | Missing]
+) -> dict[str, dict[str, Any]]:
+    result: dict[str, dict[str, Any]] = {}
+    number = 0
+    for name, picture in pictures.items():
+        if isinstance(picture, Missing):
+            result[name] = {"reason": words(picture.reason)}
+            continue
+        number += 1
         data = base64.b64encode(picture).decode()
+        text = attempt(f"the caption of {name}", lambda name=name: caption(name, analysis, page.set))
         result[name] = {
-            "number": i + 1,
+            "number": number,
             "source": Markup("data:image/png;base64,{}").format(data),
-            "caption": caption(name, analysis, page.set),
+            "caption": words(text.reason) if isinstance(text, Missing) else text,
+            "reason": None,
         }
     return result

@@ -21,13 +21,19 @@ def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """Values of the section for the template; tables are empty and sentences None where there is nothing to say."""
     found = analysis.boundary
     return {
-        "map": None if analysis.failures is None else _map(analysis, analysis.failures, setter),
-        "no_map": words(first_sentence(analysis.failures_reason)),
         "folds": [_fold(fold, analysis, setter) for fold in found.folds],
         "passes": any(fold.passage is not None for fold in found.folds),
         "folded": [_folded(point, setter) for point in found.folded],
         "folded_reason": words(first_sentence(found.folded_reason)),
         "orbit": _orbit(analysis, setter),
+    }
+
+
+def failures(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
+    """What is read off the failure map, or why there is none."""
+    return {
+        "map": None if analysis.failures is None else _map(analysis, analysis.failures, setter),
+        "no_map": words(first_sentence(analysis.failures_reason)),
     }
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import sympy as sp
 from markupsafe import Markup
 
 from gsp.analysis import Analysis
+from gsp.attempts import Missing, attempt
 from gsp.charts import has_constant_eigenvalues
 from gsp.hyperbolicity import Kind
 from gsp.report import mathml
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
-from gsp.report.reach import reach
-from gsp.report.wording import fitted, number, span
+from gsp.report.reach import failures, reach
+from gsp.report.wording import fitted, number, span, words
 from gsp.system import SlowFastSystem
 
 # A slope this far below what a field promises is a failure of the field, not of the measurement.
@@ -37,16 +39,20 @@ class Page:
             ]
         )
 
-    def sections(self) -> dict[str, Any]:
-        analysis = self.analysis
-        scene = analysis.scene
+    def head(self) -> dict[str, Any]:
+        """What every section of the template speaks of; the rest they ask for, so that one may fail alone."""
+        scene = self.analysis.scene
         return {
-            "analysis": analysis,
+            "analysis": self.analysis,
             "scene": scene,
             "title": scene.title or scene.name or "A system with two time scales",
             "epsilon": self.inline(self.epsilon),
-            "verdict": self.verdict(),
-            "card": self.card(),
+            "span": span(scene.span),
+        }
+
+    def question(self) -> dict[str, Any]:
+        scene = self.analysis.scene
+        return {
             "equations": self.equations(),
             "reconstruction": [
                 self.block(dotted(self.set.row(s)), rate) for s, rate in scene.reconstruction.items()
@@ -54,17 +60,13 @@ class Page:
             "parameters": [self.named_value(s, value) for s, value in self.system.parameters.items()],
             "region": [self.interval(name, bounds) for name, bounds in scene.region.items()],
             "start": [self.named_value(sp.Symbol(name), value) for name, value in scene.full_start.items()],
-            "splitting": self.splitting(),
-            "branches": self.branches(),
-            "constant_eigenvalues": self.constant_eigenvalues(),
-            "series": self.series(),
-            "raw": self.raw(),
-            "span": span(self.analysis.scene.span),
-            "errors": self.errors(),
-            "claims": self.claims(),
-            "choice": self.choice(),
-            "reach": reach(analysis, self.set),
         }
+
+    def failures(self) -> dict[str, Any]:
+        return failures(self.analysis, self.set)
+
+    def reach(self) -> dict[str, Any]:
+        return reach(self.analysis, self.set)
 
     # -- mathematics --------------------------------------------------------------------------------------
 
@@ -99,6 +101,11 @@ class Page:
         return self.inline(row(symbol, operator("∈"), operator("["), ends, operator("]")))
 
     # -- sections -----------------------------------------------------------------------------------------
+
+    def answer(self) -> tuple[str, Markup]:
+        """The verdict, or "Unknown" and why."""
+        found = attempt("the verdict", self.verdict)
+        return ("Unknown", words(found.reason)) if isinstance(found, Missing) else found
 
     def verdict(self) -> tuple[str, Markup]:
         """(word, sentence): whether one may reduce, with the numbers that say so."""
@@ -166,21 +173,29 @@ class Page:
             how = f"extrapolated from {a:g} with the measured slope {fitted(slope)}"
         return low * (epsilon / a) ** slope, how
 
+    def variables(self) -> Markup:
+        return Markup("{}; {}").format(self.names(self.system.x), self.names(self.system.y))
+
     def card(self) -> list[tuple[str, Markup]]:
-        analysis = self.analysis
-        found, comparison = analysis.hyperbolicity, analysis.comparison
+        """The facts below the verdict; one that is not known gives the reason."""
+        found = self.analysis.hyperbolicity
+        facts: dict[str, Callable[[], Markup]] = {
+            "slow, fast": self.variables,
+            "kind": lambda: Markup("normally hyperbolic, {} ({})").format(found.kind, found.evidence),
+            "gap": lambda: Markup("{} in fast time").format(number(found.gap, 4)),
+            "series": lambda: Markup("through order {}, exact").format(self.analysis.series.order),
+            "slopes": self._slopes,
+        }
+        told = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
+        return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in told.items()]
+
+    def _slopes(self) -> Markup:
+        comparison = self.analysis.comparison
         slopes = ["exact" if comparison.is_exact(n) else fitted(s) for n, s in comparison.slopes.items()]
-        orders = self._listed([str(order) for order in comparison.slopes])
-        measured = Markup("{} at orders {}").format(", ".join(slopes), orders)
         if set(slopes) == {"–"}:
-            measured = Markup("not measured: no full run reached the end")
-        return [
-            ("slow, fast", Markup("{}; {}").format(self.names(self.system.x), self.names(self.system.y))),
-            ("kind", Markup("normally hyperbolic, {} ({})").format(found.kind, found.evidence)),
-            ("gap", Markup("{} in fast time").format(number(found.gap, 4))),
-            ("series", Markup("through order {}, exact").format(analysis.series.order)),
-            ("slopes", measured),
-        ]
+            return Markup("not measured: no full run reached the end")
+        orders = self._listed([str(order) for order in comparison.slopes])
+        return Markup("{} at orders {}").format(", ".join(slopes), orders)
 
     def equations(self) -> list[tuple[Markup, Markup]]:
         system = self.analysis.scene.system
