@@ -207,8 +207,10 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
         return
     failed = [str(condition) for condition in hyperbolicity.conditions if not condition.holds]
     where = "; ".join(loss.headline for loss in hyperbolicity.losses[:3]) or "; ".join(failed)
+    part = hyperbolicity.sub_region
+    shrink = f"The conditions hold {part}. " if part is not None else ""
     raise HyperbolicityError(
-        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. "
+        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. {shrink}"
         "Shrink the region to one side of it; nothing can be reduced across."
     )
 

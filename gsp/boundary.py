@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import sympy as sp
 
+from gsp.branch import Branch
 from gsp.continuation import CriticalCurve, CriticalSheet, SpecialKind, continue_critical, critical_sheet
 from gsp.errors import GspError
 from gsp.hyperbolicity import Hyperbolicity, Kind
@@ -27,6 +29,8 @@ WIDENED = 1.5
 PIECES = 60
 # A canard point is that of the scene when it lies this near to the fold and to the declared parameter.
 HERE = 1e-6
+# Functions that are smooth wherever they are finite: a graph of them has no folds.
+SMOOTH = (sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,8 +57,8 @@ class FoldOutlook:
 class Boundary:
     """What is known of the end of a reduction.
 
-    `surroundings` is the critical manifold through its folds in a box around the region, for implicit branches over
-    one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a sheet
+    `surroundings` is the critical manifold through its folds in a box around the region, for branches that may fold
+    over one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a sheet
     (empty for the `folded_reason`, if any), `orbit` the singular orbit from the scene's start (None for the
     `orbit_reason`, or when there is no fold), and `period` the three coefficients of its period when it closes.
     """
@@ -121,8 +125,8 @@ def not_followed(placement: Placement) -> str:
     """Why M0 is not followed through folds around the region, as a sentence; empty where it is."""
     system, branch = placement.system, placement.branch
     name = placement.scene.name or "the scene"
-    if branch.is_explicit:
-        return f"the branch of {name} is the explicit graph {branch}: it has no folds."
+    if never_folds(branch):
+        return f"the branch of {name} is the graph {branch} without roots: it has no folds."
     if len(system.x) > 2:
         return (
             f"folds are followed over one or two slow variables. Got {len(system.x)} in {name}. "
@@ -135,6 +139,19 @@ def not_followed(placement: Placement) -> str:
             f"region of {name}. Bound the fast variables there."
         )
     return ""
+
+
+def never_folds(branch: Branch) -> bool:
+    """Whether h_0 is known as an expression that is smooth wherever it is finite: without roots and inverse functions."""
+    if branch.graph is None:
+        return False
+    for h in branch.graph.values():
+        for part in sp.preorder_traversal(h):
+            if part.is_Pow and part.base is not sp.E and part.free_symbols and not part.exp.is_integer:
+                return False
+            if part.is_Function and not isinstance(part, SMOOTH):
+                return False
+    return True
 
 
 def _box(placement: Placement) -> dict[str, Interval]:

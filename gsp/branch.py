@@ -25,10 +25,12 @@ NEWTON_TOLERANCE = 1e-12
 NEWTON_STEPS = 40
 # Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
 REAL_TOLERANCE = 1e-7
-# Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it.
-PIECES = (1, 4, 16, 64, 256)
-# The end of a sheet is located to this share of the line.
-END_TOLERANCE = 1e-9
+# Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
+# are halved where the sheet bends, down to this share of the line, the end of the sheet being there. Towards a fold
+# about three trials halve what is left of the way.
+PIECES = (1, 4, 16)
+END_TOLERANCE = 1e-13
+TRIALS = 600
 
 
 @dataclass(frozen=True)
@@ -126,8 +128,9 @@ class Branch:
         """The sheet through `start` over `x` (m, n_slow): y (m, n_fast), and which points it reaches.
 
         `start` is (x, y), one point (n,) or one for each row (m, n), on the branch; the seed unless given. Euler
-        steps and Newton corrections along straight lines in x; a point is given up when a correction is so
-        long that it may have landed on another sheet, or det g_y has changed its sign, even in 256 pieces.
+        steps and Newton corrections along straight lines in x; a step is halved when its correction is so long that
+        it may have landed on another sheet, or det g_y has changed its sign. A point is given up where the steps
+        vanish.
         """
         n = len(self.system.y)
         if len(x) == 0:
@@ -151,9 +154,35 @@ class Branch:
             pending = pending[~alive]
             if len(pending) == 0:
                 break
+        y, share = self._walked(x0[pending], y0[pending], x[pending])
+        arrived = share == 1.0
+        result[pending[arrived]] = y[arrived]
         good = np.ones(len(x), dtype=bool)
-        good[pending] = False
+        good[pending[~arrived]] = False
         return result, good
+
+    def _walked(self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sheets through (x0, y0) towards `target` (m, n_slow) as far as they go: y there, and the share of the way."""
+        y, way = np.array(y0), target - x0
+        share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
+        orientation = self._orientation(x0, y0)
+        active = np.arange(len(x0))
+        for _ in range(TRIALS):
+            if len(active) == 0:
+                break
+            here, reach = share[active], np.minimum(length[active], 1.0 - share[active])
+            start = x0[active] + here[:, None] * way[active]
+            tried, good = self._continued(start, y[active], reach[:, None] * way[active])
+            end = x0[active] + (here + reach)[:, None] * way[active]
+            good &= self._orientation(end, tried) == orientation[active]
+            moved = active[good]
+            y[moved] = tried[good]
+            # The last step ends on the target exactly.
+            share[moved] = np.where(reach[good] < length[moved], 1.0, share[moved] + reach[good])
+            length[moved] *= 2.0
+            length[active[~good]] = 0.5 * reach[~good]
+            active = active[(share[active] < 1.0) & (length[active] > END_TOLERANCE)]
+        return y, share
 
     def _continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One Euler step and its Newton correction at all points at once, and where both can be trusted."""
@@ -176,21 +205,12 @@ class Branch:
         return np.sign(np.linalg.det(np.nan_to_num(jacobian)))
 
     def _ending(self, target: np.ndarray) -> str:
-        """Where the seed's sheet ends on the way to `target`, by steps that are halved until they vanish."""
+        """Where the seed's sheet ends on the way to `target`."""
         assert self.seed is not None
-        x0, y = np.array(self.seed[0]), np.array([self.seed[1]])
-        here, length = 0.0, 1.0
-        while length > END_TOLERANCE and here < 1.0:
-            x = (x0 + here * (target - x0))[None, :]
-            tried, good = self._continued(x, y, length * (target - x0)[None, :])
-            end = x + length * (target - x0)
-            if good[0] and (self._orientation(end, tried) == self._orientation(x, y))[0]:
-                here, y = here + length, tried
-                length = min(2.0 * length, 1.0 - here)
-            else:
-                length *= 0.5
+        x0 = np.array(self.seed[0])
+        y, share = self._walked(x0[None, :], np.array([self.seed[1]]), target[None, :])
         fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0]))
-        end = self._shown(x0 + here * (target - x0))
+        end = self._shown(x0 + share[0] * (target - x0))
         return f"the sheet through {self._shown(x0)} ends at {end}, {fast} (a fold?) and has no point"
 
     # -- evaluation --------------------------------------------------------------------------------

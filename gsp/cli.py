@@ -177,14 +177,14 @@ def folds(model: str, as_json: bool) -> None:
     In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
     coefficients of v' = b dx + a v^2 along the null direction.
     """
-    from gsp.boundary import not_followed, surroundings
+    from gsp.boundary import never_folds, not_followed, surroundings
     from gsp.continuation import CriticalCurve
     from gsp.placement import place
 
     scene = load_scene(model)
     placement = place(scene)
     found = surroundings(placement)
-    if found is None and placement.branch.is_explicit:
+    if found is None and never_folds(placement.branch):
         message = not_followed(placement).rstrip(".")
         if as_json:
             _print_json({"name": scene.name, "message": message, "special": []})

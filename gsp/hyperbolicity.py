@@ -143,6 +143,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     x = grid(np.array([box[s.name] for s in system.x]))
     z, rows = _points(sampler, x, box)
     missing = len(x) - len(np.unique(rows))
+    everything = z, rows
     bounded = sampler.inside(z, box)
     a, b = sampler.links(z[bounded], rows[bounded], x)
     z, rows = z[bounded], rows[bounded]
@@ -161,7 +162,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     found = examine(sampler, box, scale, z, eigenvalues, (a, b), epsilon=epsilon)
     losses, gap = found.losses, found.gap
     if missing and not losses and found.diagnosis is not None:
-        losses = tuple(sheet_ends(found.diagnosis, z, rows, x))
+        losses = tuple(sheet_ends(found.diagnosis, *everything, x))
     mixed = len(kinds) > 1
     lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
     if mixed and not lost and not branch.is_explicit and branch.seed is None:

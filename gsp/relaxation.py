@@ -22,7 +22,8 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.branch import Branch
-from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status
+from gsp.critical import solve_critical
+from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status
 from gsp.flow import Point, check_epsilon, complete, named
 from gsp.passage import FoldPassage, PassageError, fold_passage
 from gsp.passage.folds import omega0
@@ -152,7 +153,7 @@ def singular_orbit(
     pieces: list[SlowPiece] = []
     landings: list[np.ndarray] = []
     while len(pieces) < max_pieces:
-        piece, why = _follow(branch, point)
+        piece, why = _follow(_landed_on(branch, point) if pieces else branch, point)
         pieces.append(piece)
         if progress is not None:
             progress(len(pieces))
@@ -203,6 +204,19 @@ def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, str]:
         return SlowPiece(run, fold_passage(branch.system, fold)), ""
     except PassageError as error:
         return SlowPiece(run, None), str(error)
+
+
+def _landed_on(branch: Branch, point: Point) -> Branch:
+    """`branch` when the point of M0 lies on it, otherwise the branch of M0 that it lies on."""
+    given = named(point, what="point")
+    x, y = (np.array([given[s.name] for s in states]) for states in (branch.system.x, branch.system.y))
+    try:
+        distance = np.abs(branch.through(point).points(x[None, :])[0] - y).max()
+    except BranchError:
+        distance = float("inf")
+    if distance <= CLOSED * (1.0 + np.abs(y).max()):
+        return branch
+    return solve_critical(branch.system).nearest(point)
 
 
 def _reduced(branch: Branch, point: Point) -> ReducedFlow:
@@ -278,6 +292,7 @@ def _sensitivity(branch: Branch, before: SlowPiece, piece: SlowPiece) -> tuple[n
     landing = before.fold.drop.point
     names = [s.name for s in branch.system.x]
     m = len(names)
+    branch = _landed_on(branch, landing)
     transfer, gradient = np.zeros((m, m)), np.zeros(m)
     for i, name in enumerate(names):
         ends, durations = [], []

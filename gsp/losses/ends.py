@@ -1,13 +1,18 @@
-"""Where a sheet ends although no eigenvalue was found on the axis: a switching surface, the domain, or none found."""
+"""Where a sheet ends although no loss was met in the region: a fold, a switching surface, the domain, or none found.
+
+The fold may lie outside the bounds on the fast variables: over the slow variables the sheet ends there all the same.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gsp.losses import consequences, kinds
+from gsp.losses.components import named_losses
 from gsp.losses.consequences import Verdict
-from gsp.losses.diagnosis import Diagnosis
+from gsp.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.losses.kinds import Loss, LossKind
+from gsp.losses.locator import Locator
 from gsp.losses.switching import switches
 from gsp.sampling import neighbours
 
@@ -16,7 +21,8 @@ ENDS = 2
 HALVINGS = 24
 # A switching function is zero at an end below this, relative to its size over the samples.
 AT_END = 1e-4
-
+# An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of Newton's.
+VANISHED = 1e-2
 # The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the samples.
 HYPERBOLIC = 1e-3
 
@@ -33,14 +39,47 @@ SURFACE = Verdict(
 
 
 def sheet_ends(diagnosis: Diagnosis, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Loss]:
-    """Losses at ends of sheets, between samples `z` over the rows `rows` of the grid `x` and rows that have none."""
+    """Losses at ends of sheets, between samples `z` over the rows `rows` of the grid `x` and rows that have none.
+
+    The samples are those of one sheet whatever its fast coordinates, or those within the bounds on these.
+    """
+    sampler, box = diagnosis.sampler, diagnosis.box
+    one_sheet = sampler.branch.is_explicit or sampler.branch.seed is not None
+    if one_sheet:
+        box = {s.name: box[s.name] for s in sampler.system.x}
     has = np.zeros(len(x), dtype=bool)
     has[rows] = True
     first, second = neighbours(len(x), x.shape[1])
     pairs = [(a, b) for a, b in [*zip(first, second), *zip(second, first)] if has[a] and not has[b]]
     chosen = [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS)).astype(int)]
     ends = [_end(diagnosis, z[int(np.argmax(rows == a))], x[b]) for a, b in chosen]
-    return [_loss(diagnosis, end) for end in ends if diagnosis.sampler.inside(end[None, :], diagnosis.box)[0]]
+    ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
+    folds, losses = [], []
+    for end in ends:
+        fold = _fold(diagnosis, Locator(sampler, box, diagnosis.scale), end)
+        if fold is None:
+            losses.append(_loss(diagnosis, end))
+        else:
+            folds.append(fold)
+    return [*named_losses(diagnosis, folds), *losses]
+
+
+def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | None:
+    """Where an eigenvalue vanishes next to the end of a sheet; None without such a place."""
+    locator.zeros(end[None, :])
+    nx = diagnosis.nx
+    sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
+    least = _least(diagnosis, end)
+    near = [
+        found
+        for found in locator.found
+        if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= VANISHED * least
+    ]
+    return near[0] if near else None
+
+
+def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
+    return float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0]).min())
 
 
 def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
@@ -58,7 +97,7 @@ def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarra
 
 def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
     sampler = diagnosis.sampler
-    value = float(np.abs(sampler.eigenvalues(end[None, :])[0]).min())
+    value = _least(diagnosis, end)
     for switch in switches([*sampler.f, *sampler.g], sampler.system.states):
         function = sampler.compiled([switch.surface])
         here = float(function(end[None, :], sampler.p)[0, 0])
