@@ -13,15 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_progress
 from gsp.attempts import Missing, attempt, made
 from gsp.boundary import Boundary, boundary_of
 from gsp.choice import Choice, choose
 from gsp.comparison import Comparison, compare, on_manifold
 from gsp.continuation import CriticalCurve, CriticalSheet
-from gsp.errors import DeclarationError, HyperbolicityError, MissingPartError
+from gsp.errors import HyperbolicityError, MissingPartError
 from gsp.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.failures import WIDENED as REACH
 from gsp.fibres import BasePoint, project
+from gsp.flow import check_order, check_orders
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.placement import Placement, place
 from gsp.raw import RawManifold, carry_back
@@ -137,10 +139,10 @@ def analyse(
     `progress(stage, share)` is called as the work goes on. Raises `HyperbolicityError`, saying where, when the
     fast Jacobian is singular in the scene's region, and whatever the stages raise.
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"analyse takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name) or gsp.load(path)."
-        )
+    check_noun(scene, Scene, verb="analyse")
+    check_order(order)
+    check_orders(orders)
+    check_progress(progress)
     report = progress or (lambda stage, share: None)
     timings: dict[str, float] = {}
 

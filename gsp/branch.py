@@ -13,9 +13,10 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_array, shown
 from gsp.differentiation import derivative
 from gsp.elimination import numerator
-from gsp.errors import BranchError
+from gsp.errors import BranchError, DeclarationError
 from gsp.flow import Point, as_points, complete
 from gsp.lowering import compile_flow, compile_function, finite_rows
 from gsp.system import SlowFastSystem
@@ -63,11 +64,11 @@ class Branch:
         Raises `BranchError` where the branch has no real point, or several and nothing to choose between them.
         """
         array, single = as_points(self.system.x, x, what="x")
+        guess = None if near is None else self._guess(near, len(array))
         if self.graph is not None:
             y = self.graph_values(array)
-        elif near is not None:
-            guess = np.broadcast_to(np.asarray(near, dtype=float), (len(array), len(self.system.y)))
-            y, good = self._newton(array, np.array(guess))
+        elif guess is not None:
+            y, good = self._newton(array, guess)
             self._require(good, array, "Newton's method found no point near the given one")
         elif self.seed is not None:
             y, good = self.follow(array)
@@ -76,6 +77,19 @@ class Branch:
         else:
             y = np.array([self._only(point) for point in array])
         return y[0] if single else y
+
+    def _guess(self, near, count: int) -> np.ndarray:
+        """`near` as starts (m, n_fast) of Newton's method, finite."""
+        names = ", ".join(s.name for s in self.system.y)
+        be = f"finite numbers for {names}, (n_fast,) or (m, n_fast)"
+        array = check_array(near, what="near", be=be)
+        shape = (count, len(self.system.y))
+        if np.isfinite(array).all() and array.size:
+            try:
+                return np.array(np.broadcast_to(array, shape))
+            except ValueError:
+                pass
+        raise DeclarationError(f"near is {be}. Got {shown(near)} for {count} points.")
 
     def roots(self, x, *, bounds: Mapping[str, tuple[float, float]] | None = None) -> np.ndarray:
         """All real points (k, n_fast) of the branch over one slow point `x`, within `bounds` on fast variables.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.arguments import check_flag, check_noun
 from gsp.candidates import (
     INTEGRATION,
     PIECE,
@@ -144,6 +145,8 @@ def choose(
     True
     """
     scene = _asked(scene, tolerance, epsilon)
+    check_flag(fast, what="fast")
+    check_flag(solve, what="solve")
     wanted = tuple(sorted(set(check_orders(orders))))
     _check_start(scene)
     rtol = INTEGRATION * scene.tolerance
@@ -268,10 +271,7 @@ def _measured(
 
 
 def _asked(scene: Scene, tolerance: float | None, epsilon: float | None) -> Scene:
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"choose takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name) or gsp.load(path)."
-        )
+    check_noun(scene, Scene, verb="choose")
     if tolerance is None and epsilon is None:
         return scene
     return replace(

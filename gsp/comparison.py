@@ -14,8 +14,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_progress
 from gsp.errors import DeclarationError, HyperbolicityError, Status
-from gsp.flow import check_epsilons, check_orders
+from gsp.flow import check_epsilons, check_order, check_orders
 from gsp.inner import InnerExpansion, expand_inner
 from gsp.placement import Placement, place
 from gsp.reduced import restrict
@@ -108,12 +109,14 @@ def compare(
     raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
     point; `DeclarationError` when the layer takes more than half of the span.
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"compare takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name) or gsp.load(path)."
-        )
+    check_noun(scene, Scene, verb="compare")
     wanted = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
+    if not ladder:
+        raise DeclarationError("epsilons has no value. Give one or more, such as (0.02, 0.01).")
+    if correction is not None:
+        check_order(correction, what="correction")
+    check_progress(progress)
     placement = place(scene)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
     series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
@@ -200,10 +203,6 @@ def sense(placement: Placement) -> int:
 
 
 def _inner(placement: Placement, correction: int) -> InnerExpansion:
-    if isinstance(correction, bool) or not isinstance(correction, int) or correction < 0:
-        raise DeclarationError(
-            f"correction is a non-negative integer, the power of epsilon. Got {correction!r}. Try 1."
-        )
     inner = expand_inner(placement.branch, placement.start, order=correction, fast_order=max(correction - 1, 0))
     if inner.direction < 0:
         raise HyperbolicityError(

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun
 from gsp.branch import Branch, place
 from gsp.differentiation import derivative
 from gsp.elimination import pieces
@@ -93,6 +94,7 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
     >>> solve_critical(SlowFastSystem(slow={x: y}, fast={y: y**2 - x**2}, epsilon=eps))
     CriticalManifold(y = x, y = -x)
     """
+    check_noun(system, SlowFastSystem, verb="solve_critical")
     _refuse_constants(system)
     found = pieces(system)
     branches = tuple(

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from typing import Any
 
+import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
+from gsp.arguments import shown
 from gsp.errors import DeclarationError, nearest
 from gsp.flow import Values
 from gsp.laurent import misplaced_epsilon
@@ -20,8 +23,12 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
     """Exact rational of a number; a float counts as the shortest decimal that prints it, 0.2 as 1/5."""
     if isinstance(value, sp.Rational):
         return value
-    if isinstance(value, bool) or value is None:
-        raise DeclarationError(f"{value!r} is no number. Give an int, a float or a Fraction.")
+    if isinstance(value, (bool, np.bool_, complex)) or value is None:
+        raise DeclarationError(f"{shown(value)} is no number. Give an int, a float or a Fraction.")
+    if isinstance(value, int):
+        return sp.Integer(value)
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, str) and not DECIMAL.fullmatch(value):
         raise DeclarationError(
             f"{value[:80]!r} is no number. Give an int, a float or a Fraction, or digits as text."
@@ -34,30 +41,35 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
     except (TypeError, ValueError):
         number = None
     if not isinstance(number, sp.Rational):
-        raise DeclarationError(f"{value!r} is no finite real number. Give an int, a float or a Fraction.")
+        raise DeclarationError(f"{shown(value)} is no finite real number. Give an int, a float or a Fraction.")
     return number
 
 
 def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
     """`equations` as symbols to exact expressions; `what` names the argument in errors."""
     if not isinstance(equations, Mapping):
-        raise DeclarationError(f"{what} maps symbols to expressions. Got {type(equations).__name__}.")
+        raise DeclarationError(f"{what} maps symbols to expressions. Got {shown(equations)}.")
     result: dict[sp.Symbol, sp.Expr] = {}
     for symbol, expression in equations.items():
         if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"{what} is keyed by SymPy symbols. Got the key {symbol!r}.")
-        if isinstance(expression, float):
-            expression = exact(expression)
+            raise DeclarationError(f"{what} is keyed by SymPy symbols. Got the key {shown(symbol)}.")
+        if isinstance(expression, (float, complex, np.inexact)):
+            try:
+                expression = exact(expression)
+            except DeclarationError as error:
+                raise DeclarationError(
+                    f"{what}: the right-hand side of {symbol} is no number. {error}"
+                ) from None
         try:
             expression = sp.sympify(expression, strict=True)
-        except sp.SympifyError:
+        except (sp.SympifyError, TypeError, ValueError):
             raise DeclarationError(
-                f"the right-hand side of {symbol} is a {type(expression).__name__}, {expression!r}. "
+                f"{what}: the right-hand side of {symbol} is a {type(expression).__name__}, {shown(expression)}. "
                 "Give a SymPy expression; text is read by gsp.load only."
             ) from None
         if not isinstance(expression, sp.Expr) or isinstance(expression, (sp.MatrixBase, sp.MatrixExpr)):
             raise DeclarationError(
-                f"the right-hand side of {symbol} is no scalar expression. Got {expression!r}."
+                f"{what}: the right-hand side of {symbol} is no scalar expression. Got {shown(expression)}."
             )
         result[symbol] = _exact_numbers(expression)
     return result
@@ -78,9 +90,9 @@ def checked_parameters(
 ) -> dict[sp.Symbol, sp.Rational]:
     """Parameter values, exact, in the order given, after every check that does not depend on the noun."""
     if epsilon is not None and not isinstance(epsilon, sp.Symbol):
-        raise DeclarationError(f"epsilon is a SymPy symbol. Got {epsilon!r}; its value is given later.")
+        raise DeclarationError(f"epsilon is a SymPy symbol. Got {shown(epsilon)}; its value is given later.")
     if not isinstance(parameters, Mapping):
-        raise DeclarationError(f"parameters maps symbols to numbers. Got {type(parameters).__name__}.")
+        raise DeclarationError(f"parameters maps symbols to numbers. Got {shown(parameters)}.")
     values: dict[sp.Symbol, sp.Rational] = {}
     for symbol, value in parameters.items():
         if not isinstance(symbol, sp.Symbol):
@@ -90,7 +102,7 @@ def checked_parameters(
         try:
             values[symbol] = exact(value)
         except DeclarationError as error:
-            raise DeclarationError(f"the parameter {symbol} has the value {value!r}. {error}") from None
+            raise DeclarationError(f"the parameter {symbol} has the value {shown(value)}. {error}") from None
     everything = (*expressions, *observables.values())
     used = set().union(*(e.free_symbols for e in everything))
     own = () if epsilon is None else (epsilon,)
@@ -171,3 +183,33 @@ def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[
             )
         result[names[name]] = exact(value)
     return result
+
+
+def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Symbol, sp.Expr]:
+    """Rates of variables that `field` drives, exact, {} for None; no symbol of the field's is one of them.
+
+    Raises `DeclarationError` for what is no mapping of new symbols to expressions in what is known.
+    """
+    rates = equations_of({} if reconstruction is None else reconstruction, "reconstruction")
+    roles = {state.name: "a state" for state in field.states}
+    roles |= {symbol.name: "a parameter" for symbol in field.parameters}
+    roles |= {symbol.name: "an observable" for symbol in field.observables}
+    roles[str(field.epsilon)] = "epsilon"
+    for symbol in rates:
+        if symbol.name in roles:
+            raise DeclarationError(
+                f"{symbol} is a reconstruction variable and also {roles[symbol.name]}. Give it another name."
+            )
+    known = {*roles, *(symbol.name for symbol in rates)}
+    for symbol, rate in rates.items():
+        try:
+            _check_expression(rate)
+        except DeclarationError as error:
+            raise DeclarationError(f"the reconstruction of {symbol}: {error}") from None
+        unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)
+        if unknown:
+            raise DeclarationError(
+                f"the reconstruction of {symbol} contains {unknown[0]}, which is no state, observable or parameter. "
+                f"There are {', '.join(known)}." + nearest(unknown[0], known)
+            )
+    return rates

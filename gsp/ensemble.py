@@ -11,6 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import check_noun, check_progress
 from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
@@ -290,8 +291,10 @@ def integrate_many(
     >>> integrate_many(decay, {"x": 1}, parameters={"k": [1, 2, 3]}, span=(0, 1))["x"][:, -1].round(6)
     array([0.367879, 0.135335, 0.049787])
     """
+    check_noun(flow, Flow, verb="integrate_many")
     first, last = check_span(span)
-    check_tolerances(rtol, atol)
+    rtol, atol = check_tolerances(rtol, atol)
+    check_progress(progress)
     grid = None if at is None else check_grid(at, first, last)
     asked = check_method(method)
     compiled = compile_flow(flow)

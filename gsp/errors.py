@@ -142,7 +142,9 @@ def unknown_name(name: object, names: Iterable[str]) -> UnknownNameError:
     )
 
 
-def nearest(word: str, words: Iterable[str]) -> str:
-    """' Did you mean "x"?' for the word of `words` nearest to `word`; empty when none is near."""
+def nearest(word: object, words: Iterable[str]) -> str:
+    """' Did you mean "x"?' for the word of `words` nearest to `word`; empty when none is near, or it is no text."""
+    if not isinstance(word, str):
+        return ""
     found = difflib.get_close_matches(word, list(words), n=1, cutoff=0.6)
     return f' Did you mean "{found[0]}"?' if found else ""

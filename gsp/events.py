@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterable
 from dataclasses import KW_ONLY, dataclass, field
 from typing import NamedTuple
@@ -10,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_one_of, check_text, check_whole, shown
 from gsp.crossings import Watched, settle_event
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, nearest
@@ -44,22 +44,15 @@ class Event:
     def __post_init__(self) -> None:
         if not isinstance(self.expression, (str, sp.Expr)):
             raise DeclarationError(
-                f"an event is a SymPy expression, or the name of a state or an observable. Got {self.expression!r}."
+                "an event is a SymPy expression, or the name of a state or an observable. "
+                f"Got {shown(self.expression)}."
             )
-        if self.direction not in (-1, 0, 1) or isinstance(self.direction, bool):
-            raise DeclarationError(
-                f"direction is 1 for rising, -1 for falling, 0 for all zeros. Got {self.direction!r}."
-            )
-        try:
-            count = operator.index(self.terminal)
-        except TypeError:
-            count = -1
-        if count < 0:
-            raise DeclarationError(
-                f"terminal is True, False, or the number of the crossing that ends the run. Got {self.terminal!r}."
-            )
-        if not isinstance(self.name, str):
-            raise DeclarationError(f"the name of an event is text. Got {self.name!r}.")
+        be = "1 for rising, -1 for falling, 0 for all zeros"
+        check_one_of(self.direction, (-1, 0, 1), what="direction", be=be)
+        if not isinstance(self.terminal, (bool, np.bool_)):
+            be = "True, False, or the number of the crossing that ends the run"
+            check_whole(self.terminal, what="terminal", be=be)
+        check_text(self.name, what="name")
         object.__setattr__(self, "name", self.name or str(self.expression))
 
     def __repr__(self) -> str:
@@ -139,11 +132,11 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
 def _listed(events: Iterable[Event]) -> tuple[Event, ...]:
     remedy = 'Write events=(Event("x", direction=1),).'
     if isinstance(events, (str, bytes, sp.Basic)) or not isinstance(events, Iterable):
-        raise DeclarationError(f"events is a sequence of Event. Got {events!r}. {remedy}")
+        raise DeclarationError(f"events is a sequence of Event. Got {shown(events)}. {remedy}")
     given = tuple(events)
     for event in given:
         if not isinstance(event, Event):
-            raise DeclarationError(f"events is a sequence of Event. Got {event!r} in it. {remedy}")
+            raise DeclarationError(f"events is a sequence of Event. Got {shown(event)} in it. {remedy}")
     return given
 
 

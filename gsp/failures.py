@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gsp.arguments import check_array, check_noun, check_progress, shown
 from gsp.claims import Claim, Survey, demands_of, reduced_name
 from gsp.errors import DeclarationError, Named, nearest
 from gsp.flow import check_epsilon, check_epsilons, check_orders
@@ -177,17 +178,15 @@ def failure_map(
     `tolerance` is the scene's unless given. Raises `DeclarationError` for arguments that are not well formed, and what
     the stages raise for a scene that cannot be split, solved or expanded.
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"failure_map takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name)."
-        )
+    check_noun(scene, Scene, verb="failure_map")
     wanted = tuple(sorted(set(check_orders(orders))))
+    check_progress(progress)
     allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
+    ladder = _epsilons(scene, epsilons)
+    asked = _tolerances(tolerances)
     placement = place(scene)
     name = _axis(placement, axis)
     along = _positions(placement, name, positions)
-    ladder = _epsilons(scene, epsilons)
-    asked = _tolerances(tolerances)
     series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
     survey = Survey(placement, series, name, along, ladder, wanted, allowed)
     for i in range(ladder.size):
@@ -242,9 +241,9 @@ def _axis(placement: Placement, axis: str | None) -> str:
                 "or give axis and positions."
             )
         return bounded[0]
-    if axis not in slow:
+    if not isinstance(axis, str) or axis not in slow:
         raise DeclarationError(
-            f"axis is a slow variable, one of {', '.join(slow)}. Got {axis!r}." + nearest(axis, slow)
+            f"axis is a slow variable, one of {', '.join(slow)}. Got {shown(axis)}." + nearest(axis, slow)
         )
     return axis
 
@@ -255,9 +254,11 @@ def _positions(placement: Placement, axis: str, positions: Sequence[float] | Non
             raise DeclarationError(f"the region gives no interval for {axis}. Bound it, or give positions.")
         low, high = placement.region[axis]
         return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), POSITIONS)
-    values = np.unique(np.asarray(positions, dtype=float))
-    if values.size < 2 or not np.isfinite(values).all():
-        raise DeclarationError(f"positions are two finite numbers or more. Got {positions!r}.")
+    be = "two finite numbers or more"
+    given = check_array(positions, what="positions", be=be)
+    values = np.unique(given)
+    if given.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise DeclarationError(f"positions are {be}. Got {shown(positions)}.")
     return values
 
 
@@ -266,7 +267,9 @@ def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
         return np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
     values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
     if values.size < 2:
-        raise DeclarationError(f"tolerances are two numbers or more. Got {tolerances!r}. Try (1e-2, 1e-6).")
+        raise DeclarationError(
+            f"tolerances are two numbers or more. Got {shown(tolerances)}. Try (1e-2, 1e-6)."
+        )
     return values
 
 
@@ -275,5 +278,7 @@ def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
         return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, EPSILONS)
     values = np.unique(check_epsilons(epsilons))
     if values.size < 2:
-        raise DeclarationError(f"epsilons are two numbers or more. Got {epsilons!r}. Try (0.1, 0.01, 0.001).")
+        raise DeclarationError(
+            f"epsilons are two numbers or more. Got {shown(epsilons)}. Try (0.1, 0.01, 0.001)."
+        )
     return values

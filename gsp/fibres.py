@@ -16,10 +16,13 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.arguments import check_flag, check_noun
 from gsp.branch import Branch
+from gsp.declaration import reconstruction_of
 from gsp.errors import DeclarationError, Status
-from gsp.flow import Point, check_epsilon
+from gsp.flow import Point, check_epsilon, check_order
 from gsp.inner import InnerExpansion, expand_inner
+from gsp.manifold import SampledManifold
 from gsp.series import SeriesManifold
 from gsp.shadowing import shadow
 
@@ -113,13 +116,11 @@ def project(
     >>> project(solve_critical(system).branches[0], {"x": 1, "y": 3}, epsilon=0.01, order=2)
     BasePoint(x=0.9797; epsilon=0.01, exact series through order 2, error 8.0e-06)
     """
+    check_noun(manifold, (SeriesManifold, SampledManifold, Branch), verb="project")
     value = check_epsilon(epsilon)
-    branch = manifold if isinstance(manifold, Branch) else getattr(manifold, "branch", None)
-    if not isinstance(branch, Branch):
-        raise DeclarationError(
-            f"project takes a SeriesManifold, a SampledManifold or a Branch. Got {type(manifold).__name__}. "
-            "Use expand(branch) or solve_manifold(branch, ...)."
-        )
+    branch = manifold if isinstance(manifold, Branch) else manifold.branch
+    check_flag(numeric, what="numeric")
+    reconstruction = reconstruction_of(branch.system, reconstruction)
     own = getattr(manifold, "epsilon", None)
     if own is not None and own != value:
         raise DeclarationError(
@@ -132,9 +133,7 @@ def project(
             )
         surface = None if isinstance(manifold, (Branch, SeriesManifold)) else manifold
         return _shadowed(branch, start, value, reconstruction, surface)
-    if order is not None and (isinstance(order, bool) or not isinstance(order, int) or order < 0):
-        raise DeclarationError(f"order is a non-negative integer. Got {order!r}. Try 2.")
-    deepest = DEFAULT_ORDER if order is None else order
+    deepest = DEFAULT_ORDER if order is None else check_order(order)
     inner = expand_inner(
         branch, start, order=deepest + 2, fast_order=deepest + 1, reconstruction=reconstruction
     )

@@ -12,11 +12,21 @@ from math import isfinite
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import (
+    as_float,
+    check_array,
+    check_each,
+    check_whole,
+    shown,
+)
 from gsp.errors import DeclarationError, GspError, nearest
 
 Values = Mapping[sp.Symbol, sp.Expr]
 Point = Mapping[str, float] | Mapping[sp.Symbol, float]
 """Numbers by name or by symbol."""
+_PLAIN = frozenset({float, int, np.float64})
+# Series of higher order than any that double precision can use; more would take for ever.
+HIGHEST_ORDER = 200
 
 
 class Flow:
@@ -60,18 +70,40 @@ class Flow:
         return np.array(rows, dtype=float)
 
 
+class Question:
+    """A flow together with where from, for how long and at which epsilon: what `integrate` runs as it stands."""
+
+    full_flow: Flow
+    full_start: Mapping[str, float]
+    span: tuple[float, float]
+    epsilon: float
+
+    def asked(
+        self, start: Point | None, span: tuple[float, float] | None, epsilon: float | None
+    ) -> tuple[Flow, Point, tuple[float, float], float]:
+        """Flow, start, span and epsilon, those given in place of its own."""
+        return (
+            self.full_flow,
+            self.full_start if start is None else start,
+            self.span if span is None else span,
+            self.epsilon if epsilon is None else epsilon,
+        )
+
+
 def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:
     """Values in the order of `states` of a point that names every state and nothing else."""
     # The built-in type stands in front because asking the abstract class takes longer than all the rest.
     if isinstance(point, (dict, Mapping)) and len(point) == len(states):
-        try:
-            values = [float(point.get(state.name)) for state in states]  # pyright: ignore[reportArgumentType]
-        except (TypeError, ValueError):
-            pass
-        else:
+        values = [point.get(state.name) for state in states]  # pyright: ignore[reportArgumentType]
+        # Numbers of the usual types pass at once.
+        if _PLAIN.issuperset(map(type, values)):
+            try:
+                plain = tuple(map(float, values))  # pyright: ignore[reportArgumentType]
+            except OverflowError:
+                plain = (float("inf"),)
             # A sum is finite only when all its terms are.
-            if isfinite(sum(values)):
-                return tuple(values)
+            if isfinite(sum(plain)):
+                return plain
     # Keyed by symbols, or wrong: `named` reads the one and names the other.
     given = named(point, what=what)
     names = [state.name for state in states]
@@ -92,55 +124,60 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
 def named(values: Point, *, what: str) -> dict[str, float]:
     """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
     if not isinstance(values, Mapping):
-        raise DeclarationError(f"{what} is a mapping of names to numbers. Got {values!r}.")
+        raise DeclarationError(f"{what} is a mapping of names to numbers. Got {shown(values)}.")
     result: dict[str, float] = {}
     for key, value in values.items():
         # Text first: it is the usual key, and isinstance with a class of SymPy's is slow.
         name = key if isinstance(key, str) else key.name if isinstance(key, sp.Symbol) else None
         if name is None:
-            raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {key!r}.")
+            raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {shown(key)}.")
         if name in result:
             raise DeclarationError(f'{what} gives "{name}" twice. Give each name one value.')
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            raise DeclarationError(
-                f"{what} gives {name} the value {value!r}, which is no real number."
-            ) from None
+        number = as_float(value)
         if not isfinite(number):
-            raise DeclarationError(f"{what} gives {name} the value {number}. Give a finite number.")
+            if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):
+                raise DeclarationError(f"{what} gives {name} the value {shown(value)}. Give a finite number.")
+            raise DeclarationError(f"{what} gives {name} the value {shown(value)}, which is no real number.")
         result[name] = number
     return result
 
 
 def check_epsilon(value: float, *, what: str = "epsilon") -> float:
     """`value` as a float when it is finite and positive; raises `DeclarationError` otherwise."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise DeclarationError(f"{what} is a positive number. Got {value!r}. Try 0.01.") from None
-    if not 0.0 < number < float("inf"):
+    number = as_float(value)
+    if 0.0 < number < float("inf"):
+        return number
+    if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):
         raise DeclarationError(
-            f"{what} must be finite and positive. Got {number}. For the limit use the series at order 0."
+            f"{what} must be finite and positive. Got {shown(value)}. For the limit use the series at order 0."
         )
-    return number
+    raise DeclarationError(f"{what} is a positive number. Got {shown(value)}. Try 0.01.")
 
 
 def check_epsilons(values: Iterable[float], *, what: str = "epsilon") -> tuple[float, ...]:
     """Every one of `values` as `check_epsilon` gives it; raises `DeclarationError` for what is no sequence too."""
-    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
-        raise DeclarationError(f"{what}s is a sequence of positive numbers. Got {values!r}. Try (0.02, 0.01).")
-    return tuple(check_epsilon(value, what=f"every {what}") for value in values)
+    return check_each(
+        values,
+        lambda value: check_epsilon(value, what=f"every {what}"),
+        what=f"{what}s",
+        be="a sequence of positive numbers",
+        remedy="Try (0.02, 0.01).",
+    )
+
+
+def check_order(value: int, *, what: str = "order", most: int = HIGHEST_ORDER) -> int:
+    """`value` as an order of a series; raises `DeclarationError` unless it is an integer from 0 to `most`."""
+    return check_whole(value, what=what, most=most, be=f"a non-negative integer, {most} at most")
 
 
 def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = False) -> tuple[int, ...]:
     """`values` as a tuple of non-negative integers, at least one unless `empty`; raises `DeclarationError` else."""
-    remedy = f"Got {values!r}. Try (0, 1, 2, 3)."
-    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
-        raise DeclarationError(f"{what} is a sequence of non-negative integers. {remedy}")
-    wanted = tuple(values)
-    if not (wanted or empty) or any(isinstance(n, bool) or not isinstance(n, int) or n < 0 for n in wanted):
-        raise DeclarationError(f"{what} are non-negative integers. {remedy}")
+    be, remedy = "a sequence of non-negative integers", "Try (0, 1, 2, 3)."
+    wanted = check_each(
+        values, lambda order: check_order(order, what=f"every one of {what}"), what=what, be=be, remedy=remedy
+    )
+    if not (wanted or empty):
+        raise DeclarationError(f"{what} is {be}, one or more. Got none. {remedy}")
     return wanted
 
 
@@ -162,18 +199,19 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
         missing = [name for name in names if name not in given]
         if missing:
             raise DeclarationError(f"{what} gives no value for {', '.join(missing)}. Give each a number.")
+        arrays = [
+            check_array(given[name], what=f"{what}[{name!r}]", be="a number or an array of numbers")
+            for name in names
+        ]
         try:
-            columns = np.broadcast_arrays(*[np.asarray(given[name], dtype=float) for name in names])
-        except (TypeError, ValueError) as error:
+            columns = np.broadcast_arrays(*arrays)
+        except ValueError as error:
             raise DeclarationError(f"{what} takes numbers or arrays of one shape. {error}.") from None
         single = columns[0].ndim == 0
         return np.stack([np.atleast_1d(column).ravel() for column in columns], axis=1), single
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise DeclarationError(
-            f"{what} takes numbers for {', '.join(names)}, or a mapping by name. Got {values!r}."
-        ) from None
+    array = check_array(
+        values, what=what, be=f"an array of numbers for {', '.join(names)}, or a mapping by name"
+    )
     if n == 1 and array.ndim < 2:
         return array.reshape(-1, 1), array.ndim == 0
     if array.ndim == 1 and len(array) == n:

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from gsp.arguments import check_noun
 from gsp.branch import Branch
-from gsp.errors import BranchError, DeclarationError
+from gsp.errors import BranchError
 from gsp.flow import as_points, check_epsilon
 from gsp.losses import Loss, LossKind, examine, sheet_ends, singular_points
 from gsp.losses.locator import ZERO_TOLERANCE, unstable
@@ -134,8 +135,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     >>> classify(solve_critical(system).branches[0], region={"y": (0, 1)})
     Hyperbolicity(attracting, gap=2, sampled at 257 points)
     """
-    if not isinstance(branch, Branch):
-        raise DeclarationError(f"classify takes a Branch. Got {type(branch).__name__}.")
+    check_noun(branch, Branch, verb="classify")
     epsilon = None if epsilon is None else check_epsilon(epsilon)
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from operator import index
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsp.arguments import as_float, check_array, check_number, check_whole, shown
 from gsp.errors import DeclarationError, Status
 from gsp.kernels import ledger
 from gsp.kernels.launch import rate_at_start
@@ -227,41 +227,46 @@ def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
 def check_span(span: tuple[float, float]) -> tuple[float, float]:
     """The two ends as floats; raises `DeclarationError` unless finite and different."""
     try:
-        first, last = map(float, span)
+        first, last = span
     except (TypeError, ValueError):
-        raise DeclarationError(f"span is two numbers, (t0, t1). Got {span!r}.") from None
+        raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(span)}.") from None
+    ends = as_float(first), as_float(last)
+    for end, number in zip((first, last), ends):
+        if math.isnan(number) and not isinstance(end, (float, np.floating)):
+            raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(end)} in it.")
+    first, last = ends
     if first != last and math.isfinite(last - first):
         return first, last
-    if not (math.isfinite(first) and math.isfinite(last)):
-        raise DeclarationError(f"span must be finite. Got {span!r}. Give the times of the start and the end.")
-    raise DeclarationError(f"span must have a length. Got {span!r}. Give an end that differs from the start.")
+    if first == last and math.isfinite(first):
+        remedy = "Give an end that differs from the start."
+        raise DeclarationError(f"span must have a length. Got {shown(span)}. {remedy}")
+    raise DeclarationError(
+        f"span must be finite, and its length. Got {shown(span)}. Give the times of the start and the end."
+    )
 
 
-def check_tolerances(rtol: float, atol: float) -> None:
-    """Raises `DeclarationError` unless both are finite, positive and above rounding."""
-    try:
-        if _SMALLEST_RTOL <= rtol < math.inf and 0.0 < atol < math.inf:
-            return
-    except (TypeError, ValueError):
-        pass
-    for name, value, smallest in (("rtol", rtol, _SMALLEST_RTOL), ("atol", atol, 0.0)):
-        try:
-            fine = math.isfinite(value) and value > 0.0 and value >= smallest
-        except TypeError:
-            fine = False
-        if not fine:
-            bound = f"at least {smallest:g}, which is near rounding" if smallest else "positive"
-            raise DeclarationError(
-                f"{name} is a finite number, {bound}. Got {value!r}. The defaults serve most uses."
-            )
+def check_tolerances(rtol: float, atol: float) -> tuple[float, float]:
+    """Both as floats; raises `DeclarationError` unless they are finite, positive and above rounding."""
+    if type(rtol) is type(atol) is float and _SMALLEST_RTOL <= rtol < math.inf and 0.0 < atol < math.inf:
+        return rtol, atol
+    remedy = "The defaults serve most uses."
+    return (
+        check_number(
+            rtol,
+            what="rtol",
+            be=f"a finite number, at least {_SMALLEST_RTOL:g}, which is near rounding",
+            least=_SMALLEST_RTOL,
+            remedy=remedy,
+        ),
+        check_number(
+            atol, what="atol", be="a finite number, positive, one for all states", above=0.0, remedy=remedy
+        ),
+    )
 
 
 def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
     """Times (m,) inside the span and monotone along it; raises `DeclarationError` otherwise."""
-    try:
-        grid = np.array(at, dtype=float)
-    except (TypeError, ValueError):
-        raise DeclarationError(f"at is a sequence of times. Got {at!r}.") from None
+    grid = check_array(at, what="at", be="a sequence of times")
     if grid.ndim != 1 or grid.size == 0:
         raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
     start, end = float(grid[0]), float(grid[-1])
@@ -298,10 +303,4 @@ def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
 
 def check_step_limit(max_steps: int) -> int:
     """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
-    try:
-        limit = index(max_steps)
-    except TypeError:
-        limit = 0
-    if limit < 1:
-        raise DeclarationError(f"max_steps is an integer, 1 or more. Got {max_steps!r}.")
-    return min(limit, 2**62)
+    return min(check_whole(max_steps, what="max_steps", least=1, be="an integer, 1 or more"), 2**62)

@@ -16,10 +16,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import check_noun
 from gsp.branch import Branch
-from gsp.errors import DeclarationError, GspError, HyperbolicityError, Status, nearest
-from gsp.flow import Point, check_epsilon
+from gsp.declaration import reconstruction_of
+from gsp.errors import GspError, HyperbolicityError, Status, nearest
+from gsp.flow import Point, check_epsilon, check_order
 from gsp.inner import InnerExpansion, expand_inner
+from gsp.integrators import check_grid, check_span
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.reduced import restrict
 from gsp.series import SeriesManifold, expand
@@ -156,10 +159,13 @@ def composite(
     >>> solution.at(0.0).round(3), solution.inner_expression("y", sp.Symbol("tau"))
     (array([1., 3.]), epsilon*(-tau + 2*tau*exp(-tau) - 1 + exp(-tau)) + 1 + 2*exp(-tau))
     """
+    check_noun(manifold, (SeriesManifold, Branch), verb="composite")
     value = check_epsilon(epsilon)
-    if isinstance(order, bool) or not isinstance(order, int) or order < 0:
-        raise DeclarationError(f"order is a non-negative integer. Got {order!r}. Try 1.")
+    check_order(order)
+    first, last = check_span(span)
+    asked = None if at is None else check_grid(at, first, last)
     branch = manifold if isinstance(manifold, Branch) else manifold.branch
+    reconstruction = reconstruction_of(branch.system, reconstruction)
     series = manifold if isinstance(manifold, SeriesManifold) else expand(branch, order=order)
     flow = restrict(series, order=order, reconstruction=reconstruction)
     inner = expand_inner(branch, start, order=order, reconstruction=reconstruction)
@@ -171,7 +177,7 @@ def composite(
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
     outer = integrate(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)
     names = (*(s.name for s in branch.system.states), *(s.name for s in reconstruction or {}))
-    times = _times(outer, value / inner.gap) if at is None else np.array(at, dtype=float, ndmin=1)
+    times = _times(outer, value / inner.gap) if asked is None else asked
     return CompositeSolution(inner, outer, value, order, names, times)
 
 

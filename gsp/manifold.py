@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number
 from gsp.branch import Branch
 from gsp.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.errors import BranchError, DeclarationError, GspError, Status
@@ -143,8 +144,7 @@ def solve_manifold(
     >>> manifold.kind, manifold.evaluate(0.5).round(9)
     (<Kind.SADDLE: 'saddle'>, array([-0.20833333, -0.14880952]))
     """
-    if not isinstance(branch, Branch):
-        raise DeclarationError(f"solve_manifold takes a Branch. Got {type(branch).__name__}.")
+    check_noun(branch, Branch, verb="solve_manifold")
     system = branch.system
     slow = [s.name for s in system.x]
     if len(slow) > 3:
@@ -154,10 +154,8 @@ def solve_manifold(
         )
     box = check_region(region, [s.name for s in system.states], required=slow)
     value = check_epsilon(epsilon)
-    if not (isinstance(tolerance, (int, float)) and SMALLEST_TOLERANCE <= tolerance < 1.0):
-        raise DeclarationError(
-            f"tolerance is a number from {SMALLEST_TOLERANCE:g}, which is near rounding, to 1. Got {tolerance!r}."
-        )
+    be = f"a number from {SMALLEST_TOLERANCE:g}, which is near rounding, to 1"
+    tolerance = check_number(tolerance, what="tolerance", be=be, least=SMALLEST_TOLERANCE, below=1.0)
     sheet = _sheet(branch, box)
     slow_box = {name: box[name] for name in slow}
     verdict = classify(sheet, region=slow_box)

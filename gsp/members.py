@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import check_array, shown
 from gsp.declaration import updated_parameters
 from gsp.errors import DeclarationError
 from gsp.flow import Flow, Point, as_points, check_epsilon, named
@@ -85,9 +86,7 @@ def _parameters(flow: Flow, parameters: Columns | None) -> dict[str, np.ndarray]
 
 def _columns(values: Columns, what: str) -> dict[str, np.ndarray]:
     if not isinstance(values, Mapping):
-        raise DeclarationError(
-            f"{what} is a mapping of names to numbers or arrays. Got {type(values).__name__}."
-        )
+        raise DeclarationError(f"{what} is a mapping of names to numbers or arrays. Got {shown(values)}.")
     result: dict[str, np.ndarray] = {}
     for key, value in values.items():
         name = key.name if isinstance(key, sp.Symbol) else key
@@ -101,10 +100,7 @@ def _columns(values: Columns, what: str) -> dict[str, np.ndarray]:
 
 def _column(value: Column, what: str) -> np.ndarray:
     """`value` as finite floats (m,), or (1,) of a number."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise DeclarationError(f"{what} is a number or a sequence of numbers. Got {value!r}.") from None
+    array = check_array(value, what=what, be="a number or a sequence of numbers")
     if array.ndim > 1:
         raise DeclarationError(
             f"{what} is a number or one number for each member. Got the shape {array.shape}. "

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from gsp.arguments import check_noun, shown
 from gsp.branch import Branch
 from gsp.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison import slope
@@ -147,19 +148,20 @@ def method_table(
     >>> round(table["ILDM"].fitted), round(table["CSP 2"].fitted), round(table["series 1"].fitted)
     (2, 3, 2)
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"method_table takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name)."
-        )
+    check_noun(scene, Scene, verb="method_table")
     given = {"refinements": refinements, "iterates": iterates, "orders": orders}
     chosen = {name: check_orders(values, what=name, empty=True) for name, values in given.items()}
-    placement = place(scene)
-    branch = placement.branch
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if len(ladder) < 2:
         raise DeclarationError(f"an order needs two epsilons or more. Got {ladder}. Try (0.02, 0.01, 0.005).")
+    placement = place(scene)
+    branch = placement.branch
+    if points is not None:
+        points = as_points(branch.system.x, points, what="points")[0]
+        if not (points.size and np.isfinite(points).all()):
+            raise DeclarationError(f"points are finite numbers, one point or more. Got {shown(points)}.")
     box = {s.name: placement.region[s.name] for s in branch.system.x if s.name in placement.region}
-    x = _grid(branch, box) if points is None else as_points(branch.system.x, points, what="points")[0]
+    x = _grid(branch, box) if points is None else points
     gridded = len(branch.system.x) <= LARGEST_GRID
     solved = {e: _solved(branch, x, e) for e in ladder} if gridded else {}
     found = [_reference(branch, x, e, solved[e].manifold if gridded else None) for e in ladder]

@@ -14,6 +14,7 @@ from itertools import groupby
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number, shown
 from gsp.errors import DeclarationError, nearest
 from gsp.events import Event
 from gsp.flow import Flow, Point
@@ -82,17 +83,14 @@ def mixed_mode(
     >>> mixed_mode(system, "x", start={"x": 2, "y": 0.6}, span=(0, 30), epsilon=0.01).signature
     '1^0'
     """
-    if not isinstance(flow, Flow):
-        raise DeclarationError(
-            f"mixed modes are those of a SlowFastSystem, a VectorField or a ReducedFlow. Got {type(flow).__name__}."
-        )
+    check_noun(flow, Flow, verb="mixed_mode")
     names = [s.name for s in flow.states]
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f"{name!r} is no state's name. The states are {', '.join(names)}." + nearest(str(name), names)
+            f"name is {shown(name)}, which is no state's. The states are {', '.join(names)}."
+            + nearest(name, names)
         )
-    if isinstance(settle, bool) or not isinstance(settle, (int, float)) or not 0.0 <= settle < 1.0:
-        raise DeclarationError(f"settle is a share of the span, from 0 to below 1. Got {settle!r}.")
+    check_number(settle, what="settle", be="a share of the span, from 0 to below 1", least=0.0, below=1.0)
     begun, ended = check_span(span)
     if ended <= begun:
         raise DeclarationError(

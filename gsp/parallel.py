@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 import threading
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from gsp.errors import DeclarationError
+from gsp.arguments import check_whole
 
 # Items that a thread takes at once: enough that a call costs little (10 us against 0.6 ms of the sleigh's runs), and
 # at the end ever fewer, a share of those left, so that the threads finish together.
@@ -93,10 +92,4 @@ def check_threads(threads: int | None) -> int:
         # The cores that this process may use, where the system tells.
         usable = getattr(os, "sched_getaffinity", None)
         return len(usable(0)) if usable else os.cpu_count() or 1
-    try:
-        number = operator.index(threads)
-    except TypeError:
-        number = 0
-    if number < 1:
-        raise DeclarationError(f"threads is an integer, 1 or more. Got {threads!r}.")
-    return number
+    return check_whole(threads, what="threads", least=1, be="an integer, 1 or more")

@@ -10,8 +10,10 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun
+from gsp.declaration import reconstruction_of
 from gsp.errors import DeclarationError
-from gsp.flow import Flow, Point, Values, named
+from gsp.flow import Flow, Point, Values, check_order, named
 from gsp.series import SeriesManifold
 from gsp.system import SlowFastSystem
 
@@ -126,12 +128,16 @@ def restrict(
     >>> restrict(expand(solve_critical(system).branches[0], order=1)).rates
     (-epsilon*y - y,)
     """
+    check_noun(manifold, SeriesManifold, verb="restrict")
+    if order is not None:
+        check_order(order)
+    rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
     cut = manifold.at_order(manifold.order if order is None else order).specialised
     system = manifold.branch.system
     ring = cut.chart.ring
     epsilon = system.epsilon
     values = dict(system.parameters)
-    renamed = _renamed(cut, reconstruction or {})
+    renamed = _renamed(cut, rates_driven)
 
     def total(elements) -> sp.Expr:
         terms = [ring.horner(element) * epsilon**k for k, element in enumerate(elements)]
@@ -159,9 +165,9 @@ def restrict(
     for symbol, expression in system.observables.items():
         observables[symbol] = expression.xreplace(values).xreplace(observables)
     states = tuple(renamed.get(c, c) for c in cut.coordinates)
-    driven = tuple(reconstruction or ())
-    for rate in (reconstruction or {}).values():
-        rates.append(sp.sympify(rate, strict=True).xreplace(values).xreplace(observables))
+    driven = tuple(rates_driven)
+    for rate in rates_driven.values():
+        rates.append(rate.xreplace(values).xreplace(observables))
     return ReducedFlow(
         manifold=manifold,
         order=cut.order,
@@ -176,13 +182,13 @@ def restrict(
             for k in (cut.order - 1, cut.order)
             if cut.order > 1
         ),
-        driven_rates=tuple(_own(rate, system) for rate in (reconstruction or {}).values()),
+        driven_rates=tuple(_own(rate, system) for rate in rates_driven.values()),
     )
 
 
 def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
     """A reconstructed rate in slow and fast variables, with the parameters' values."""
-    return sp.sympify(rate, strict=True).xreplace(dict(system.observables)).xreplace(dict(system.parameters))
+    return rate.xreplace(dict(system.observables)).xreplace(dict(system.parameters))
 
 
 def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:

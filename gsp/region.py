@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
+import numpy as np
 import sympy as sp
 
+from gsp.arguments import shown
 from gsp.errors import DeclarationError, nearest
 from gsp.flow import named
 
@@ -17,8 +19,8 @@ def check_interval(bounds: Iterable[float], *, what: str, remedy: str) -> Interv
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
     be = "are" if what == "bounds" else "is"
     if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
-        raise DeclarationError(f"{what} {be} a pair of numbers. Got {bounds!r}. {remedy}")
-    ends = tuple(bounds)
+        raise DeclarationError(f"{what} {be} a pair of numbers. Got {shown(bounds)}. {remedy}")
+    ends = tuple(bounds) if not isinstance(bounds, np.ndarray) or bounds.ndim else ()
     if len(ends) != 2:
         raise DeclarationError(f"{what} {be} a pair of numbers. Got {len(ends)} of them. {remedy}")
     values = named({"low": ends[0], "high": ends[1]}, what=f"the {what}")
@@ -40,7 +42,7 @@ def check_region(
     Raises `DeclarationError` for unknown names, missing ones, and empty or reversed intervals.
     """
     if not isinstance(region, Mapping):
-        raise DeclarationError(f"region maps states to intervals (low, high). Got {type(region).__name__}.")
+        raise DeclarationError(f"region maps states to intervals (low, high). Got {shown(region)}.")
     given: dict[str, Interval] = {}
     for key, bounds in region.items():
         name = key.name if isinstance(key, sp.Symbol) else key

@@ -21,9 +21,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_progress, check_whole
 from gsp.branch import Branch
 from gsp.critical import solve_critical
-from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status
+from gsp.errors import BranchError, GspError, HyperbolicityError, Status
 from gsp.flow import Point, check_epsilon, complete, named
 from gsp.passage import FoldPassage, PassageError, fold_passage
 from gsp.passage.folds import omega0
@@ -140,12 +141,12 @@ def singular_orbit(
     >>> [round(c, 9) for c in orbit.coefficients]
     [1.613705639, 7.014322231, 0.333333333]
     """
-    if not isinstance(branch, Branch):
-        raise DeclarationError(f"a singular orbit begins on a Branch. Got {type(branch).__name__}.")
-    if isinstance(max_pieces, bool) or not isinstance(max_pieces, int) or max_pieces < 1:
-        raise DeclarationError(
-            f"max_pieces is a positive integer. Got {max_pieces!r}. The default serves most uses."
-        )
+    check_noun(branch, Branch, verb="singular_orbit")
+    check_whole(
+        max_pieces, what="max_pieces", least=1, most=10**9, be="a positive integer",
+        remedy="The default serves most uses.",
+    )  # fmt: skip
+    check_progress(progress)
     system = branch.system
     complete(start, system.states, what="start")
     _require_attracting(branch, start)

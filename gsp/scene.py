@@ -10,8 +10,10 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number, check_text, shown
+from gsp.declaration import reconstruction_of
 from gsp.errors import DeclarationError, nearest
-from gsp.flow import Values, check_epsilon, named
+from gsp.flow import Question, Values, check_epsilon, check_epsilons, named
 from gsp.region import Interval, check_interval, check_region
 from gsp.system import SlowFastSystem, VectorField
 
@@ -19,7 +21,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scene:
+class Scene(Question):
     """One question about one system; what the whole pipeline needs to answer it.
 
     `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the
@@ -57,19 +59,14 @@ class Scene:
     claims: Mapping[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.system, (SlowFastSystem, VectorField)):
-            raise DeclarationError(
-                f"a scene is about a SlowFastSystem or a VectorField. Got {type(self.system).__name__}."
-            )
+        check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
         if self.system.epsilon is None:
             raise DeclarationError(
                 f"a scene is about a small parameter. Got {self.system!r}. "
                 "Declare the field with its epsilon, or integrate it without a scene."
             )
         for attribute in ("name", "title", "source", "description"):
-            value = getattr(self, attribute)
-            if not isinstance(value, str):
-                raise DeclarationError(f"{attribute} is text. Got {value!r}.")
+            check_text(getattr(self, attribute), what=attribute)
         if self.name and not _NAME.fullmatch(self.name):
             raise DeclarationError(
                 f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files). "
@@ -77,7 +74,7 @@ class Scene:
             )
         states = [state.name for state in self.system.states]
         region = check_region(self.region, states)
-        drivers = _reconstruction(self.reconstruction, self.system)
+        drivers = reconstruction_of(self.system, self.reconstruction)
         start, driven = _start(self.start, self.reconstruction_start, states, [s.name for s in drivers])
         for state, (low, high) in region.items():
             if not low <= start[state] <= high:
@@ -167,28 +164,17 @@ class Scene:
         return hash(self._key())
 
 
-def _reconstruction(reconstruction: Mapping, system: SlowFastSystem | VectorField) -> dict[sp.Symbol, sp.Expr]:
-    # No state's rate can depend on these symbols: the system has given every symbol in its rates another role.
-    if not isinstance(reconstruction, Mapping):
-        raise DeclarationError(f"reconstruction maps symbols to rates. Got {type(reconstruction).__name__}.")
-    roles = {state.name: "a state" for state in system.states}
-    roles |= {symbol.name: "a parameter" for symbol in system.parameters}
-    roles |= {symbol.name: "an observable" for symbol in system.observables}
-    roles[str(system.epsilon)] = "epsilon"
-    for symbol in reconstruction:
-        if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"reconstruction is keyed by SymPy symbols. Got the key {symbol!r}.")
-        if symbol.name in roles:
-            raise DeclarationError(
-                f"{symbol} is a reconstruction variable and also {roles[symbol.name]}. Give it another name."
-            )
-    return dict(reconstruction)
-
-
 def _start(
     start: Mapping, extra: Mapping, states: list[str], drivers: list[str]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    given = named(extra, what="reconstruction_start") | named(start, what="start")
+    given = named(extra, what="reconstruction_start")
+    for name in given:
+        if name not in drivers:
+            raise DeclarationError(
+                f'reconstruction_start names "{name}", which is no reconstruction variable. There are '
+                f"{', '.join(drivers) or 'none'}." + nearest(name, drivers)
+            )
+    given |= named(start, what="start")
     for name in given:
         if name not in states and name not in drivers:
             known = ", ".join(states) + (f"; reconstruction variables {', '.join(drivers)}" if drivers else "")
@@ -233,19 +219,15 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
 
 def _ladder(epsilons: Iterable[float]) -> tuple[float, ...]:
     remedy = "Give at least two different positive values, such as (0.04, 0.02, 0.01)."
-    if isinstance(epsilons, (str, bytes)) or not isinstance(epsilons, Iterable):
-        raise DeclarationError(f"epsilons is a sequence of numbers. Got {epsilons!r}. {remedy}")
-    values = [check_epsilon(value, what="every member of epsilons") for value in epsilons]
+    values = list(check_epsilons(epsilons))
     if len(values) < 2 or len(set(values)) < len(values):
         raise DeclarationError(f"epsilons has too few values, or repeats one. Got {values}. {remedy}")
     return tuple(sorted(values, reverse=True))
 
 
 def _tolerance(tolerance: float) -> float:
-    value = named({"tolerance": tolerance}, what="the scene")["tolerance"]
-    if not 0.0 < value < 1.0:
-        raise DeclarationError(f"tolerance is a relative accuracy between 0 and 1. Got {value:g}. Try 1e-6.")
-    return value
+    be = "a relative accuracy between 0 and 1"
+    return check_number(tolerance, what="tolerance", be=be, above=0.0, below=1.0, remedy="Try 1e-6.")
 
 
 def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | None:
@@ -253,7 +235,7 @@ def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | Non
         return None
     remedy = 'Give a pair such as ("x", "y").'
     if isinstance(path, (str, bytes)) or not isinstance(path, Iterable):
-        raise DeclarationError(f"path is a pair of names. Got {path!r}. {remedy}")
+        raise DeclarationError(f"path is a pair of names. Got {shown(path)}. {remedy}")
     names = [name.name if isinstance(name, sp.Symbol) else name for name in path]
     if len(names) != 2 or names[0] == names[1]:
         raise DeclarationError(f"path is a pair of different names. Got {names!r}. {remedy}")

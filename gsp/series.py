@@ -17,10 +17,11 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_flag, check_noun
 from gsp.chart import Chart, chart, dot
 from gsp.critical import Branch
 from gsp.errors import DeclarationError, HyperbolicityError
-from gsp.flow import as_points, check_epsilon
+from gsp.flow import as_points, check_epsilon, check_order
 from gsp.lowering import compile_function, parameter_vector
 from gsp.power_series import SeriesProgram
 from gsp.ring import Element
@@ -318,13 +319,9 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
     >>> expand(solve_critical(system).branches[0], order=2).coefficients
     ((y,), (y,), (y,))
     """
-    if isinstance(order, bool) or not isinstance(order, int) or order < 0:
-        raise DeclarationError(f"order is a non-negative integer. Got {order!r}.")
-    if not isinstance(branch, Branch):
-        raise DeclarationError(
-            f"expand takes a Branch. Got {type(branch).__name__}. "
-            "Use solve_critical(system).branches[0], or .nearest(start)."
-        )
+    check_noun(branch, Branch, verb="expand")
+    check_order(order)
+    check_flag(symbolic, what="symbolic")
     return _expand(branch, order, {} if symbolic else dict(branch.system.parameters))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import check_noun, shown
 from gsp.candidates import ModelKind
 from gsp.choice import Choice, choose
 from gsp.errors import DeclarationError, GspError, Status, nearest
@@ -138,11 +139,12 @@ def simulate(scene: Scene, *, choice: Choice | None = None) -> Simulation:
     >>> simulate(models.load("linear"))["y"][-1:].round(4)
     array([0.0498])
     """
+    check_noun(scene, Scene, verb="simulate")
     if choice is None:
         choice = choose(scene)
     if not isinstance(choice, Choice):
         raise DeclarationError(
-            f"choice is what choose(scene) returns. Got {type(choice).__name__}. Leave it out, or pass a Choice."
+            f"choice is what choose(scene) returns. Got {shown(choice)}. Leave it out, or pass a Choice."
         )
     if replace(choice.scene, epsilon=scene.epsilon, tolerance=scene.tolerance) != scene:
         raise DeclarationError(

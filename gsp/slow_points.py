@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_positive, check_whole
 from gsp.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.flow import as_points, check_epsilon
@@ -99,22 +100,17 @@ def zero_derivative(
     array([[1.11111111],
            [2.22222222]])
     """
-    if not isinstance(branch, Branch):
-        raise DeclarationError(f"zero_derivative takes a Branch. Got {type(branch).__name__}.")
+    check_noun(branch, Branch, verb="zero_derivative")
     value = check_epsilon(epsilon)
-    if not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < float("inf")):
-        raise DeclarationError(
-            f"tolerance is a positive number. Got {tolerance!r}. The default serves most uses."
-        )
-    if order is not None and (
-        isinstance(order, bool) or not isinstance(order, (int, np.integer)) or not 0 <= order <= LARGEST_ORDER
-    ):
-        raise DeclarationError(
-            f"order is an integer from 0 to {LARGEST_ORDER}, or None to choose it by the tolerance. Got {order!r}."
-        )
+    tolerance = check_positive(tolerance, what="tolerance", remedy="The default serves most uses.")
+    if order is not None:
+        be = f"an integer from 0 to {LARGEST_ORDER}, or None to choose it by the tolerance"
+        check_whole(order, what="order", most=LARGEST_ORDER, be=be)
     system = branch.system
     tape = write_tape(system)
     array, single = as_points(system.x, x, what="x")
+    if not array.size:
+        raise DeclarationError("x has no point. Give one or more.")
     if not np.isfinite(array).all():
         raise DeclarationError(f"x must be finite. Got {array[~np.isfinite(array).all(axis=1)][0]}.")
     start = np.atleast_2d(branch.points(array, near=near))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsp.arguments import shown
 from gsp.errors import DeclarationError, nearest
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
@@ -127,10 +128,10 @@ def check_method(method: Method | str | None) -> Method | None:
         return method
     try:
         return Method(method)
-    except ValueError:
+    except (ValueError, TypeError):
         names = [member.value for member in Method]
         raise DeclarationError(
-            f"{method!r} is no method. The methods are {', '.join(names)}." + nearest(str(method), names)
+            f"{shown(method)} is no method. The methods are {', '.join(names)}." + nearest(method, names)
         ) from None
 
 

@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun
 from gsp.errors import DeclarationError, SplittingError
 from gsp.integrals import first_integrals
 from gsp.inversion import solve_for
@@ -132,8 +133,7 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
             name=field.name,
             observables=field.observables,
         )
-    if not isinstance(field, VectorField):
-        raise DeclarationError(f"split takes a VectorField. Got {type(field).__name__}.")
+    check_noun(field, (VectorField, SlowFastSystem), verb="split")
     epsilon = field.epsilon
     if epsilon is None:
         raise SplittingError(

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.arguments import check_text
 from gsp.declaration import checked_parameters, equations_of, updated_parameters
 from gsp.errors import DeclarationError
 from gsp.flow import Flow, Values
@@ -42,6 +43,7 @@ class SlowFastSystem(Flow):
     observables: Values = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_text(self.name, what="name")
         slow, fast = equations_of(self.slow, "slow"), equations_of(self.fast, "fast")
         if not slow or not fast:
             raise DeclarationError(
@@ -172,16 +174,17 @@ class VectorField(Flow):
         name: str = "",
         observables: Values | None = None,
     ) -> None:
+        check_text(name, what="name")
         equations = equations_of(states, "states")
         if not equations:
             raise DeclarationError("a VectorField has at least one state. Got none.")
-        watched = equations_of(observables or {}, "observables")
+        watched = equations_of({} if observables is None else observables, "observables")
         values = checked_parameters(
             states=tuple(equations),
             expressions=tuple(equations.values()),
             observables=watched,
             epsilon=epsilon,
-            parameters=parameters or {},
+            parameters={} if parameters is None else parameters,
         )
         if epsilon is not None and not any(e.has(epsilon) for e in equations.values()):
             shown = ", ".join(f"{s}' = {e}" for s, e in equations.items())

@@ -12,11 +12,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import check_array, check_flag, check_noun, check_progress
 from gsp.crossings import LOOK, Search, Stepper
-from gsp.errors import GspError, Named, Status, nearest
+from gsp.errors import DeclarationError, GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
-from gsp.flow import Flow, Point, frozen
+from gsp.flow import Flow, Point, Question, frozen
 from gsp.integrators import (
     RECORD,
     Record,
@@ -109,7 +110,7 @@ class Trajectory:
 
         Raises `GspError` outside the interval covered.
         """
-        times = np.array(t, dtype=float, order="C")
+        times = check_array(t, what="t", be="a number or a one-dimensional array of times").copy(order="C")
         if times.ndim > 1:
             raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
         ends, states, dense = self._record.times, self._record.states, self._record.dense
@@ -131,7 +132,7 @@ class Trajectory:
 
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
-        times = np.array(t, dtype=float, ndmin=1, order="C")
+        times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
         return replace(self, t=frozen(times), y=frozen(self.at(times)))
 
     @property
@@ -177,10 +178,10 @@ class Trajectory:
 
 
 def integrate(
-    flow: Flow,
+    flow: Flow | Question,
     *,
-    start: Point,
-    span: tuple[float, float],
+    start: Point | None = None,
+    span: tuple[float, float] | None = None,
     epsilon: float | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
@@ -192,6 +193,8 @@ def integrate(
     progress: Callable[[float], object] | None = None,
 ) -> Trajectory:
     """Integrate z' = F(z, epsilon) from `start` over `span` = (t0, t1), forward or backward.
+
+    A `Scene` brings its own field, start, span and epsilon, in whose place those of the call stand where given.
 
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
@@ -216,15 +219,24 @@ def integrate(
     >>> integrate(decay, start={"x": 1}, span=(0, 1), at=[0.5, 1.0])["x"].round(8)
     array([0.60653066, 0.36787944])
     """
+    if isinstance(flow, Question):
+        # A scene says all of it; what the call says as well stands in its place.
+        flow, start, span, epsilon = flow.asked(start, span, epsilon)
+    check_noun(flow, Flow, verb="integrate")
+    if start is None or span is None:
+        missing = "start" if start is None else "span"
+        raise DeclarationError(f"{missing} is missing. Got None. Only a Scene has one of its own.")
     y = _start(flow, start)
     first, last = check_span(span)
-    check_tolerances(rtol, atol)
+    rtol, atol = check_tolerances(rtol, atol)
+    check_flag(dense, what="dense")
+    check_progress(progress)
     grid = None if at is None else check_grid(at, first, last)
     chosen = check_method(method)
     limit = check_step_limit(max_steps)
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
-    asked = None if events == () else compile_events(flow, events, np.array(p))
+    asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
     search = ending = begun = None
     tries = asked is not None and chosen is None and flow.is_stiff
     if tries and begins_with_series(

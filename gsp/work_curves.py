@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gsp.arguments import check_each, check_noun, check_number, check_positive, check_progress, shown
 from gsp.comparison import layer_time, on_manifold, sense
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError, unknown_name
 from gsp.fibres import project
@@ -27,7 +28,7 @@ from gsp.peers import PEERS, Peer
 from gsp.placement import Placement, place
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
-from gsp.solvers import Method
+from gsp.solvers import Method, check_method
 from gsp.tables import write_rows
 from gsp.trajectory import integrate
 from gsp.work_runs import (
@@ -148,12 +149,13 @@ def work_precision(
     >>> found["reduced 0"].floor > 10 * found["reduced 1"].floor > 100 * found["radau9"].floor
     True
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"work_precision takes a Scene. Got {type(scene).__name__}. Use gsp.models.load(name)."
-        )
+    check_noun(scene, Scene, verb="work_precision")
     value = scene.epsilon if epsilon is None else check_epsilon(epsilon)
     ladder = _ladder(rtols)
+    tried = list(Method) if methods is None else _methods(methods)
+    rivals = PEERS if peers is None else _peers(peers)
+    check_progress(progress)
+    check_positive(limit, what="limit", remedy="It is in seconds.")
     wanted = tuple(dict.fromkeys(check_orders(orders, empty=True)))
     placement = place(scene)
     begun = time.perf_counter()
@@ -166,8 +168,8 @@ def work_precision(
     omitted: dict[str, str] = {}
     reference, disagreement = _reference(placement, start, value, grid)
     tasks = [
-        *full_tasks(placement, start, value, grid, list(Method) if methods is None else methods, omitted),
-        *peer_tasks(placement, start, value, grid, PEERS if peers is None else peers, omitted),
+        *full_tasks(placement, start, value, grid, tried, omitted),
+        *peer_tasks(placement, start, value, grid, rivals, omitted),
         *reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
     ]
     curves = measure(tasks, ladder, reference, limit, progress)
@@ -200,13 +202,34 @@ def _processor() -> str:
 
 
 def _ladder(rtols: Sequence[float]) -> tuple[float, ...]:
-    try:
-        values = tuple(sorted({float(r) for r in rtols}, reverse=True))
-    except (TypeError, ValueError):
-        raise DeclarationError(f"rtols are numbers. Got {rtols!r}. Try (1e-3, 1e-6, 1e-9).") from None
-    if not values or not all(1e-13 <= r < 1.0 for r in values):
-        raise DeclarationError(f"rtols lie from 1e-13 to below 1. Got {rtols!r}. Try (1e-3, 1e-6, 1e-9).")
-    return values
+    remedy = "Try (1e-3, 1e-6, 1e-9)."
+    be = "a number from 1e-13 to below 1"
+    values = check_each(
+        rtols,
+        lambda r: check_number(r, what="every one of rtols", be=be, least=1e-13, below=1.0, remedy=remedy),
+        what="rtols",
+        be="a sequence of numbers from 1e-13 to below 1",
+        remedy=remedy,
+    )
+    if not values:
+        raise DeclarationError(f"rtols has no value. {remedy}")
+    return tuple(sorted(set(values), reverse=True))
+
+
+def _methods(methods: Sequence[Method]) -> list[Method]:
+    """The methods asked for, each as `integrate` takes it."""
+    found = check_each(methods, check_method, what="methods", be="a sequence of methods")
+    if not found or None in found:
+        raise DeclarationError(f"methods is a sequence of methods, one or more. Got {shown(methods)}.")
+    return [method for method in found if method is not None]
+
+
+def _peers(peers: Sequence[Peer]) -> tuple[Peer, ...]:
+    found = check_each(peers, lambda peer: peer, what="peers", be="a sequence of gsp.peers.Peer")
+    for peer in found:
+        if not isinstance(peer, Peer):
+            raise DeclarationError(f"peers is a sequence of gsp.peers.Peer. Got {shown(peer)} in it.")
+    return found
 
 
 def _start(

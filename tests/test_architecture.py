@@ -17,6 +17,7 @@ LAYERS = [
     "errors",
     "attempts",
     "tables",
+    "arguments",
     "flow",
     "region",
     "laurent",

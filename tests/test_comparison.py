@@ -102,7 +102,7 @@ def test_a_repelling_branch_is_compared_backward_in_time() -> None:
 
 def test_what_is_compared_is_a_scene_over_sequences() -> None:
     scene = models.load("linear")
-    with pytest.raises(DeclarationError, match=r"compare takes a Scene\. Got SlowFastSystem"):
+    with pytest.raises(DeclarationError, match=r"compare takes a Scene\. Got a SlowFastSystem"):
         compare(scene.system)
     with pytest.raises(DeclarationError, match="orders is a sequence"):
         compare(scene, orders=1)

@@ -252,7 +252,7 @@ def test_events_on_a_reduced_flow_know_the_parameters_and_the_slow_variables():
         (lambda: Event("x", direction=2), "direction is 1 for rising"),
         (lambda: Event("x", terminal=-1), "terminal is True, False"),
         (lambda: Event("x", terminal=0.5), "terminal is True, False"),
-        (lambda: Event("x", name=3), "name of an event is text"),
+        (lambda: Event("x", name=3), "name is text"),
         (lambda: oscillate(Event("z")), 'event "z" is no state and no observable'),
         (lambda: oscillate(Event(x - k)), "contains k, which is no state"),
         (lambda: oscillate("x"), "events is a sequence of Event"),

@@ -215,7 +215,7 @@ def test_bad_calls_are_named() -> None:
     scene = models.load("michaelis_menten")
     with pytest.raises(DeclarationError, match="takes a Scene"):
         method_table(scene.system)
-    with pytest.raises(DeclarationError, match="refinements are non-negative integers"):
+    with pytest.raises(DeclarationError, match="every one of refinements is a non-negative integer"):
         method_table(scene, refinements=(-1,))
     with pytest.raises(DeclarationError, match="two epsilons or more"):
         method_table(scene, epsilons=(0.1,))

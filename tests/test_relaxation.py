@@ -122,7 +122,7 @@ def test_pieces_are_bounded():
 
 
 def test_bad_input_is_named():
-    with pytest.raises(DeclarationError, match="begins on a Branch"):
+    with pytest.raises(DeclarationError, match="takes a Branch"):
         singular_orbit(VAN_DER_POL, {"x": 2, "y": 0.6})  # pyright: ignore[reportArgumentType]
     with pytest.raises(DeclarationError, match="max_pieces"):
         orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6}, max_pieces=0)

@@ -295,7 +295,7 @@ def test_a_field_of_another_form_is_refused_with_the_offending_term(case: str) -
 def test_a_field_without_epsilon_can_be_integrated_not_split() -> None:
     with pytest.raises(SplittingError, match="has no small parameter"):
         split(VectorField({x: -x}, epsilon=None))
-    with pytest.raises(DeclarationError, match=r"split takes a VectorField. Got int"):
+    with pytest.raises(DeclarationError, match=r"split takes a VectorField or a SlowFastSystem\. Got 3"):
         split(3)  # pyright: ignore[reportArgumentType]
 
 

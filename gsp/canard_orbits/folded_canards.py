@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun
 from gsp.canard_orbits.canard import (
     Canard,
     CanardKind,
@@ -25,7 +26,7 @@ from gsp.canard_orbits.collocation import OrbitSegment
 from gsp.canard_orbits.frame import Frame, Plane, frame_at, line_of, section_of
 from gsp.canard_orbits.line import SheetNotFound
 from gsp.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
-from gsp.errors import DeclarationError, GspError, Status
+from gsp.errors import GspError, Status
 from gsp.flow import check_epsilon
 from gsp.singularities import FoldedSingularity
 from gsp.system import SlowFastSystem
@@ -207,11 +208,7 @@ def folded_canards(
     >>> folded_canards(node, epsilon=0.01)
     CanardOrbits(3 at epsilon = 0.01: gamma_0, xi_1, gamma_w)
     """
-    if not isinstance(singularity, FoldedSingularity):
-        raise DeclarationError(
-            f"folded_canards takes a folded singularity. Got {type(singularity).__name__}. "
-            "Find them with folded_singularities(system, region=...)."
-        )
+    check_noun(singularity, FoldedSingularity, verb="folded_canards")
     frame = frame_at(singularity, epsilon=check_epsilon(epsilon))
     plane = section_of(frame, section)
     lines = [

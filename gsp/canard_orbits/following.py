@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from gsp.arguments import check_each, check_noun, check_whole
 from gsp.canard_orbits.canard import (
     FEWEST,
     MOST,
@@ -113,21 +114,14 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
 
     Raises `DeclarationError` when the bounds do not enclose the canard's epsilon.
     """
-    if not isinstance(canard, Canard):
-        raise DeclarationError(f"follow_canard takes a canard of folded_canards. Got {type(canard).__name__}.")
-    try:
-        low, high = (check_epsilon(value) for value in epsilon)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, GspError):
-            raise
-        raise DeclarationError(f"epsilon is a pair (low, high) of bounds. Got {epsilon!r}.") from None
+    check_noun(canard, Canard, verb="follow_canard")
+    low, high = check_each(epsilon, check_epsilon, what="epsilon", be="a pair (low, high) of bounds", length=2)
+    check_whole(max_points, what="max_points", least=2, most=10**9)
     if not low <= canard.epsilon <= high:
         raise DeclarationError(
             f"the bounds enclose the canard's own {canard.frame.system.epsilon} = {canard.epsilon:g}. "
             f"Got ({low:g}, {high:g})."
         )
-    if max_points < 2:
-        raise DeclarationError(f"max_points is at least 2. Got {max_points}.")
     follower = _Follower(canard, (low, high), max_points)
     down, up = follower.trace(-1), follower.trace(1)
     orbits = (*down.orbits[:0:-1], *up.orbits)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_flag, check_noun, check_number, check_one_of, check_progress, check_whole, shown
 from gsp.continuation.arclength import Controls, Trace, Tracer
 from gsp.continuation.curve import CriticalCurve, Options, Stop, say, stability, total_stats
 from gsp.continuation.ending import Ending
@@ -67,12 +68,12 @@ def continue_critical(
     >>> [(round(p["v"], 10), round(p["w"], 10)) for p in curve.special]
     [(-1.0, 0.6666666667), (1.0, -0.6666666667)]
     """
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(f"continue_critical takes a SlowFastSystem. Got {type(system).__name__}.")
+    check_noun(system, SlowFastSystem, verb="continue_critical")
     variable = _free_symbol(system, parameter, free)
     controls = check_controls(step, max_step, max_points, tolerance)
-    if direction not in (-1, 0, 1):
-        raise DeclarationError(f"direction is +1, -1, or 0 for both. Got {direction!r}.")
+    check_one_of(direction, (-1, 0, 1), what="direction", be="+1, -1, or 0 for both")
+    check_flag(switch_branches, what="switch_branches")
+    check_progress(progress)
     problem, guess = layer_problem(system, (variable,), start)
     box = check_bounds(bounds, problem)
     check_inside(problem, guess, box, "start")
@@ -113,9 +114,11 @@ def switch_branch(
     >>> parabola["y"].min().round(12), parabola["y"].max().round(12)
     (np.float64(-1.0), np.float64(1.0))
     """
+    check_noun(curve, CriticalCurve, verb="switch_branch")
+    check_progress(progress)
     if not any(point is own for own in curve.special):
         raise DeclarationError(
-            f"the point is none of the curve's special points. Got {point!r}. Take one of them."
+            f"the point is none of the curve's special points. Got {shown(point)}. Take one of them."
         )
     if not point.kind.is_branch_point or len(point.directions) == 0:
         raise DeclarationError(
@@ -155,10 +158,8 @@ def _free_symbol(system: SlowFastSystem, parameter, free) -> sp.Symbol:
 def check_controls(step: float, max_step: float, max_points: int, tolerance: float) -> Controls:
     """The controls of a continuation; raises `DeclarationError` for numbers that are none."""
     for name, value in (("step", step), ("max_step", max_step), ("tolerance", tolerance)):
-        if not (isinstance(value, (int, float)) and 0.0 < value < float("inf")):
-            raise DeclarationError(f"{name} is a positive number, in units of the scales. Got {value!r}.")
-    if isinstance(max_points, bool) or not isinstance(max_points, (int, np.integer)) or max_points < 2:
-        raise DeclarationError(f"max_points is a whole number of at least 2. Got {max_points!r}.")
+        check_number(value, what=name, be="a positive number, in units of the scales", above=0.0)
+    check_whole(max_points, what="max_points", least=2, most=10**9, be="a whole number of at least 2")
     return Controls(float(step), float(max_step), int(max_points), float(tolerance))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_each, check_noun, check_one_of, check_progress
 from gsp.continuation.arclength import Trace, Tracer
 from gsp.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
 from gsp.continuation.curve import ContinuationStats, NamedCurve, Options, Stop, say, total_stats
@@ -98,11 +99,10 @@ def continue_folds(
     >>> bool(abs(4*folds["a"]**3 + 27*folds["b"]**2).max() < 1e-12)
     True
     """
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(f"continue_folds takes a SlowFastSystem. Got {type(system).__name__}.")
+    check_noun(system, SlowFastSystem, verb="continue_folds")
     controls = check_controls(step, max_step, max_points, tolerance)
-    if direction not in (-1, 0, 1):
-        raise DeclarationError(f"direction is +1, -1, or 0 for both. Got {direction!r}.")
+    check_one_of(direction, (-1, 0, 1), what="direction", be="+1, -1, or 0 for both")
+    check_progress(progress)
     problem, guess = layer_problem(system, two_free(system, parameter, free), start)
     box = check_bounds(bounds, problem)
     check_inside(problem, guess, box, "start")
@@ -114,7 +114,10 @@ def continue_folds(
 
 def two_free(system: SlowFastSystem, parameter, free) -> tuple[sp.Symbol, sp.Symbol]:
     """The two free symbols that were asked for; raises `DeclarationError` when they are not two."""
-    given = [] if free is None else [free] if isinstance(free, (str, sp.Symbol)) else list(free)
+    if free is None or isinstance(free, (str, sp.Symbol)):
+        given = () if free is None else (free,)
+    else:
+        given = check_each(free, lambda wanted: wanted, what="free", be="two slow variables, or one")
     chosen = [find_symbol(system, s, system.x, "free") for s in given]
     if free is None and len(system.x) == (2 if parameter is None else 1):
         chosen = list(system.x)
@@ -123,7 +126,7 @@ def two_free(system: SlowFastSystem, parameter, free) -> tuple[sp.Symbol, sp.Sym
     if len(chosen) != 2 or chosen[0] == chosen[1]:
         names = ", ".join(s.name for s in chosen) or "none"
         raise DeclarationError(
-            f"two different variables are free. Got {names}; the slow variables are "
+            f"two different variables are free (free=, parameter=). Got {names}; the slow variables are "
             f"{', '.join(s.name for s in system.x)}. Give free=(two slow ones), or one slow variable and parameter=..."
         )
     return chosen[0], chosen[1]

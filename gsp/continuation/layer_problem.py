@@ -15,6 +15,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import shown
 from gsp.differentiation import derivative
 from gsp.errors import BranchError, DeclarationError, nearest
 from gsp.flow import Point, named
@@ -161,13 +162,13 @@ def find_symbol(
     """The symbol of `among` that is `wanted`, by itself or by name; raises `DeclarationError` otherwise."""
     name = wanted.name if isinstance(wanted, sp.Symbol) else wanted
     for symbol in among:
-        if symbol.name == name:
+        if isinstance(name, str) and symbol.name == name:
             return symbol
     names = [symbol.name for symbol in among]
-    shown = ", ".join(names) or "none"
+    known = ", ".join(names) or "none"
     raise DeclarationError(
-        f"{what} is one of {shown}. Got {name!r}. Take a symbol of the system {system.name or repr(system)}."
-        + nearest(str(name), names)
+        f"{what} is one of {known}. Got {shown(name)}. Take a symbol of the system {system.name or repr(system)}."
+        + nearest(name, names)
     )
 
 
@@ -204,7 +205,7 @@ def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Inte
     if bounds is None:
         return {}
     if not isinstance(bounds, Mapping):
-        raise DeclarationError(f"bounds maps names to intervals (low, high). Got {type(bounds).__name__}.")
+        raise DeclarationError(f"bounds maps names to intervals (low, high). Got {shown(bounds)}.")
     names = [s.name for s in problem.unknowns]
     result: dict[str, Interval] = {}
     for key, interval in bounds.items():

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_progress, check_whole
 from gsp.continuation.critical_curve import box_of, check_controls, check_inside
 from gsp.continuation.curve import Options
 from gsp.continuation.ending import Ending
@@ -134,15 +135,14 @@ def critical_sheet(
     >>> [len(fold.special) for fold in sheet.folds], sheet.residual < 1e-12
     ([1], True)
     """
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(f"critical_sheet takes a SlowFastSystem. Got {type(system).__name__}.")
+    check_noun(system, SlowFastSystem, verb="critical_sheet")
     if len(system.y) > MOST_FAST:
         raise DeclarationError(
             f"a sheet is triangulated for up to {MOST_FAST} fast variables. Got {len(system.y)}. "
             "Continue curves with continue_critical, one for each value of a slow variable."
         )
-    if isinstance(resolution, bool) or not isinstance(resolution, (int, np.integer)) or resolution < 2:
-        raise DeclarationError(f"resolution is a whole number of at least 2. Got {resolution!r}.")
+    check_whole(resolution, what="resolution", least=2, most=10**6, be="a whole number of at least 2")
+    check_progress(progress)
     controls = check_controls(0.01, 0.04, max_points, tolerance)
     problem, guess = layer_problem(system, two_free(system, parameter, free), start)
     box = check_bounds(bounds, problem)

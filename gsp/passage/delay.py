@@ -20,6 +20,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_number, shown
 from gsp.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Point, as_points, check_epsilon
@@ -230,16 +231,14 @@ def entry_exit(
     >>> round(entry_exit(branch, start={"y": -0.5}).point["y"], 12)
     0.366025403784
     """
-    if not isinstance(branch, Branch):
-        raise DeclarationError(
-            f"entry_exit follows a Branch. Got {type(branch).__name__}. Take one of solve_critical(system).branches."
-        )
+    check_noun(branch, Branch, verb="entry_exit")
     system = branch.system
     array, single = as_points(system.x, start, what="start")
     if not single:
         raise DeclarationError(f"start is one point. Got {len(array)} of them. Call entry_exit for each.")
-    if not (np.isfinite(longest) and longest > 0.0):
-        raise DeclarationError(f"longest is a positive slow time. Got {longest!r}.")
+    longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
+    if not np.isfinite(array).all():
+        raise DeclarationError(f"start is finite. Got {shown(start)}.")
     box = None if region is None else check_region(region, [s.name for s in system.states])
     orbit = SlowOrbit(branch, array[0])
     values = orbit.eigenvalues(orbit.state[None, :])[0]

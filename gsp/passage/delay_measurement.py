@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number
 from gsp.declaration import exact
-from gsp.errors import DeclarationError
 from gsp.flow import check_epsilon
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage.delay import DelayedExit, ExitKind
-from gsp.passage.extended import ExtendedOrbit, follow
+from gsp.passage.extended import ExtendedOrbit, check_digits, exact_start, follow
 from gsp.passage.failure import PassageError
 from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
@@ -124,9 +124,13 @@ def measure_delay(
     along the first of them. `digits` are chosen from the passage's depth unless given. The branch must be explicit.
     Raises `PassageError` for a passage without an exit and for an implicit branch.
     """
+    check_noun(delayed, DelayedExit, verb="measure_delay")
     small = check_epsilon(epsilon)
-    if not (np.isfinite(radius) and radius > 0.0):
-        raise DeclarationError(f"radius is a positive distance. Got {radius!r}.")
+    radius = check_number(radius, what="radius", be="a positive distance", above=0.0)
+    if digits is not None:
+        check_digits(digits)
+    if start is not None:
+        exact_start(delayed.branch.system, start)
     if delayed.branch.graph is None:
         raise PassageError(
             f"the branch {delayed.branch} is implicit, and a distance from it is not defined. Integrate with "

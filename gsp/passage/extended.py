@@ -15,6 +15,7 @@ import flint
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number, check_whole, shown
 from gsp.declaration import exact
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Point, check_epsilon, complete
@@ -101,26 +102,48 @@ def follow(
     >>> sp.N(orbit.time, 20)
     2.0000000000000000000
     """
+    check_noun(system, SlowFastSystem, verb="follow")
     check_epsilon(epsilon)
     first, last = check_span(span)
-    if not isinstance(digits, int) or not 5 <= digits <= 2000:
-        raise DeclarationError(f"digits is a whole number from 5 to 2000. Got {digits!r}.")
-    given = {(k.name if isinstance(k, sp.Symbol) else k): exact(v) for k, v in start.items()}
-    complete({name: float(value) for name, value in given.items()}, system.states, what="start")
+    check_digits(digits)
+    begin = first if after is None else check_number(after, what="after")
+    given = exact_start(system, start)
     small = exact(epsilon)
+    if watch is not None and not isinstance(watch, Mapping):
+        raise DeclarationError(f"watch maps names to expressions in the states. Got {shown(watch)}.")
     for what, e in {"until": until, **{f"watch[{name!r}]": e for name, e in (watch or {}).items()}}.items():
-        unknown = (
-            set()
-            if e is None
-            else sp.sympify(e, strict=True).free_symbols - {*system.states, *system.parameters}
-        )
+        if e is None and what == "until":
+            continue
+        if not isinstance(e, sp.Expr):
+            raise DeclarationError(f"{what} is a SymPy expression in the states. Got {shown(e)}.")
+        unknown = e.free_symbols - {*system.states, *system.parameters}
         if unknown:
             raise DeclarationError(
                 f"{what} contains {', '.join(map(str, unknown))}, which is no state. Got {e}."
             )
     with precision(int(digits * 3.33) + 40):
         taylor = _Taylor(system, small, digits, until, dict(watch or {}))
-        return taylor.run(given, exact(first), exact(last), exact(first if after is None else float(after)))
+        return taylor.run(given, exact(first), exact(last), exact(begin))
+
+
+def check_digits(digits: int) -> int:
+    """`digits` if it is a number of digits to work with; raises `DeclarationError` otherwise."""
+    return check_whole(digits, what="digits", least=5, most=2000)
+
+
+def exact_start(system: SlowFastSystem, start: Mapping) -> dict[str, sp.Rational]:
+    """Exact values by name of a start that names every state; raises `DeclarationError` otherwise."""
+    if not isinstance(start, Mapping):
+        raise DeclarationError(f"start is a mapping of names to numbers. Got {shown(start)}.")
+    given: dict[str, sp.Rational] = {}
+    for key, value in start.items():
+        name = key.name if isinstance(key, sp.Symbol) else str(key)
+        try:
+            given[name] = exact(value)
+        except DeclarationError as error:
+            raise DeclarationError(f"start gives {name} the value {shown(value)}. {error}") from None
+    complete(given, system.states, what="start")
+    return given
 
 
 class _Taylor:

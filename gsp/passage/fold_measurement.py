@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.arguments import check_noun
 from gsp.continuation.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Point, check_epsilon, check_epsilons, complete, named
+from gsp.integrators import check_tolerances
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.passage.failure import PassageError
@@ -103,7 +105,9 @@ def fold_exit(
     >>> round(fold_exit(passage, epsilon=0.01, section={"x": 1}).point["y"], 10)
     0.0988437926
     """
+    check_noun(passage, FoldPassage, verb="fold_exit")
     small = check_epsilon(epsilon)
+    rtol = check_tolerances(rtol, 1.0)[0]
     system = passage.system
     name, value = _section(passage, section)
     if start is None:
@@ -155,15 +159,17 @@ def fit_omega0(
 
     Raises `DeclarationError` for fewer than four epsilons, `PassageError` when an orbit does not meet the section.
     """
+    check_noun(passage, FoldPassage, verb="fit_omega0")
     ladder = np.array(sorted(set(check_epsilons(epsilons)), reverse=True))
     if len(ladder) < 4:
         raise DeclarationError(f"a fit takes four epsilons or more. Got {len(ladder)}. Lengthen the ladder.")
+    place = dict([_section(passage, section)])
     begin = upstream(passage, float(ladder[0]))[0]
     start = {s.name: float(v) for s, v in zip(passage.system.states, begin)}
     slope = _slope(passage)
     delays = []
     for epsilon in ladder:
-        found = fold_exit(passage, epsilon=float(epsilon), section=section, start=start)
+        found = fold_exit(passage, epsilon=float(epsilon), section=place, start=start)
         if not found.status.ok:
             raise PassageError(f"at epsilon = {epsilon:g} the orbit {found.message}.")
         x = np.array([found.point[s.name] for s in passage.system.x])

@@ -29,10 +29,10 @@ from types import MappingProxyType
 import flint
 import numpy as np
 
+from gsp.arguments import check_noun
 from gsp.continuation import SpecialPoint
 from gsp.continuation.layer_problem import LayerProblem, least_norm_newton
 from gsp.continuation.singularity import identity, singular_near
-from gsp.errors import DeclarationError
 from gsp.flow import Point, check_epsilon, complete, named
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
@@ -135,10 +135,7 @@ def fold_passage(
     >>> fold_passage(system, {"x": 0, "y": 0}).exit(0.001)
     {'y': 0.02338107410459...}
     """
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(
-            f"a fold passage is that of a SlowFastSystem. Got {type(system).__name__}. Split it first."
-        )
+    check_noun(system, SlowFastSystem, verb="fold_passage")
     box = None if region is None else check_region(region, [s.name for s in system.states])
     problem, u = _located(system, fold)
     m, n = len(system.x), len(system.y)

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun, check_number, check_one_of, check_positive, check_progress, check_whole
 from gsp.continuation import Ending
 from gsp.errors import DeclarationError
 from gsp.lowering import parameter_vector
@@ -68,20 +69,16 @@ def continue_orbits(
     >>> fold.kind.value, round(fold.orbit.parameters["mu"], 9)
     ('fold of cycles', -0.25)
     """
+    check_noun(origin, (PeriodicOrbit, HopfPoint), verb="continue_orbits")
     check_accuracy(tolerance, degree, max_intervals)
+    check_progress(progress)
     low, high = check_interval(bounds, what="bounds", remedy="Give (low, high) of the parameter.")
-    if direction not in (-1, 1) or isinstance(direction, bool):
-        raise DeclarationError(f"direction is +1 or -1: where the parameter goes first. Got {direction!r}.")
+    check_one_of(direction, (-1, 1), what="direction", be="+1 or -1: where the parameter goes first")
     for name, value in (("step", step), ("max_step", max_step)):
-        if not (isinstance(value, (int, float)) and 0.0 < value < float("inf")):
-            raise DeclarationError(f"{name} is a positive number, in units of the cycle. Got {value!r}.")
-    if isinstance(max_points, bool) or not isinstance(max_points, int) or max_points < 2:
-        raise DeclarationError(f"max_points is a whole number of at least 2. Got {max_points!r}.")
-    if not isinstance(origin, (PeriodicOrbit, HopfPoint)):
-        raise DeclarationError(
-            f"continue_orbits begins at a PeriodicOrbit or a HopfPoint. Got {type(origin).__name__}. "
-            "Find one by periodic_orbit or hopf_points."
-        )
+        check_number(value, what=name, be="a positive number, in units of the cycle", above=0.0)
+    check_whole(max_points, what="max_points", least=2, most=10**9, be="a whole number of at least 2")
+    if max_period is not None:
+        max_period = check_positive(max_period, what="max_period")
     symbol = _parameter(origin, parameter)
     value = origin.value if isinstance(origin, HopfPoint) else origin.constants[symbol.name]
     if not low <= value <= high:

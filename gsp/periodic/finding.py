@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
 from types import MappingProxyType
 
 import numpy as np
 
+from gsp.arguments import check_flag, check_noun, check_number, check_progress, check_whole
 from gsp.errors import DeclarationError, Status
 from gsp.flow import Flow, Point
 from gsp.integrators import check_step_limit
@@ -65,7 +65,11 @@ def periodic_orbit(
     >>> round(orbit.period * 10, 9)      # of x'' - 10 (1 - x^2) x' + x = 0
     19.078369567
     """
+    check_noun(flow, Flow, verb="periodic_orbit")
     check_accuracy(tolerance, degree, max_intervals)
+    check_flag(backward, what="backward")
+    check_progress(progress)
+    length = None if period is None else _checked_period(period)
     limit = check_step_limit(max_steps)
     problem = OrbitProblem(flow, parameter_vector(flow, epsilon))
     if isinstance(start, PeriodicOrbit):
@@ -86,8 +90,7 @@ def periodic_orbit(
         )
         return assembled(problem, refined)
 
-    if period is not None:
-        length = _checked_period(period)
+    if length is not None:
         return solved(given_lap(flow, start, epsilon, -length if backward else length))
 
     def settled(closes: float) -> PeriodicOrbit:
@@ -225,28 +228,19 @@ def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
 
 
 def _checked_period(period: float) -> float:
-    try:
-        length = float(period)
-    except (TypeError, ValueError):
-        length = float("nan")
-    if not 0.0 < length < float("inf"):
-        raise DeclarationError(
-            f"period is a positive number, about that of the orbit. Got {period!r}. Leave it out to have it found."
-        )
-    return length
+    be = "a positive number, about that of the orbit"
+    return check_number(period, what="period", be=be, above=0.0, remedy="Leave it out to have it found.")
 
 
 def check_accuracy(tolerance: float, degree: int, max_intervals: int) -> None:
     """Raises `DeclarationError` for a tolerance, a degree or a number of intervals that is none."""
-    if not isinstance(tolerance, (int, float)) or not SMALLEST_TOLERANCE <= tolerance < 1.0:
-        raise DeclarationError(
-            f"tolerance is a share of the amplitude, from {SMALLEST_TOLERANCE:g} to 1. Got {tolerance!r}. "
-            "The default serves most uses."
-        )
+    check_number(
+        tolerance,
+        what="tolerance",
+        be=f"a share of the amplitude, from {SMALLEST_TOLERANCE:g} to 1",
+        least=SMALLEST_TOLERANCE,
+        below=1.0,
+        remedy="The default serves most uses.",
+    )
     for name, value, low, high in (("degree", degree, 2, 10), ("max_intervals", max_intervals, FEWEST, 10**6)):
-        try:
-            fine = low <= operator.index(value) <= high
-        except TypeError:
-            fine = False
-        if not fine:
-            raise DeclarationError(f"{name} is a whole number from {low} to {high}. Got {value!r}.")
+        check_whole(value, what=name, least=low, most=high)

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 import sympy as sp
 
+from gsp.arguments import check_noun
 from gsp.continuation import SpecialKind, continue_critical
 from gsp.declaration import exact
 from gsp.errors import DeclarationError
@@ -65,6 +66,7 @@ def hopf_points(
     >>> hopf_points(system, start={"x": 1.1, "y": -0.6}, parameter="a", bounds=(0.5, 1.5), epsilon=0.01)
     (HopfPoint(a = 1 at y = -0.6666666667, x = 1, omega = 10, l1 = -4.9505),)
     """
+    check_noun(flow, Flow, verb="hopf_points")
     symbol = check_name(flow, parameter)
     low, high = check_interval(bounds, what="bounds", remedy="Give (low, high) of the parameter.")
     guess = complete(start, flow.states, what="start")

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from gsp.arguments import shown
 from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.flow import Flow
 from gsp.lowering import compile_flow
@@ -207,8 +208,8 @@ def check_name(flow: Flow, parameter: sp.Symbol | str, *, epsilon: bool = False)
         names[flow.epsilon.name] = flow.epsilon
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f"there is no parameter {name!r}. The parameters are {', '.join(names) or 'none'}."
-            + nearest(str(name), names)
+            f"there is no parameter {shown(name)}. The parameters are {', '.join(names) or 'none'}."
+            + nearest(name, names)
         )
     return names[name]
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.arguments import check_noun, check_number
 from gsp.errors import Status
 from gsp.flow import Point
-from gsp.integrators import advance
+from gsp.integrators import advance, check_tolerances
 from gsp.lowering import compile_flow
 from gsp.periodic.collocation import OrbitProblem
 from gsp.periodic.orbit import PeriodicOrbit
@@ -41,6 +42,9 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     A lap goes backward in time where volumes grow along the orbit. Where an orbit stays long near an attracting and
     near a repelling manifold a lap loses all digits either way, and the status is NOT_CONVERGED.
     """
+    check_noun(orbit, PeriodicOrbit, verb="shoot")
+    phase = check_number(phase, what="phase", be="a number, a share of the period")
+    rtol = check_tolerances(rtol, 1.0)[0]
     flow, p = orbit.flow, orbit._constants.copy()
     problem = OrbitProblem(flow, p)
     compiled = compile_flow(flow)

@@ -48,6 +48,7 @@ from pathlib import Path
 
 import sympy as sp
 
+from gsp.arguments import shown
 from gsp.errors import DeclarationError, ModelFileError, nearest
 from gsp.readers.expressions import RESERVED, parse_expression
 from gsp.readers.tokens import parse_number
@@ -91,6 +92,8 @@ def load(path: str | os.PathLike[str]) -> Scene:
     >>> load("enzyme.toml").epsilon                                               # doctest: +SKIP
     0.01
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise ModelFileError(f"load takes the path of a file. Got {shown(path)}.")
     file = Path(path)
     try:
         return _scene(_document(file), file)

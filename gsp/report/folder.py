@@ -16,8 +16,9 @@ from pathlib import Path
 
 from gsp import charts
 from gsp.analysis import Analysis
+from gsp.arguments import check_noun, check_progress, shown
 from gsp.attempts import Missing, attempt
-from gsp.errors import DeclarationError, OutputError
+from gsp.errors import OutputError
 from gsp.report.content import as_json
 from gsp.report.page import render
 
@@ -47,10 +48,8 @@ def write_report(
     when the folder cannot be written; then, and when it is interrupted, an older report is intact and nothing new
     is left.
     """
-    if not isinstance(analysis, Analysis):
-        raise DeclarationError(
-            f"write_report takes an Analysis. Got {type(analysis).__name__}. Use gsp.analyse(scene)."
-        )
+    check_noun(analysis, Analysis, verb="write_report")
+    check_progress(progress)
     target = check_folder(folder)
     told = progress or (lambda share: None)
     told(0.0)
@@ -86,6 +85,8 @@ def check_folder(folder: str | Path) -> Path:
 
     Raises `OutputError` when it is a file, or when it, or where it would be made, cannot be written.
     """
+    if not isinstance(folder, (str, os.PathLike)):
+        raise OutputError(f"folder is the name of one. Got {shown(folder)}.")
     target = Path(folder).expanduser()
     try:
         if target.exists() and not target.is_dir():

@@ -16,8 +16,8 @@ from typing import Any
 import flint
 import sympy as sp
 
+from gsp.arguments import check_each, check_noun, check_number, check_whole
 from gsp.declaration import exact
-from gsp.errors import DeclarationError
 from gsp.flow import check_epsilon
 from gsp.singularities.algebraic_points import arb
 from gsp.singularities.canard_points import CanardError
@@ -64,11 +64,16 @@ def match_canard(
     >>> sp.N(match.value, 10), sp.N(match.resolution, 2)
     (0.9934909325, 2.7e-12)
     """
+    check_noun(canard, CanardValue, verb="match_canard")
     check_epsilon(epsilon)
-    if len(reach) != 2 or not all(r > 0 for r in reach):
-        raise DeclarationError(f"reach is two positive distances from the fold. Got {reach!r}.")
-    if not isinstance(digits, int) or not 5 <= digits <= 300:
-        raise DeclarationError(f"digits is a whole number from 5 to 300. Got {digits!r}.")
+    check_each(
+        reach,
+        lambda distance: check_number(distance, what="every reach", be="a positive distance", above=0.0),
+        what="reach",
+        be="two positive distances from the fold",
+        length=2,
+    )
+    check_whole(digits, what="digits", least=5, most=300)
     small = exact(epsilon)
     with precision(int(digits * 3.33) + 40):
         shooting = _Shooting(canard, small, digits)

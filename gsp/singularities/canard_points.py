@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.arguments import check_noun, shown
 from gsp.errors import DeclarationError, GspError, nearest
 from gsp.flow import Point, named
 from gsp.laurent import laurent, vanishes
@@ -50,10 +51,7 @@ class CanardPoint:
 
 def planar_field(system: SlowFastSystem, parameter: sp.Symbol | str) -> PlanarField:
     """f and g with every parameter but one put in; raises `DeclarationError` for what is not planar."""
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(
-            f"canard_value takes a SlowFastSystem. Got {type(system).__name__}. Split a VectorField first."
-        )
+    check_noun(system, SlowFastSystem, verb="canard_value")
     if len(system.x) != 1 or len(system.y) != 1:
         raise CanardError(
             f"canard_value takes one slow and one fast variable. Got {len(system.x)} slow and {len(system.y)} fast. "
@@ -63,8 +61,8 @@ def planar_field(system: SlowFastSystem, parameter: sp.Symbol | str) -> PlanarFi
     name = parameter.name if isinstance(parameter, sp.Symbol) else parameter
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f'there is no parameter "{name}". The parameters are {", ".join(names) or "none"}. Declare the one '
-            "that moves the equilibrium across the fold." + nearest(str(name), names)
+            f"there is no parameter {shown(name)}. The parameters are {', '.join(names) or 'none'}. Declare the one "
+            "that moves the equilibrium across the fold." + nearest(name, names)
         )
     a = names[name]
     values = {symbol: value for symbol, value in system.parameters.items() if symbol != a}

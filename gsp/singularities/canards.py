@@ -16,8 +16,8 @@ from math import floor, log10
 import flint
 import sympy as sp
 
+from gsp.arguments import check_whole
 from gsp.declaration import exact
-from gsp.errors import DeclarationError
 from gsp.flow import Point, check_epsilon
 from gsp.singularities.algebraic_points import arb
 from gsp.singularities.canard_points import CanardError, CanardPoint, canard_point, planar_field
@@ -73,8 +73,7 @@ class CanardValue:
         term is too large.
         """
         check_epsilon(epsilon)
-        if not isinstance(digits, int) or isinstance(digits, bool) or not 1 <= digits <= 1000:
-            raise DeclarationError(f"digits is a whole number from 1 to 1000. Got {digits!r}.")
+        check_whole(digits, what="digits", least=1, most=1000)
         small = exact(epsilon)
         order, bits = 16, int(digits * 3.33) + 64
         while True:
@@ -142,9 +141,8 @@ def canard_value(
     ...     slow={y: a - x}, fast={x: y - x**3/3 + x}, epsilon=eps, parameters={a: 1}), parameter=a).coefficients
     (1, -1/8, -3/32, -173/1024, -7593/16384)
     """
-    if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= ORDER_LIMIT:
-        raise DeclarationError(f"order is a whole number from 0 to {ORDER_LIMIT}. Got {order!r}.")
     field = planar_field(system, parameter)
+    check_whole(order, what="order", most=ORDER_LIMIT)
     chosen, others = canard_point(field, declared=sp.Rational(system.parameters[field.a]), near=near)
     algebraic = chosen.located.exact
     answer = None

@@ -21,7 +21,8 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from gsp.errors import DeclarationError, GspError
+from gsp.arguments import check_noun
+from gsp.errors import GspError
 from gsp.laurent import laurent, vanishes
 from gsp.system import SlowFastSystem
 
@@ -67,10 +68,7 @@ def desingularise(system: SlowFastSystem) -> Desingularised:
     >>> desingularise(SlowFastSystem(slow={x: z, z: 1}, fast={y: x - y**2}, epsilon=eps)).rates[x]
     2*y*z
     """
-    if not isinstance(system, SlowFastSystem):
-        raise DeclarationError(
-            f"folded singularities are those of a SlowFastSystem. Got {type(system).__name__}. Split it first."
-        )
+    check_noun(system, SlowFastSystem, verb="folded_singularities")
     if len(system.y) != 1:
         raise FoldedError(
             f"folded singularities are computed for one fast variable. Got {len(system.y)}. Reduce the fast "
