@@ -128,11 +128,12 @@ def _remedy(value: object, wanted: list[str], verb: str) -> str:
 
 def as_float(value: Any) -> float:
     """`value` as a float, NaN unless it is one real number: no truth value and no array; digits as text count."""
-    if type(value) is float:
+    kind = type(value)
+    if kind is float:
         return value
-    if isinstance(value, (bool, np.bool_, bytes, bytearray, complex)):
+    if kind is not int and isinstance(value, (bool, np.bool_, bytes, bytearray, complex)):
         return float("nan")
-    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf"):
+    if kind is np.ndarray and (value.ndim or value.dtype.kind not in "iuf"):
         return float("nan")
     try:
         return float(value)

@@ -24,7 +24,8 @@ from gsp.errors import DeclarationError, GspError, nearest
 Values = Mapping[sp.Symbol, sp.Expr]
 Point = Mapping[str, float] | Mapping[sp.Symbol, float]
 """Numbers by name or by symbol."""
-_PLAIN = frozenset({float, int, np.float64})
+# What float() takes without being a number.
+_NO_NUMBERS = frozenset({bool, np.bool_, bytes, np.ndarray, np.complex64, np.complex128})
 # Series of higher order than any that double precision can use; more would take for ever.
 HIGHEST_ORDER = 200
 
@@ -93,17 +94,19 @@ class Question:
 def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:
     """Values in the order of `states` of a point that names every state and nothing else."""
     # The built-in type stands in front because asking the abstract class takes longer than all the rest.
-    if isinstance(point, (dict, Mapping)) and len(point) == len(states):
-        values = [point.get(state.name) for state in states]  # pyright: ignore[reportArgumentType]
-        # Numbers of the usual types pass at once.
-        if _PLAIN.issuperset(map(type, values)):
-            try:
-                plain = tuple(map(float, values))  # pyright: ignore[reportArgumentType]
-            except OverflowError:
-                plain = (float("inf"),)
+    if (
+        isinstance(point, (dict, Mapping))
+        and len(point) == len(states)
+        and _NO_NUMBERS.isdisjoint(map(type, point.values()))
+    ):
+        try:
+            values = [float(point.get(state.name)) for state in states]  # pyright: ignore[reportArgumentType]
+        except (TypeError, ValueError, OverflowError):
+            pass
+        else:
             # A sum is finite only when all its terms are.
-            if isfinite(sum(plain)):
-                return plain
+            if isfinite(sum(values)):
+                return tuple(values)
     # Keyed by symbols, or wrong: `named` reads the one and names the other.
     given = named(point, what=what)
     names = [state.name for state in states]
@@ -177,7 +180,7 @@ def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = F
         values, lambda order: check_order(order, what=f"every one of {what}"), what=what, be=be, remedy=remedy
     )
     if not (wanted or empty):
-        raise DeclarationError(f"{what} is {be}, one or more. Got none. {remedy}")
+        raise DeclarationError(f"{what} are non-negative integers, one or more. Got none. {remedy}")
     return wanted
 
 

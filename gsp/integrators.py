@@ -230,14 +230,14 @@ def check_span(span: tuple[float, float]) -> tuple[float, float]:
         first, last = span
     except (TypeError, ValueError):
         raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(span)}.") from None
-    ends = as_float(first), as_float(last)
-    for end, number in zip((first, last), ends):
+    t0 = first if type(first) is float else as_float(first)
+    t1 = last if type(last) is float else as_float(last)
+    if t0 != t1 and math.isfinite(t1 - t0):
+        return t0, t1
+    for end, number in ((first, t0), (last, t1)):
         if math.isnan(number) and not isinstance(end, (float, np.floating)):
             raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(end)} in it.")
-    first, last = ends
-    if first != last and math.isfinite(last - first):
-        return first, last
-    if first == last and math.isfinite(first):
+    if t0 == t1 and math.isfinite(t0):
         remedy = "Give an end that differs from the start."
         raise DeclarationError(f"span must have a length. Got {shown(span)}. {remedy}")
     raise DeclarationError(

@@ -81,7 +81,7 @@ def test_progress_reaches_one() -> None:
 
 @pytest.mark.parametrize("orders", [(), (-1,), (1.5,), ("1",), (True,)])
 def test_wrong_orders_are_named(orders) -> None:
-    with pytest.raises(DeclarationError, match="non-negative integers"):
+    with pytest.raises(DeclarationError, match="non-negative integer"):
         compare(models.load("linear"), orders=orders)
 
 

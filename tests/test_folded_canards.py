@@ -363,7 +363,7 @@ def test_sections_and_lines_that_do_not_fit_are_named(koper: gsp.CanardOrbits) -
         gsp.folded_canards(singularity, epsilon=0.01, section={"x": 1.0})
     with pytest.raises(CanardOrbitError, match="does not cross the line x = -3"):
         gsp.folded_canards(singularity, epsilon=0.01, attracting={"x": -3})
-    with pytest.raises(gsp.GspError, match="takes a folded singularity"):
+    with pytest.raises(gsp.GspError, match="takes a FoldedSingularity"):
         gsp.folded_canards("koper", epsilon=0.01)  # pyright: ignore[reportArgumentType]
     with pytest.raises(gsp.GspError, match="must be finite and positive"):
         gsp.folded_canards(singularity, epsilon=-0.01)

@@ -291,7 +291,7 @@ def test_an_orbit_needs_the_name_of_the_parameter_and_a_status_of_success() -> N
     coarse = gsp.periodic_orbit(van_der_pol(0), start={"x": 2, "y": 0}, epsilon=0.01, max_intervals=20)
     with pytest.raises(DeclarationError, match="MESH_LIMIT"):
         gsp.continue_orbits(coarse, parameter="a", bounds=(-1, 1))
-    with pytest.raises(DeclarationError, match="begins at"):
+    with pytest.raises(DeclarationError, match="takes a PeriodicOrbit or a HopfPoint"):
         gsp.continue_orbits("a", bounds=(0, 1))  # pyright: ignore[reportArgumentType]
 
 

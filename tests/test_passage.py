@@ -525,7 +525,7 @@ def test_calls_that_cannot_be_carried_out_are_refused_by_name() -> None:
         entry_exit(plain, start={"y": 0.5})
     with pytest.raises(DeclarationError, match="takes y"):
         entry_exit(plain, start={"z": -1})
-    with pytest.raises(DeclarationError, match="follows a Branch"):
+    with pytest.raises(DeclarationError, match="takes a Branch"):
         entry_exit(NORMAL, start={"y": -1})
     with pytest.raises(PassageError, match="stands still"):
         entry_exit(branch(system({y: y + 1}, {x: y * x})), start={"y": -1})

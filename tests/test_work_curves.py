@@ -151,10 +151,10 @@ def test_a_repelling_branch_is_run_backward():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"rtols": ()}, "rtols lie from"),
-        ({"rtols": (1e-20,)}, "rtols lie from"),
-        ({"rtols": "tight"}, "rtols are numbers"),
-        ({"orders": (-1,)}, "orders are non-negative"),
+        ({"rtols": ()}, "rtols has no value"),
+        ({"rtols": (1e-20,)}, "rtols is a number from"),
+        ({"rtols": "tight"}, "rtols is a sequence of numbers"),
+        ({"orders": (-1,)}, "orders is a non-negative"),
         ({"epsilon": 0.0}, "finite and positive"),
     ],
 )
