@@ -58,8 +58,8 @@ class Boundary:
     """What is known of the end of a reduction.
 
     `surroundings` is the critical manifold through its folds in a box around the region, for branches that may fold
-    over one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a sheet
-    (empty for the `folded_reason`, if any), `orbit` the singular orbit from the scene's start (None for the
+    over one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a
+    sheet (empty for the `folded_reason`, if any), `orbit` the singular orbit from the scene's start (None for the
     `orbit_reason`, or when there is no fold), and `period` the three coefficients of its period when it closes.
     """
 
@@ -142,7 +142,7 @@ def not_followed(placement: Placement) -> str:
 
 
 def never_folds(branch: Branch) -> bool:
-    """Whether h_0 is known as an expression that is smooth wherever it is finite: without roots and inverse functions."""
+    """Whether h_0 is an expression that is smooth wherever it is finite: without roots and inverse functions."""
     if branch.graph is None:
         return False
     for h in branch.graph.values():

@@ -74,7 +74,7 @@ def test_a_sheet_of_a_polynomial_field_ends_at_its_fold_not_at_a_domain(beyond) 
     assert found.sub_region is not None
 
 
-def rosenzweig_macarthur(scale=sp.Integer(1), unit=sp.Integer(1)) -> SlowFastSystem:
+def rosenzweig_macarthur(scale: sp.Expr = sp.S.One, unit: sp.Expr = sp.S.One) -> SlowFastSystem:
     """Prey u in units of `scale`, predators v of `unit`; folds at (v, u) = (0.390625, 0.375)."""
     prey, predators = scale * u, unit * v
     return SlowFastSystem(
