@@ -159,7 +159,6 @@ def choose(
         (scene.system, scene.start) if outlook is None else (outlook.placement.system, outlook.placement.start)
     )
     layer = outlook.layer if outlook else 0.0
-    flow = compile_flow(flow).flow
     fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
     full, piece = full_candidate(flow, start, scene, max(layer, fast_time * np.log(1.0 / rtol)), rtol)
     reduced = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []

@@ -106,7 +106,7 @@ class _Code:
         )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _code(system: SlowFastSystem) -> _Code:
     return _Code(system)
 

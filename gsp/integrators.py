@@ -105,7 +105,7 @@ def run(
     goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
     """
     chosen = method or choose_method(compiled, rtol)
-    tries = method is None and compiled.flow.is_stiff
+    tries = method is None and compiled.is_stiff
     record = advance(
         compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=max_steps,
         dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries,

@@ -6,7 +6,6 @@ p = (epsilon, *parameters), so that kernels take any model, and another epsilon 
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -17,7 +16,7 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
-from gsp.flow import Flow, check_epsilon, frozen
+from gsp.flow import Flow, Values, check_epsilon, frozen
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.radau_block import CODE_SIZE
@@ -28,6 +27,10 @@ from gsp.machine_code.flow_code import FlowCode, is_worth_writing
 from gsp.machine_code.rosenbrock import block_size, write_rosenbrock
 from gsp.machine_code.taylor import TaylorCode, has_parts, stride
 from gsp.machine_code.values import SIGNATURE, load, store
+from gsp.remembering import remembered
+
+# Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
+MOST_KEPT = 96
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,15 +98,21 @@ class CompiledFlow:
     """Machine code of a flow: addresses of its field (n,) and its Jacobian (n, n), and its observables.
 
     Each is compiled when first asked for, so that an explicit method never pays for the Jacobian. The addresses
-    are good for as long as this object lives.
+    are good for as long as this object lives. It does not hold the flow, with which it is forgotten.
     """
 
-    flow: Flow
+    expressions: FlowCode
+    """What is written into the code of a step."""
+    values: Values
+    """Values of the parameters, exact."""
+    watched: Values
+    """The flow's observables."""
+    is_stiff: bool
 
     @property
     def size(self) -> int:
         """Number of states, n."""
-        return len(self.flow.states)
+        return len(self.expressions.states)
 
     @property
     def field(self) -> int:
@@ -118,7 +127,7 @@ class CompiledFlow:
     @cached_property
     def rates(self) -> CompiledFunction:
         """The rates as a function with n outputs."""
-        return self._compiled(self.flow.rates)
+        return self._compiled(self.expressions.rates)
 
     @cached_property
     def derivatives(self) -> CompiledFunction:
@@ -131,16 +140,13 @@ class CompiledFlow:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
         if not self.is_written:
             return None
-        code = self.expressions
-        return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
+        return _rosenbrock(self.expressions)
 
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
         if stages not in self._collocations:
-            code = Collocation(self.expressions, stages)
-            self._collocations[stages] = None
-            if self.is_written:
-                self._collocations[stages] = _step(code.text(), code.NAMES, code.size)
+            code = _collocation(self.expressions, stages) if self.is_written else None
+            self._collocations[stages] = code
         return self._collocations[stages]
 
     @cached_property
@@ -174,8 +180,7 @@ class CompiledFlow:
         """
         known = self._taylor_programs.get(order)
         if known is None:
-            code = self._series or TaylorCode(self.expressions)
-            step = _step(code.write(order), code.NAMES, order, stride(self.size))
+            step = _taylor(self.expressions, order)
             # The step is kept for its machine code.
             known = self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
         return known[0]
@@ -188,14 +193,6 @@ class CompiledFlow:
     def is_written(self) -> bool:
         """Whether code for this flow alone is better than loops for any."""
         return is_worth_writing(self.expressions)
-
-    @cached_property
-    def expressions(self) -> FlowCode:
-        """What is written into the code of a step."""
-        flow = self.flow
-        return FlowCode(
-            tuple(flow.states), tuple(map(_exact, flow.rates)), flow.epsilon, tuple(flow.parameters)
-        )
 
     @cached_property
     def explicit_program(self) -> np.ndarray:
@@ -236,7 +233,7 @@ class CompiledFlow:
     @cached_property
     def observables(self) -> CompiledFunction:
         """The flow's observables, in their order."""
-        return self._compiled(list(self.flow.observables.values()))
+        return self._compiled(list(self.watched.values()))
 
     @cached_property
     def constants(self) -> np.ndarray:
@@ -245,12 +242,11 @@ class CompiledFlow:
 
     @cached_property
     def _values(self) -> tuple[float, ...]:
-        values = self.flow.parameters.values()
-        return float("nan"), *[nearest_double(sp.sympify(value, strict=True)) for value in values]
+        return float("nan"), *[nearest_double(_exact(value)) for value in self.values.values()]
 
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
         """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
-        symbol = self.flow.epsilon
+        symbol = self.expressions.epsilon
         if symbol is None:
             if epsilon is not None:
                 raise DeclarationError(
@@ -267,9 +263,9 @@ class CompiledFlow:
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(
             outputs,
-            arguments=self.flow.states,
-            epsilon=self.flow.epsilon,
-            parameters=tuple(self.flow.parameters),
+            arguments=self.expressions.states,
+            epsilon=self.expressions.epsilon,
+            parameters=self.expressions.parameters,
         )
 
 
@@ -284,27 +280,11 @@ class CompiledStep:
     _engine: Engine = field(repr=False)
 
 
+@remembered
 def compile_flow(flow: Flow) -> CompiledFlow:
-    """Compiled form of a flow; flows that are equal or differ in parameter values only share their code."""
-    known = _KNOWN.get(id(flow))
-    if known is not None and known[0]() is flow:
-        return known[1]
-    compiled = _compiled_once(flow, flow.is_stiff)
-    if len(_KNOWN) >= _MOST_KNOWN:
-        _KNOWN.clear()
-    _KNOWN[id(flow)] = weakref.ref(flow), compiled
-    return compiled
-
-
-@lru_cache(maxsize=1024)
-def _compiled_once(flow: Flow, is_stiff: bool) -> CompiledFlow:
-    # Flows of two kinds may be equal, and only one of them be declared stiff.
-    return CompiledFlow(flow)
-
-
-# The flows asked for last, by identity: to compare two equal flows costs more than a short run.
-_KNOWN: dict[int, tuple[weakref.ref[Flow], CompiledFlow]] = {}
-_MOST_KNOWN = 4096
+    """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
+    code = FlowCode(tuple(flow.states), tuple(map(_exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
+    return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
 
 
 def finite_rows(values: np.ndarray) -> np.ndarray:
@@ -320,7 +300,7 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
     return np.array(compile_flow(flow).parameters(epsilon))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=MOST_KEPT)
 def _compile(
     outputs: tuple[sp.Expr, ...],
     arguments: tuple[sp.Symbol, ...],
@@ -341,6 +321,23 @@ def _compile(
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
     return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _rosenbrock(code: FlowCode) -> CompiledStep:
+    return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _collocation(code: FlowCode, stages: int) -> CompiledStep:
+    written = Collocation(code, stages)
+    return _step(written.text(), written.NAMES, written.size)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _taylor(code: FlowCode, order: int) -> CompiledStep:
+    written = TaylorCode(code)
+    return _step(written.write(order), written.NAMES, order, stride(len(code.states)))
 
 
 def _step(text: str, names: Sequence[str], *numbers: int, optimised: bool = False) -> CompiledStep:

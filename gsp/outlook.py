@@ -77,10 +77,8 @@ def foresee(scene: Scene, orders: Sequence[int], *, fast: bool = False) -> Outlo
     flows, preparation = {}, {}
     for k in sorted({n + ahead for n in orders for ahead in range(AHEAD + 1)}):
         begun = time.perf_counter()
-        compiled = compile_flow(restrict(series, order=k))
-        _ = compiled.field
-        # Of equal flows the one that was compiled: looking up another compares long expressions.
-        flows[k] = compiled.flow
+        flows[k] = restrict(series, order=k)
+        _ = compile_flow(flows[k]).field
         preparation[k] = shared + time.perf_counter() - begun
     starts = {k: _start(placement, inner, scene.epsilon, k) for k in flows}
     names = tuple(s.name for s in (placement.system.states if fast else placement.system.x))

@@ -53,7 +53,7 @@ def place_splitting(scene: Scene) -> tuple[Splitting | None, SlowFastSystem]:
     return splitting, splitting.system
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def place(scene: Scene) -> Placement:
     """The scene in standard form, remembered per scene.
 

@@ -105,7 +105,21 @@ class ReducedFlow(Flow):
 
     @cached_property
     def _key(self) -> tuple:
-        return (self.states, self.rates, tuple(self.observables.items()), self.epsilon, self.base, self.order)
+        # All that a run depends on: where it ends is decided by the branch, which the rates do not tell.
+        return (
+            self.manifold.branch,
+            self.order,
+            self.states,
+            self.rates,
+            tuple(self.observables.items()),
+            self.epsilon,
+            tuple(self.parameters.items()),
+            self.is_stiff,
+            self.driven,
+            self.base,
+            self.driven_rates,
+            self.last_terms,
+        )
 
     @cached_property
     def _hash(self) -> int:

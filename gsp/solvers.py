@@ -115,7 +115,7 @@ def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarra
 
 def choose_method(compiled: CompiledFlow, rtol: float) -> Method:
     """What was measured to be fastest for such a flow at this tolerance."""
-    if not compiled.flow.is_stiff:
+    if not compiled.is_stiff:
         return Method.DOP853
     if rtol >= (_TIGHT_RTOL if compiled.is_written else _TIGHT_RTOL_OF_LOOPS):
         return Method.RODAS5P

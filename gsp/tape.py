@@ -7,13 +7,13 @@ in epsilon and the parameters, evaluated once a call.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import sympy as sp
 
 from gsp.instructions import write_instructions
 from gsp.lowering import CompiledFunction, compile_function
+from gsp.remembering import remembered
 from gsp.system import SlowFastSystem
 
 
@@ -30,7 +30,7 @@ class Tape:
         return self._constants(np.empty((1, 0)), p)[0]
 
 
-@lru_cache(maxsize=256)
+@remembered
 def write_tape(system: SlowFastSystem) -> Tape:
     """The tape of the rates (f, g) of `system`, g without its 1/epsilon.
 

@@ -21,7 +21,7 @@ M0; it crosses a fold in finite time, and tends to a transcritical point in infi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import sympy as sp
@@ -31,6 +31,7 @@ from gsp.flow import Flow, Values
 from gsp.laurent import laurent
 from gsp.lowering import CompiledFunction, compile_function
 from gsp.reduced import ReducedFlow
+from gsp.remembering import remembered
 
 Matrix = list[list[sp.Expr]]
 
@@ -53,10 +54,15 @@ class DesingularisedFlow(Flow):
 
 
 class Validity:
-    """The test functions of one reduced flow and its desingularised flow, compiled; parameters have their values."""
+    """The test functions of one reduced flow and its desingularised flow, compiled; parameters have their values.
+
+    It does not hold the flow, with which it is forgotten.
+    """
 
     def __init__(self, flow: ReducedFlow) -> None:
-        self.flow = flow
+        self.order, self.epsilon = flow.order, flow.epsilon
+        self._coordinates, self._base, self._last_terms = flow.states, flow.base, flow.last_terms
+        self._driven, self._driven_rates = flow.driven, flow.driven_rates
         system = flow.manifold.branch.system
         self.slow, self.fast = system.x, system.y
         self.states = system.states
@@ -81,15 +87,15 @@ class Validity:
     @property
     def watches_terms(self) -> bool:
         """Whether the series has two terms to compare."""
-        return self.flow.order > 1
+        return self.order > 1
 
     @cached_property
     def tests(self) -> CompiledFunction:
         """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size. At (x, y) and the terms' fall."""
         parts, n = self._parts, len(self.fast)
-        growth = sp.Integer(max(1, 3 * (self.flow.order - 1)))
+        growth = sp.Integer(max(1, 3 * (self.order - 1)))
         delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
-        q = _plus([_times(delta, delta, delta), _times(self.flow.epsilon, drift, -growth)])
+        q = _plus([_times(delta, delta, delta), _times(self.epsilon, drift, -growth)])
         if self.watches_terms:
             q = sp.Max(q, self._fall, evaluate=False)
         moved = [
@@ -108,9 +114,9 @@ class Validity:
         """(x, y) on M0 over the states of the reduced flow, and by how much the squares of the last two terms fall."""
         fall: sp.Expr = sp.S.Zero
         if self.watches_terms:
-            before, last = (sp.Add(*[term**2 for term in terms]) for terms in self.flow.last_terms)
+            before, last = (sp.Add(*[term**2 for term in terms]) for terms in self._last_terms)
             fall = _plus([before, _times(last, sp.S.NegativeOne)])
-        return self._over(self.flow.states, [*self.flow.base, fall])
+        return self._over(self._coordinates, [*self._base, fall])
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(x, y) on M0 over one state of the reduced flow."""
@@ -128,10 +134,10 @@ class Validity:
         clock = sp.Dummy("t")
         rates = [
             *parts.scaled,
-            *(_times(parts.determinant, rate) for rate in self.flow.driven_rates),
+            *(_times(parts.determinant, rate) for rate in self._driven_rates),
             parts.determinant,
         ]
-        return DesingularisedFlow((*self.states, *self.flow.driven, clock), rates, self.flow.epsilon)
+        return DesingularisedFlow((*self.states, *self._driven, clock), rates, self.epsilon)
 
     @cached_property
     def crossing(self) -> CompiledFunction:
@@ -152,10 +158,10 @@ class Validity:
         return _Parts(self)
 
     def _over(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> CompiledFunction:
-        return compile_function(outputs, arguments=arguments, epsilon=self.flow.epsilon, parameters=())
+        return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, parameters=())
 
 
-@lru_cache(maxsize=256)
+@remembered
 def validity_of(flow: ReducedFlow) -> Validity:
     """The test functions of `flow`, made once."""
     return Validity(flow)

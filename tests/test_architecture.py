@@ -28,6 +28,7 @@ LAYERS = [
     "functions",
     "instructions",
     "machine_code",
+    "remembering",
     "lowering",
     "polynomials",
     "ring",
