@@ -79,7 +79,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class Settled:
-    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step."""
+    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step.
+
+    `is_pole` where the function changes its sign through infinity.
+    """
 
     t: float
     y: np.ndarray
@@ -88,6 +91,7 @@ class Settled:
     note: str = ""
     remedy: str = ""
     row: int | None = None
+    is_pole: bool = False
 
 
 Settle = Callable[["Search", int, float, Piece], Settled | None]
@@ -212,25 +216,32 @@ class Search:
     def refined(self, column: int, t: float, piece: Piece) -> Settled:
         """The crossing near `t` by secant steps, each with the method's own run from the start of the step.
 
-        Near a tangency, where they do not converge, the best of them stands.
+        Near a tangency, where they do not converge, the best of them stands. At a pole it is the reciprocal that
+        passes through zero.
         """
         k = piece.step(t)
         start, y, end = float(piece.times[k]), piece.states[k], float(piece.times[k + 1])
         low, high = min(start, end), max(start, end)
         width = SLOPE_WIDTH * (high - low)
         a, b = max(low, t - width), min(high, t + width)
-        slope = (self._value(column, b, piece) - self._value(column, a, piece)) / (b - a) if b > a else 0.0
+        left, middle, right = (self._value(column, at, piece) for at in (a, t, b))
+        is_pole = abs(middle) > abs(left) and abs(middle) > abs(right)
+        if is_pole:
+            left, right = _reciprocal(left), _reciprocal(right)
+        slope = (right - left) / (b - a) if b > a else 0.0
         best: tuple[float, Settled] | None = None
         last = (0.0, 0.0)
         for _ in range(REFINEMENTS):
-            settled = Settled(start, y, None)
+            settled = Settled(start, y, None, is_pole=is_pole)
             if t != start:
                 record = self.run(start, y, t)
-                settled = Settled(float(record.times[-1]), record.states[-1], record)
+                settled = Settled(float(record.times[-1]), record.states[-1], record, is_pole=is_pole)
                 if not record.status.ok:
                     # The border of the field's domain, or a step too short to be divided: as far as it gets.
                     return settled if best is None else best[1]
             value = self._evaluate(column, settled.t, settled.y)
+            if is_pole:
+                value = _reciprocal(value)
             if best is not None:
                 if not abs(value) < best[0]:
                     break
@@ -296,9 +307,15 @@ class Search:
         return [(a, lowest, -int(sign)), (lowest, b, int(sign))]
 
 
-def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled:
-    """A user's event: the refined crossing."""
+def _reciprocal(value: float) -> float:
+    return 1.0 / value if value != 0.0 else np.inf
+
+
+def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    """A user's event: the refined crossing; a change of sign through a pole is no zero."""
     settled = search.refined(column, t, piece)
+    if settled.is_pole:
+        return None
     return replace(settled, note=f"event {search.watched[column].name}")
 
 

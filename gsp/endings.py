@@ -51,7 +51,11 @@ MAX_STEPS = 20_000
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
 ACROSS = "the reduction ends here; integrate the full system across"
-NAMES = ("det g_y", "pair", "series")
+# The first outputs of `Validity.tests`; the borders follow.
+TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
+# At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
+# zero that the numerator has too it does not.
+APPROACH, GROWTH = (1e-3, 1e-6), 3.0
 FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
 
 
@@ -87,10 +91,15 @@ class Ending:
         # Positive where the reduction holds; Q is made so.
         orientation = (-1.0 if zero < 0.0 else 1.0, -1.0 if pair < 0.0 else 1.0, 1.0)
         watched = (0, 1, 2) if self.validity.watches_pairs else (0, 2)
-        self._columns = np.array(watched if flow.order else watched[:-1])
-        self._orientation = np.array([orientation[i] for i in self._columns])
+        watched = watched if flow.order else watched[:-1]
         settles = (self._zero, self._pair, self._series)
-        self.watched = [Watched(NAMES[i], -1, 1, settles[i]) for i in self._columns]
+        borders = row[len(TESTS) :]
+        self._columns = np.array([*watched, *range(len(TESTS), len(row))])
+        self._orientation = np.array(
+            [*(orientation[i] for i in watched), *np.where(borders < 0.0, -1.0, 1.0).tolist()]
+        )
+        self.watched = [Watched(TESTS[i], -1, 1, settles[i]) for i in watched]
+        self.watched += [Watched("border", -1, 1, self._border) for _ in borders]
         self.signs = np.ones(len(self._columns))
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -206,9 +215,7 @@ class Ending:
         just_before = np.array([settled.t - BESIDE * (piece.times[k + 1] - start)])
         beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
         if not beside <= SMALL * np.abs(self.values(*search.history(k, piece))[:, 0]).max():
-            # A pole of the eigenvalue, or the border of the functions that M0 is made of.
-            note = f"the critical manifold, or the fast Jacobian on it, ends at {self._shown(settled.y)}"
-            return replace(settled, status=Status.NON_FINITE, note=note)
+            return self._beyond_domain(settled)
         return replace(
             settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
         )
@@ -256,6 +263,23 @@ class Ending:
             "a Hopf point of the layer problem; the full system leaves the manifold some time after"
         )
         return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
+
+    def _border(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        settled = search.refined(column, t, piece)
+        k = piece.step(t)
+        length = piece.times[k + 1] - piece.times[k]
+        before = np.array([settled.t - share * length for share in APPROACH])
+        before = before[(before - piece.times[k]) * length >= 0.0]
+        points = self.validity.lift(piece.at(before), self.stepper.p)[:, :-1]
+        sizes = np.linalg.norm(self.validity.derivatives(points, self.stepper.p), axis=1)
+        if len(sizes) == len(APPROACH) and sizes[1] <= GROWTH * sizes[0]:
+            return None
+        return self._beyond_domain(settled)
+
+    def _beyond_domain(self, settled: Settled) -> Settled:
+        # A pole of the fast field, or the border of the functions that M0 is made of.
+        note = f"the critical manifold, or the fast Jacobian on it, ends at {self._shown(settled.y)}"
+        return replace(settled, status=Status.NON_FINITE, note=note)
 
     def _series(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
         return self._without_series(search.refined(column, t, piece))
@@ -327,7 +351,7 @@ class Ending:
         return eigenvalues(self.validity, self.validity.point(y, self.stepper.p))
 
     def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
-        zero, pair, _, rounding, size = np.abs(row).tolist()
+        zero, pair, _, rounding, size = np.abs(row[: len(TESTS)]).tolist()
         on_zero = zero <= ON_LOSS * rounding
         if not (on_zero or (self.validity.watches_pairs and pair <= ON_LOSS * size)):
             return

@@ -34,6 +34,8 @@ from gsp.reduced import ReducedFlow
 from gsp.remembering import remembered
 
 Matrix = list[list[sp.Expr]]
+# A polynomial within these is freed of repeated factors in milliseconds.
+MOST_OPERATIONS, MOST_DEGREES = 200, 12
 
 
 class DesingularisedFlow(Flow):
@@ -84,6 +86,21 @@ class Validity:
         """Whether there are eigenvalues enough for a pair."""
         return len(self.fast) > 1
 
+    @cached_property
+    def borders(self) -> tuple[sp.Expr, ...]:
+        """What vanishes at the poles of g_y and g_x, of even order too: bases of negative powers, a tangent's cosine.
+
+        A polynomial base has no repeated factors, which would let it pass through zero without changing its sign.
+        """
+        found: dict[sp.Expr, None] = {}
+        for entry in (e for matrix in (self.g_y, self.g_x) for row in matrix for e in row):
+            for atom in sorted(entry.atoms(sp.Pow, sp.tan), key=sp.default_sort_key):
+                if isinstance(atom, sp.tan):
+                    found[sp.cos(atom.args[0])] = None
+                elif atom.exp.could_extract_minus_sign() and not atom.base.is_number:
+                    found[_without_repetition(atom.base)] = None
+        return tuple(found)
+
     @property
     def watches_terms(self) -> bool:
         """Whether the series has two terms to compare."""
@@ -91,7 +108,10 @@ class Validity:
 
     @cached_property
     def tests(self) -> CompiledFunction:
-        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size. At (x, y) and the terms' fall."""
+        """Delta, H and Q; what relative changes of (x, y) make of Delta; H's size; the borders.
+
+        At (x, y) and the terms' fall.
+        """
         parts, n = self._parts, len(self.fast)
         growth = sp.Integer(max(1, 3 * (self.order - 1)))
         delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
@@ -107,7 +127,8 @@ class Validity:
         ]
         norm = sp.Add(*[e**2 for row in self.g_y for e in row])
         size = norm ** sp.Rational(n * (n - 1), 4)
-        return self._over((*self.states, self._fall), [parts.determinant, parts.hurwitz, q, _plus(moved), size])
+        outputs = [parts.determinant, parts.hurwitz, q, _plus(moved), size, *self.borders]
+        return self._over((*self.states, self._fall), outputs)
 
     @cached_property
     def lift(self) -> CompiledFunction:
@@ -126,6 +147,11 @@ class Validity:
     def fast_jacobian(self) -> CompiledFunction:
         """g_y at (x, y), row by row."""
         return self._over(self.states, [e for row in self.g_y for e in row])
+
+    @cached_property
+    def derivatives(self) -> CompiledFunction:
+        """g_y and g_x at (x, y), row by row."""
+        return self._over(self.states, [e for matrix in (self.g_y, self.g_x) for row in matrix for e in row])
 
     @cached_property
     def desingularised(self) -> DesingularisedFlow:
@@ -212,6 +238,18 @@ def _hurwitz(coefficients: list[sp.Expr]) -> sp.Expr:
 
     matrix = [[entry(i, j) for j in range(n - 1)] for i in range(n - 1)]
     return _times(faddeev_leverrier(matrix)[1][n - 1], sp.Integer((-1) ** (n - 1)))
+
+
+def _without_repetition(base: sp.Expr) -> sp.Expr:
+    # A longer base is left as it is: its poles of odd order are found all the same.
+    symbols = sorted(base.free_symbols, key=sp.default_sort_key)
+    if not base.is_polynomial(*symbols) or sp.count_ops(base) > MOST_OPERATIONS:
+        return base
+    polynomial = sp.Poly(base, *symbols)
+    is_small = polynomial.total_degree() <= MOST_DEGREES and (
+        polynomial.domain.is_ZZ or polynomial.domain.is_QQ
+    )
+    return polynomial.sqf_part().as_expr() if is_small else base
 
 
 def _product(a: Matrix, b: Matrix) -> Matrix:

@@ -203,11 +203,61 @@ def test_the_border_of_the_manifolds_domain_is_no_loss_of_hyperbolicity():
     trajectory = run(system, {"x": 0, "y": 1}, span=(0, 3))
     assert trajectory.status is Status.NON_FINITE
     assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
-    # And -1/y has a pole there.
-    pole = SlowFastSystem(slow={y: -ONE}, fast={x: -x / y}, epsilon=eps)
-    trajectory = run(pole, {"x": 0, "y": 1}, span=(0, 3))
-    assert trajectory.status is Status.NON_FINITE
-    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "g",
+    [
+        -x / y,
+        -x / y**2,
+        -x / y**3,
+        -x / (4 * y**2 + 4 * y**3 + y**4),
+        -x / sp.sqrt(y),
+        -x * (1 + 1 / (3 * y) ** 4),
+        -x * sp.exp(1) / y**2,
+        -x - x * sp.tan(1 - y) ** 2,
+        1 / y**2 - x,
+        1 / y - x,
+        -x * (3 - sp.log(y)) / y,
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_run_ends_at_a_pole_of_the_fast_field(g, order):
+    # x' is regular there, and -1/y^2 does not change its sign.
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: g}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": 1}, span=(0, 3), order=order, epsilon=1e-6)
+    if trajectory.status is not Status.NON_FINITE:
+        # Where the series ends before.
+        assert order > 0
+        assert trajectory.status is Status.HYPERBOLICITY_LOST
+        return
+    pole = 1 - np.pi / 2 if g.has(sp.tan) else 0.0
+    assert trajectory.t[-1] == pytest.approx(1.0 - pole, abs=1e-9)
+    assert trajectory["y"][-1] == pytest.approx(pole, abs=1e-9)
+    assert "ends at y = " in trajectory.message
+
+
+@pytest.mark.parametrize(
+    "g", [-x * (y**2 + 2 * y) / y, -x * (1 + y) / (1 + y**2), -x - x**2 * sp.sin(y) / y], ids=str
+)
+def test_a_run_passes_where_there_is_no_pole(g):
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: g - x}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": sp.Rational(3, 4)}, span=(0, 1.6))
+    assert trajectory.status is Status.SUCCESS
+
+
+def test_a_change_of_sign_through_a_pole_is_no_event():
+    field = VectorField({y: -ONE, x: sp.cos(y)}, epsilon=None)
+    events = [
+        gsp.Event(1 / y, name="pole"),
+        gsp.Event(y, name="zero"),
+        gsp.Event(y / (1 + y**2), name="bounded"),
+    ]
+    found = integrate(field, start={"x": 0, "y": 1}, span=(0, 3), events=events)
+    assert found.events["pole"].times.tolist() == []
+    assert found.events["zero"].times == pytest.approx([1.0], abs=1e-9)
+    assert found.events["bounded"].times == pytest.approx([1.0], abs=1e-9)
 
 
 # Pairs

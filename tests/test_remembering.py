@@ -60,11 +60,11 @@ def test_what_cannot_be_made_is_not_remembered():
     @remembered
     def made(noun):
         calls.append(noun)
-        raise ValueError
+        raise ValueError("no")
 
     noun = Noun()
     for _ in range(2):
-        with pytest.raises(ValueError):
+        with pytest.raises(ValueError, match="no"):
             made(noun)
     assert len(calls) == 2
 
