@@ -28,7 +28,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     compare                       the reduced flow against full trajectories
     work_precision                error against seconds: every integrator, and reduced models of every order
     failure_map                   where each method holds, measured
-    choose                        the cheapest model that meets a scene's tolerance, "do not reduce" among the answers
+    choose                        the cheapest model that meets a scene's tolerance, "no" among the answers
     simulate                      that model over the span, the full system where it does not hold
     analyse, write_report         all of it for one scene
 """
@@ -44,6 +44,7 @@ __version__ = "0.1.0"
 # Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together.
 _HOME = {
     "GspError": "errors",
+    "BeyondReachWarning": "errors",
     "Status": "errors",
     "SlowFastSystem": "system",
     "VectorField": "system",
@@ -161,6 +162,7 @@ if TYPE_CHECKING:
     from gsp.critical import solve_critical as solve_critical
     from gsp.ensemble import Ensemble as Ensemble
     from gsp.ensemble import integrate_many as integrate_many
+    from gsp.errors import BeyondReachWarning as BeyondReachWarning
     from gsp.errors import GspError as GspError
     from gsp.errors import Status as Status
     from gsp.events import Event as Event

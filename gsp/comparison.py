@@ -174,7 +174,7 @@ def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: flo
     x = {s.name: start[s.name] for s in system.x}
     order = series.optimal_order(x, epsilon)
     assert isinstance(order, int)
-    y = series.evaluate(x, epsilon, order=order)
+    y = series.terms(x, epsilon)[: order + 1].sum(axis=0)
     return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
 
 

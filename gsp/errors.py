@@ -53,6 +53,10 @@ class DefectWarning(UserWarning):
     """A part that could not be made because of a defect in this package, not of the model."""
 
 
+class BeyondReachWarning(UserWarning):
+    """A series was evaluated where its terms no longer fall, so that its sum is not the slow manifold."""
+
+
 class UnknownNameError(GspError, KeyError):
     """A name that a result does not have; what there is stands in the message."""
 

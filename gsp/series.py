@@ -10,6 +10,7 @@ The coefficients live in the chart's ring, so parameters stay symbolic and nothi
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,21 +21,21 @@ import sympy as sp
 from gsp.arguments import check_flag, check_noun
 from gsp.chart import Chart, chart, dot
 from gsp.critical import Branch
-from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError
 from gsp.flow import as_points, check_epsilon, check_order
 from gsp.lowering import compile_function, parameter_vector
 from gsp.power_series import SeriesProgram
 from gsp.ring import Element
+from gsp.truncation import AHEAD, best, errors, past
 
-# Terms of a series scatter from order to order; so many neighbours tell their level.
-WINDOW = 3
 # A term has lost its digits when moving the point by so many units in the last place changes it by this share, and
 # the change is larger than rounding of the sum would be.
 JITTER = (1.0, 2.0, 3.0)
 LOST = 0.1
 AUDIBLE = 1e-13
-# Coefficients with more terms than this are not for reading.
+# Coefficients with more terms than this are not for reading, and longer ones than that are not sought ahead.
 READABLE = 300
+LONGEST = 600
 
 
 class Components(tuple):
@@ -134,10 +135,35 @@ class SeriesManifold:
             return self
         return _expand(self.branch, self.order, dict(self.branch.system.parameters))
 
-    def evaluate(self, x, epsilon: float, *, order: int | None = None, near=None) -> np.ndarray:
-        """h_epsilon(x) through `order`, shape (m, n_fast), or (n_fast,) for one point; see `Branch.points`."""
-        terms, single = self._terms(x, epsilon, near)
-        result = terms[:, : self._order(order) + 1].sum(axis=1)
+    @cached_property
+    def _ahead(self) -> SeriesManifold:
+        """The series with the parameters' values in, and the next two orders as far as they look short."""
+        sizes = self.specialised.sizes
+        growth = max(1.0, sizes[-1] / sizes[-2]) if self.order and sizes[-2] else 1.0
+        further = sum(max(sizes) * growth**k <= LONGEST for k in range(1, AHEAD + 1))
+        if not further:
+            return self.specialised
+        return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
+
+    def evaluate(self, x, epsilon: float, *, order: int | None = None, near=None, masked=False) -> np.ndarray:
+        """h_epsilon(x) through `order`, shape (m, n_fast), or (n_fast,) for one point; see `Branch.points`.
+
+        Where the terms no longer fall by then the sum is no value of h: such points are beyond the series' reach, which
+        a `BeyondReachWarning` says, or NaN with `masked`. The sum of `terms` is the same without that check. Raises
+        `HyperbolicityError` where the series is singular, unless `masked`.
+        """
+        n = self._order(order)
+        terms, single = self._ahead._terms(x, epsilon, near, masked=masked)
+        # Singular points, which only `masked` lets through, have no sum.
+        terms = np.where(np.isfinite(terms), terms, np.nan)
+        result = terms[:, : n + 1].sum(axis=1)
+        estimates = errors(np.linalg.norm(terms, axis=2), n)
+        beyond = past(estimates)
+        if beyond.any():
+            if masked:
+                result[beyond] = np.nan
+            else:
+                warnings.warn(self._beyond(x, estimates, beyond), BeyondReachWarning, stacklevel=2)
         return result[0] if single else result
 
     def terms(self, x, epsilon: float, *, near=None) -> np.ndarray:
@@ -173,25 +199,25 @@ class SeriesManifold:
         return defect[0] if single else defect
 
     def optimal_order(self, x, epsilon: float, *, near=None) -> np.ndarray | int:
-        """Order at which to stop: the one before the smallest terms, an int for one point or an array (m,).
+        """Order at which to stop, that of the least `truncation_error`: an int for one point or an array (m,).
 
-        The series is asymptotic, not convergent, as a rule: its error is about the first term left out, so it is
-        best cut just before its smallest term. When the terms are still falling at order n, the answer is n. Terms
-        that cancellation has left without digits do not count: the order before the first of them is the last.
+        The series is asymptotic, not convergent, as a rule: its error is about the first terms left out, so it is best
+        cut before the smallest ones. Two orders more than the series has are looked at, where they are short enough;
+        when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
+        without digits do not count: the order before the first of them is the last.
         """
-        terms, single = self._terms(x, epsilon, near)
-        best = np.array([_optimal(np.linalg.norm(rows, axis=1)) for rows in terms])
-        best = np.minimum(best, self._last_with_digits(x, terms, epsilon, near))
-        return int(best[0]) if single else best
+        estimates, single = self._estimates(x, epsilon, near)
+        found = best(estimates)
+        return int(found[0]) if single else found
 
     def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
-        """Estimated error at the optimal order: the level of the first terms left out, or of the last ones kept."""
-        terms, single = self._terms(x, epsilon, near)
-        sizes = np.linalg.norm(terms, axis=2)
-        last = self._last_with_digits(x, terms, epsilon, near)
-        # Terms without digits say nothing about the error either.
-        kept = [row[: k + 1] for row, k in zip(sizes, last)]
-        error = np.array([_error_level(row, _optimal(row)) for row in kept])
+        """Estimated error |h - sum| at the optimal order, in the fast variables' Euclidean norm.
+
+        Three times the envelope of the next two terms, summed as a geometric series: no bound, but meant to be above
+        the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
+        """
+        estimates, single = self._estimates(x, epsilon, near)
+        error = np.fmin.reduce(estimates, axis=1)
         return float(error[0]) if single else error
 
     # -- evaluation --------------------------------------------------------------------------------
@@ -215,13 +241,37 @@ class SeriesManifold:
         places = [system.states.index(symbol) for symbol in self.coordinates]
         return array, z[:, places], single
 
-    def _terms(self, x, epsilon: float, near) -> tuple[np.ndarray, bool]:
+    def _estimates(self, x, epsilon: float, near) -> tuple[np.ndarray, bool]:
+        """Estimated errors (m, order + 1) at every order, NaN at orders whose terms have no digits."""
+        ahead = self._ahead
+        terms, single = ahead._terms(x, epsilon, near)
+        sizes = np.linalg.norm(terms, axis=2)
+        last = ahead._last_with_digits(x, terms, epsilon, near)
+        # Terms without digits say nothing about the error either.
+        sizes[np.arange(sizes.shape[1]) > last[:, None]] = np.nan
+        return errors(sizes, self.order), single
+
+    def _beyond(self, x, estimates: np.ndarray, beyond: np.ndarray) -> str:
+        """What is beyond the reach, for a warning."""
+        system = self.branch.system
+        array, _ = as_points(system.x, x, what="x")
+        i = int(np.argmax(np.where(beyond, np.nan_to_num(estimates[:, -1], nan=np.inf), -1.0)))
+        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, array[i]))
+        many = f", and at {beyond.sum() - 1} more of {len(beyond)} points" if beyond.sum() > 1 else ""
+        order, last = int(best(estimates[i : i + 1])[0]), estimates.shape[1] - 1
+        return (
+            f"the series through order {last} is beyond its reach at {place}{many}: its terms fall no more after order "
+            f"{order}, and the error is about {estimates[i, -1]:.2g}. Take order=series.optimal_order(x, epsilon), a "
+            "smaller epsilon, or solve_manifold; masked=True gives NaN."
+        )
+
+    def _terms(self, x, epsilon: float, near, *, masked: bool = False) -> tuple[np.ndarray, bool]:
         value = check_epsilon(epsilon)
         array, coordinates, single = self._on_branch(x, near)
         system = self.branch.system
         terms = self.terms_at(coordinates, value)
         finite = np.isfinite(terms).all(axis=(1, 2))
-        if not finite.all():
+        if not finite.all() and not masked:
             point = array[np.argmin(finite)]
             place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
             raise HyperbolicityError(
@@ -365,32 +415,3 @@ def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr])
             differentiate(k)
     reduced = [[c.reduced() for c in rate.coefficients[: order + 1]] for rate in f]
     return SeriesManifold(branch, order, place, h, reduced, not values)
-
-
-def _levels(sizes: np.ndarray) -> np.ndarray:
-    """Geometric means of three neighbours of sizes[1:], zeros left out: the level that single terms scatter about.
-
-    A term that happens to be small at a point says nothing about the error, its neighbours do.
-    """
-    windows = np.lib.stride_tricks.sliding_window_view(sizes[1:], min(WINDOW, len(sizes) - 1))
-    counted = np.maximum((windows > 0.0).sum(axis=1), 1)
-    logarithms = np.log(np.where(windows > 0.0, windows, 1.0)).sum(axis=1)
-    return np.where((windows > 0.0).any(axis=1), np.exp(logarithms / counted), 0.0)
-
-
-def _optimal(sizes: np.ndarray) -> int:
-    """The order before the lowest level of the terms sizes[1:]; the last one when they are still falling."""
-    n = len(sizes) - 1
-    if n == 0 or not sizes[1:].any():
-        return n
-    levels = _levels(sizes)
-    lowest = int(np.argmin(levels))
-    return n if lowest == len(levels) - 1 else lowest
-
-
-def _error_level(sizes: np.ndarray, order: int) -> float:
-    """Level of the terms from the first one left out at `order`, or of the last ones kept."""
-    if len(sizes) == 1:
-        return float(sizes[0])
-    levels = _levels(sizes)
-    return float(levels[min(order, len(levels) - 1)])

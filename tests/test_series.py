@@ -201,11 +201,11 @@ def test_the_optimal_order_is_as_good_as_the_best_within_a_factor_ten(epsilon: f
     series = expand(branch_of(system), order=14)
     assert [series.coefficients[k]["y"] for k in range(4)] == [x, -(x**2), 2 * x**3, -6 * x**4]
     exact = quad(lambda t: np.exp(-t) / (1 + epsilon * t), 0, np.inf, epsabs=1e-14)[0]
-    errors = [abs(series.evaluate(1.0, epsilon, order=k)[0] - exact) for k in range(15)]
+    errors = np.abs(np.cumsum(series.terms(1.0, epsilon)[:, 0]) - exact)
     order = series.optimal_order(1.0, epsilon)
     assert errors[order] < 10 * min(errors)
     assert errors[14] > 100 * errors[order]
-    assert 0.1 < series.truncation_error(1.0, epsilon) / errors[order] < 10
+    assert 1 <= series.truncation_error(1.0, epsilon) / errors[order] < 30
 
 
 def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges() -> None:
@@ -215,8 +215,9 @@ def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges() ->
     errors = np.abs(np.cumsum(series.terms(point, 0.2)[:, 0]) - exact)
     assert errors[60] > 1
     order = series.optimal_order(point, 0.2)
-    assert 0.1 < series.truncation_error(point, 0.2) / errors[order] < 10
-    assert errors[order] < 10 * min(errors)
+    assert 1 <= series.truncation_error(point, 0.2) / errors[order] < 30
+    # One sum may be right by accident, two neighbours are not.
+    assert errors[order] < 3 * np.maximum(errors[:-1], errors[1:]).min()
 
 
 def test_a_terminating_series_is_best_at_its_full_order() -> None:

@@ -23,7 +23,7 @@ from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.relaxation import mixed_mode, singular_orbit
-from gsp.charts.sampling import heading_of, shape
+from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import png, save
 from gsp.charts.switching import switches
@@ -60,6 +60,7 @@ __all__ = [
     "save",
     "shape",
     "singular_orbit",
+    "slow_ends",
     "spread",
     "surroundings",
     "switches",

@@ -15,6 +15,7 @@ from gsp.charts.sampling import (
     chart_symbols,
     dense_run,
     distances,
+    ends_of,
     frame,
     graph,
     margins,
@@ -69,9 +70,9 @@ def _curve(analysis: Analysis, axes: Axes) -> None:
     system = analysis.placement.system
     names = [system.x[0].name, system.y[0].name]
     on = slow_curve(analysis)
-    x = on[:, :1]
-    axes.plot(x[:, 0], on_branch(analysis, x)[:, 0], color=INK, lw=1.0, ls="--", label="critical manifold")
-    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.2, label=manifold_label(analysis.scene.epsilon), zorder=3)
+    leading = on_branch(analysis, on[:, :1])
+    axes.plot(on[:, 0], leading[:, 0], color=INK, lw=1.0, ls="--", label="critical manifold")
+    slow_line(analysis, axes, on, leading)
     for i, run in enumerate(analysis.landing):
         dense = dense_run(run)
         axes.plot(
@@ -79,10 +80,22 @@ def _curve(analysis: Analysis, axes: Axes) -> None:
             label="runs from off the manifold" if i == 0 else None,
         )  # fmt: skip
         axes.plot(dense[names[0]][:1], dense[names[1]][:1], "o", color=VERMILION, ms=4, zorder=4)
-    heights = np.concatenate([on[:, 1], *(run[names[1]] for run in analysis.landing)])
+    heights = np.concatenate([on[:, 1], leading[:, 0], *(run[names[1]] for run in analysis.landing)])
     axes.set_ylim(margins(heights))
     name_axes(axes, *names)
     legend(axes, columns=2)
+
+
+def slow_line(analysis: Analysis, axes: Axes, on: np.ndarray, leading: np.ndarray) -> None:
+    """The slow manifold `on` (m, 1 + n_fast) as a line, marked where its terms stop falling on the branch `leading`."""
+    if not np.isfinite(on[:, 1]).any():
+        return
+    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.2, label=manifold_label(analysis.scene.epsilon), zorder=3)
+    ends = on[ends_of(on, leading)]
+    if len(ends):
+        axes.plot(
+            ends[:, 0], ends[:, 1], "o", color=BLUE, mfc="white", ms=5, zorder=4, label="its terms stop falling"
+        )
 
 
 def _surface(analysis: Analysis, axes: Any) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
+from gsp.charts.manifolds import slow_line
 from gsp.charts.sampling import (
     LINE,
     at_zero,
@@ -43,7 +44,6 @@ from gsp.charts.style import (
     chart,
     darts,
     legend,
-    manifold_label,
     mathematics,
     name_axes,
     orbit,
@@ -90,6 +90,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
     system = analysis.placement.system
     names = [system.x[0].name, system.y[0].name]
     on = slow_curve(analysis)
+    leading = on_branch(analysis, on[:, :1])
     box = np.array([analysis.placement.region[names[0]], fast_range(analysis, on)])
     if len(system.y) == 1:
         if not analysis.placement.branch.is_explicit:
@@ -101,8 +102,8 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
         _critical_lines(analysis, axes, low, high)
     else:
         low, high = widened(box[:, 0], box[:, 1])
-        axes.plot(on[:, 0], on_branch(analysis, on[:, :1])[:, 0], color=INK, lw=1.1, label="critical manifold")
-    axes.plot(on[:, 0], on[:, 1], color=BLUE, lw=2.4, label=manifold_label(analysis.scene.epsilon), zorder=3)
+        axes.plot(on[:, 0], leading[:, 0], color=INK, lw=1.1, label="critical manifold")
+    slow_line(analysis, axes, on, leading)
     run = dense_run(analysis.full)
     orbit(axes, *(reading(analysis, run, name) for name in names), VERMILION, "full run")
     axes.set_xlim(low[0], high[0])

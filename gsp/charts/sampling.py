@@ -14,10 +14,11 @@ from gsp.flow import Flow
 from gsp.lowering import compile_function, parameter_vector
 from gsp.system import SlowFastSystem
 from gsp.trajectory import Trajectory
+from gsp.truncation import errors, past
 
 # Points of a line, and of a grid along each axis.
 LINE, GRID = 400, 41
-# The slow manifold is drawn where the first term left out is below this share of the range.
+# The slow manifold is drawn where its estimated error is below this share of its size.
 TRUSTED = 0.05
 # Runs leave the region in a picture by this many times its width at most.
 REACH = 1.0
@@ -143,7 +144,7 @@ def _or_nan(branch, point: np.ndarray) -> np.ndarray:
 def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
     """h_epsilon (m, n_fast) at the scene's epsilon over `x` (m, n_slow), each point at its own optimal order.
 
-    nan where the branch is not reached, and where the first term left out is visible.
+    nan where the branch is not reached, where the terms do not fall, and where what is left out is visible.
     """
     epsilon, series = analysis.scene.epsilon, analysis.series
     leading = on_branch(analysis, x)
@@ -154,9 +155,10 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
     terms = series.terms(x[good], epsilon)
     best = np.asarray(series.optimal_order(x[good], epsilon))
     sums = terms.cumsum(axis=1)[np.arange(len(best)), best]
-    size = np.ptp(leading[good], axis=0).max() or 1.0
+    size = np.abs(leading[good]).max() or 1.0
     left_out = np.asarray(series.truncation_error(x[good], epsilon))
-    result[good] = np.where((left_out <= TRUSTED * max(size, 1.0))[:, None], sums, np.nan)
+    drawn = (left_out <= TRUSTED * size) & ((best > 0) | (series.order == 0))
+    result[good] = np.where(drawn[:, None], sums, np.nan)
     return result
 
 
@@ -164,6 +166,24 @@ def slow_curve(analysis: Analysis) -> np.ndarray:
     """Points (m, 1 + n_fast) of the slow manifold over the region of the one slow variable."""
     x = np.linspace(*analysis.placement.region[analysis.placement.system.x[0].name], LINE)[:, None]
     return np.hstack([x, slow_manifold(analysis, x)])
+
+
+def slow_ends(analysis: Analysis) -> tuple[bool, list[float]]:
+    """(whether any of the slow manifold over one slow variable is drawn, the values of it at which its terms stop
+    falling)."""
+    on = slow_curve(analysis)
+    ends = ends_of(on, on_branch(analysis, on[:, :1]))
+    return bool(np.isfinite(on[:, 1]).any()), [float(value) for value in on[ends, 0]]
+
+
+def ends_of(on: np.ndarray, leading: np.ndarray) -> np.ndarray:
+    """Rows of the curve `on` (m, n) next to points where it is left out though the branch `leading` (m, k) is there."""
+    there = np.isfinite(on).all(axis=1)
+    left_out = ~there & np.isfinite(leading).all(axis=1)
+    beside = np.zeros(len(on), dtype=bool)
+    beside[1:] |= left_out[:-1]
+    beside[:-1] |= left_out[1:]
+    return np.flatnonzero(there & beside)
 
 
 def fast_range(analysis: Analysis, on: np.ndarray) -> tuple[float, float]:
@@ -184,7 +204,9 @@ def graph(analysis: Analysis, points: np.ndarray) -> np.ndarray:
         return slow_manifold(analysis, points[:, order])[:, 0]
     epsilon = analysis.scene.epsilon
     terms = evaluate([row[fast] for row in raw.coefficients], system, epsilon, points, raw.chart)
-    return terms @ epsilon ** np.arange(raw.order + 1)
+    terms = terms * epsilon ** np.arange(raw.order + 1)
+    estimates = errors(np.abs(terms), raw.order)
+    return np.where(past(estimates), np.nan, terms.sum(axis=1))
 
 
 def limit_field(analysis: Analysis, points: np.ndarray) -> np.ndarray:

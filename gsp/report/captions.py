@@ -8,7 +8,7 @@ import sympy as sp
 from markupsafe import Markup
 
 from gsp.analysis import Analysis
-from gsp.charts import heading_of, shape
+from gsp.charts import heading_of, shape, slow_ends
 from gsp.claims import HORIZON
 from gsp.continuation import CriticalCurve, CriticalSheet
 from gsp.report.mathml import Typesetter
@@ -24,23 +24,41 @@ def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
     if shape(analysis) == (1, 1):
         return Markup(
             "Phase plane at {} = {}. Streamlines fall along the fast direction onto the attracting part of the "
-            "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels) and then follow the slow manifold "
-            "<i>M</i><sub>ε</sub> (blue). The full run from the scene's start is in orange."
-        ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+            "critical manifold <i>M</i><sub>0</sub> (black; dashed where it repels){} The full run from the scene's "
+            "start is in orange."
+        ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon), _slow_line(analysis, setter))
     if shape(analysis)[0] == 1:
         return Markup(
-            "The critical manifold (black) and the slow manifold (blue) at {} = {}, seen in the plane of {} and {}, "
-            "with the full run from the scene's start in orange."
+            "The plane of {} and {} at {} = {}: the critical manifold (black){} The full run from the scene's start is "
+            "in orange."
         ).format(
-            _epsilon(analysis, setter),
-            number(analysis.scene.epsilon),
             setter.inline(analysis.placement.system.x[0]),
             setter.inline(analysis.placement.system.y[0]),
+            _epsilon(analysis, setter),
+            number(analysis.scene.epsilon),
+            _slow_line(analysis, setter),
         )
     chart = analysis.raw.chart if analysis.raw else analysis.placement.system.x
     return Markup(
         "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in orange."
     ).format(_epsilon(analysis, setter), Markup(", ").join(setter.inline(s) for s in chart[:2]))
+
+
+def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
+    """The end of a sentence about the critical manifold: what of the slow one over one slow variable is drawn."""
+    drawn, ends = slow_ends(analysis)
+    if not drawn:
+        return Markup(
+            ". The slow manifold is not drawn: the terms of its series do not fall anywhere in the region."
+        )
+    text = Markup(" and the slow manifold <i>M</i><sub>ε</sub> (blue).")
+    if ends:
+        places = Markup(", ").join(number(value) for value in ends)
+        name = setter.inline(analysis.placement.system.x[0])
+        text += Markup(
+            " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
+        ).format(name, places)
+    return text
 
 
 def _path(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -83,10 +101,12 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
         return Markup("The slow manifold at {} = {}. It is {}, so no runs are shown landing on it.").format(
             _epsilon(analysis, setter), number(analysis.scene.epsilon), found.kind
         )
+    shown = Markup("The slow manifold")
+    if shape(analysis) == (1, 1):
+        shown = Markup("The critical manifold (dashed)") + _slow_line(analysis, setter)[:-1]
     return Markup(
-        "The slow manifold at {} = {} and full runs that start off it (dots): they fall onto it along the fast "
-        "direction and then stay."
-    ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+        "At {} = {}: {}. Full runs that start off it (dots) fall towards it along the fast direction."
+    ).format(_epsilon(analysis, setter), number(analysis.scene.epsilon), shown)
 
 
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
