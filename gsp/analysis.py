@@ -119,6 +119,8 @@ class Analysis:
 
     def __str__(self) -> str:
         parts = [str(self.placement.splitting)] if self.placement.splitting else []
+        if "choice" not in self.lost:
+            parts.insert(0, str(self.choice.verdict))
         shown = [str(getattr(self, name)) for name in ("series", "comparison") if name not in self.lost]
         lost = [f"not made: {name}: {reason}" for name, reason in self.lost.items()]
         return "\n\n".join([*parts, str(self.hyperbolicity), *shown, *(["\n".join(lost)] if lost else [])])
@@ -178,8 +180,7 @@ def analyse(
             lambda: compare(scene, orders=orders, progress=lambda share: report("comparison", share)),
         )
     with stage("choice"):
-        # Solving the manifold would take most of the report's time.
-        part("choice", lambda: choose(scene, orders=orders, solve=False))
+        part("choice", lambda: choose(scene, orders=orders))
     with stage("failures"):
         failures, failures_reason = _failures(placement, lambda share: report("failures", share))
     with stage("trajectories"):

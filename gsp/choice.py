@@ -2,7 +2,8 @@
 
 The error of every reduced flow is predicted without running the full system over the span (see `prediction`); costs are
 measured, that of the full system on a piece. Then the choice is run against the full system on that piece, so that what
-was predicted can be seen beside what was measured. Where reducing saves too little the answer is not to reduce.
+was predicted can be seen beside what was measured. Where reducing saves too little the full system is run. All of
+it is measured once, and shown wherever the choice is.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from gsp.outlook import Outlook, SurfaceOutlook, foresee
 from gsp.prediction import CLEARER, SMALLEST_RTOL
 from gsp.region import Interval
 from gsp.scene import Scene
+from gsp.verdict import Evidence, Verdict, judge, named, seconds_shown
 
 # Errors on the piece are measured at so many times.
 PIECE_POINTS = 33
@@ -50,8 +52,8 @@ class Choice:
     asked for), each relative to its largest value on the span, from the end of the initial `layer` (slow time) on.
     `predicted` is the model's over the span; on the `piece` (t0, t1) it is `predicted_on_piece`, and `measured` there
     against a full run. `speed_up` is full over chosen seconds. `partial` is the reduced flow that serves longest when
-    none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `reason` is one
-    sentence.
+    none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
+    answer to "may I reduce?", the same wherever it is shown.
     """
 
     scene: Scene
@@ -67,12 +69,17 @@ class Choice:
     predicted_on_piece: float
     measured: float
     speed_up: float
-    reason: str
+    verdict: Verdict
 
     @property
     def predicted(self) -> float:
         """The chosen model's predicted error over the span."""
         return self.model.predicted
+
+    @property
+    def reason(self) -> str:
+        """Why, in the verdict's sentences."""
+        return self.verdict.sentences
 
     def as_rows(self) -> list[dict[str, object]]:
         """One dictionary per candidate, of numbers and text, for JSON or CSV."""
@@ -102,7 +109,8 @@ class Choice:
 
     def __str__(self) -> str:
         lines = [
-            f"{self.model.label}: {self.reason}",
+            str(self.verdict),
+            f"  run: {named(self.model)}",
             f"  epsilon = {self.epsilon:g}, tolerance {self.tolerance:g} on {', '.join(self.names)}, "
             f"layer over after {self.layer:.3g}",
             f"  {'':2}{'model':<10} {'predicted':>9}  {'run':>9}  {'steps':>7}  {'prepare':>8}",
@@ -110,8 +118,10 @@ class Choice:
         for c in self.candidates:
             mark = "->" if c is self.model else ""
             steps = "" if np.isnan(c.steps) else format(c.steps, ".0f")
-            row = f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {_time(c.seconds):>9}  {steps:>7}  "
-            lines.append(f"{row}{_time(c.preparation):>8}  {c.why_not}".rstrip())
+            row = (
+                f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
+            )
+            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.why_not}".rstrip())
         lines.append(
             f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
             f"measured {_shown(self.measured)}"
@@ -152,9 +162,9 @@ def choose(
     rtol = INTEGRATION * scene.tolerance
     try:
         outlook: Outlook | None = foresee(scene, wanted, fast=fast)
-        reason = ""
+        obstacle = ""
     except GspError as error:
-        outlook, reason = None, str(error)
+        outlook, obstacle = None, str(error)
     flow, start = (
         (scene.system, scene.start) if outlook is None else (outlook.placement.system, outlook.placement.start)
     )
@@ -166,7 +176,18 @@ def choose(
     if outlook and solve:
         solved, surface = solved_candidate(outlook, reduced, scene, rtol)
         reduced.append(solved)
-    model, partial, reason = select(full, reduced, scene.span, reason)
+    model, partial = select(full, reduced, scene.span)
+    verdict = judge(
+        Evidence(
+            scene=scene,
+            candidates=(*reduced, full),
+            model=model,
+            partial=partial,
+            layer=layer,
+            obstacle=obstacle,
+            place=_end_of(partial, outlook),
+        )
+    )
     names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
     expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
     return Choice(
@@ -183,52 +204,35 @@ def choose(
         predicted_on_piece=expected,
         measured=measured,
         speed_up=full.seconds / model.seconds,
-        reason=reason,
+        verdict=verdict,
     )
 
 
-def select(
-    full: Candidate, reduced: Sequence[Candidate], span: Interval, obstacle: str = ""
-) -> tuple[Candidate, Candidate | None, str]:
-    """(model, the reduced one that serves part of the span, one sentence), given every candidate's cost.
-
-    `obstacle` says why there are no reduced candidates.
-    """
-    if not reduced:
-        text = f"the full system, for it cannot be reduced here: {obstacle}"
-        return full, None, text if full.valid else f"{text} But {full.why_not}"
+def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tuple[Candidate, Candidate | None]:
+    """(model, the reduced one that serves part of the span), given every candidate's cost."""
     valid = [c for c in reduced if c.valid]
-    if not valid:
-        flows = [c for c in reduced if c.order is not None]
-        furthest = max(c.holds_until for c in flows)
-        # Of those that go about as far the most exact.
-        longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
-        served = (longest.holds_until - span[0]) / (span[1] - span[0])
-        where = f"{longest.label} comes nearest, but {longest.why_not}"
-        if served < SMALLEST_SHARE:
-            return full, None, f"the full system, for no reduced flow meets the tolerance: {where}"
-        text = f"the full system, for no reduced flow holds over the whole span: {where}; simulate() uses it till then"
-        return full, longest, text
-    cheapest = min(c.seconds for c in valid)
-    # Sorted by order: of equals the simplest.
-    best = next(c for c in valid if WORTH_IT * c.seconds <= cheapest)
-    if not full.valid:
-        return best, None, f"the only one that was seen to reach the end: the full system {full.why_not}"
-    ratio = full.seconds / best.seconds
-    if best.seconds > WORTH_IT * full.seconds:
-        return (
-            full,
-            None,
-            f"do not reduce: the full system is as cheap, {best.label} would run {ratio:.2g} times as fast",
-        )
-    saved = full.seconds - best.seconds
-    runs = max(1.0, np.ceil((best.preparation - full.preparation) / saved))
-    return (
-        best,
-        None,
-        f"the cheapest that meets the tolerance, {ratio:.2g} times as fast as the full system; "
-        f"its preparation pays after {runs:.0f} run{'s' if runs > 1 else ''}",
-    )
+    if valid:
+        cheapest = min(c.seconds for c in valid)
+        # Sorted by order: of equals the simplest.
+        best = next(c for c in valid if WORTH_IT * c.seconds <= cheapest)
+        return (full if full.valid and best.seconds > WORTH_IT * full.seconds else best), None
+    flows = [c for c in reduced if c.order is not None]
+    if not flows:
+        return full, None
+    furthest = max(c.holds_until for c in flows)
+    # Of those that go about as far the most exact.
+    longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
+    served = (longest.holds_until - span[0]) / (span[1] - span[0])
+    return full, longest if served >= SMALLEST_SHARE else None
+
+
+def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, float]:
+    """Where in the slow variables the partial model holds last."""
+    if partial is None or outlook is None or partial.order is None:
+        return {}
+    run = outlook.prediction.runs[partial.order]
+    last = run.sample(min(partial.holds_until, float(run.t[-1])))
+    return {s.name: float(last[s.name][0]) for s in outlook.placement.system.x}
 
 
 def _measured(
@@ -294,9 +298,3 @@ def _check_start(scene: Scene) -> None:
 
 def _shown(error: float) -> str:
     return f"{error:.1e}" if np.isfinite(error) else ""
-
-
-def _time(seconds: float) -> str:
-    if not np.isfinite(seconds):
-        return ""
-    return f"{1e6 * seconds:.3g} us" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"

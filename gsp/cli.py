@@ -323,10 +323,12 @@ def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
     if as_json:
         _print_json(written)
         return
+    if "choice" not in analysis.lost:
+        click.echo(str(analysis.choice.verdict))
     click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
     for condition in analysis.hyperbolicity.conditions:
         if not condition.holds:
-            click.echo(f"do not reduce here: {condition}")
+            click.echo(f"over the region as a whole: {condition}")
     if "comparison" not in analysis.lost:
         click.echo(str(analysis.comparison))
     for name, reason in written["missing"].items():

@@ -173,7 +173,8 @@ def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path
     assert "<img src=x" not in text
     assert "&lt;/script&gt;&lt;img src=x" in text
     assert all("onerror" not in attributes for _, attributes in page.tags)
-    assert "Only on the manifold" in text
+    assert "May I reduce? No:" in text
+    assert "orbits next to it leave it in some fast directions" in text
     assert not (folder / "distance.png").exists()
     _strict((folder / "report.json").read_text(encoding="utf-8"))
 

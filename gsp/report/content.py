@@ -113,6 +113,12 @@ def choice_as_json(choice: Choice) -> dict[str, Any]:
     """A choice in plain values: what is run, why, the candidates, and predicted against measured."""
     content = {
         "model": choice.model.label,
+        "verdict": {
+            "answer": str(choice.verdict.answer),
+            "accuracy": choice.verdict.accuracy,
+            "speed": choice.verdict.speed,
+            "remedy": choice.verdict.remedy,
+        },
         "reason": choice.reason,
         "epsilon": choice.epsilon,
         "tolerance": choice.tolerance,

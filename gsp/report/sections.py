@@ -18,6 +18,7 @@ from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, ro
 from gsp.report.reach import failures, reach
 from gsp.report.wording import fitted, number, span, words
 from gsp.system import SlowFastSystem
+from gsp.verdict import named
 
 # A slope this far below what a field promises is a failure of the field, not of the measurement.
 SLOPE_TOLERANCE = 0.25
@@ -108,49 +109,42 @@ class Page:
         return ("Unknown", words(found.reason)) if isinstance(found, Missing) else found
 
     def verdict(self) -> tuple[str, Markup]:
-        """(word, sentence): whether one may reduce, with the numbers that say so."""
-        analysis = self.analysis
-        found, scene, comparison = analysis.hyperbolicity, analysis.scene, analysis.comparison
-        at = Markup("at {} = {}").format(self.inline(self.epsilon), number(scene.epsilon))
-        failed = [condition.name for condition in found.conditions if not condition.holds]
-        if failed:
-            return "No", Markup("{}, {} not met.").format(at, self._listed(failed))
-        if found.kind is not Kind.ATTRACTING:
-            how = "in every fast direction" if found.kind is Kind.REPELLING else "in some fast directions"
-            leave = Markup(
-                "the slow manifold is {}: {}, orbits that start next to it leave it {} within a time of about "
-                "{}/gap = {}. The reduced flow describes orbits on the manifold only."
-            )
-            time = number(scene.epsilon / found.gap)
-            return "Only on the manifold", leave.format(found.kind, at, how, self.inline(self.epsilon), time)
+        """(answer, sentences): whether one may reduce, as `choose` decided it."""
+        found = self.analysis.choice.verdict
+        return found.answer.capitalize(), words(found.sentences)
+
+    def measured(self) -> Markup:
+        """The errors of the orders at the scene's epsilon, from a start on the slow manifold."""
+        comparison = self.analysis.comparison
         if all(comparison.is_exact(order) for order in comparison.errors):
-            return "Yes", Markup("{} and at every other: the reduced flow is exact at order {}.").format(
-                at, min(comparison.errors)
+            return Markup("exact at order {}, at every {}").format(
+                min(comparison.errors), self.inline(self.epsilon)
             )
-        errors = {order: self.error_at(order) for order in comparison.errors}
-        known = {order: error for order, error in errors.items() if not math.isnan(error[0])}
-        if not known:
-            return "Unknown", Markup("{}, no full run reached the end, so no error was measured.").format(at)
-        shown = 1 if 1 in known else min(known)
-        error, how = known[shown]
-        sentence = Markup("{}, order {} is right to {}{} over {}.").format(
-            at,
-            shown,
-            number(error, 2),
-            Markup(" ({})").format(how) if how else "",
-            span(self.analysis.scene.span),
+        known = {order: self.error_at(order) for order in comparison.errors}
+        shown = [
+            Markup("{} at order {}{}").format(number(error, 2), order, f" ({how})" if how else "")
+            for order, (error, how) in known.items()
+            if not math.isnan(error)
+        ]
+        return Markup(", ").join(shown) if shown else Markup("not measured: no full run reached the end")
+
+    def leaving(self) -> Markup:
+        """How soon orbits next to a manifold that does not attract leave it; empty for one that does."""
+        found = self.analysis.hyperbolicity
+        if found.kind is Kind.ATTRACTING:
+            return Markup("")
+        how = "every fast direction" if found.kind is Kind.REPELLING else "some fast directions"
+        time = number(self.analysis.scene.epsilon / found.gap)
+        return Markup("; orbits next to it leave it in {} within a time of about {}/gap = {}").format(
+            how, self.inline(self.epsilon), time
         )
-        enough = [order for order, (value, _) in known.items() if value <= scene.tolerance]
-        if enough:
-            met = Markup(" Order {} meets the scene's tolerance of {}, with {}.")
-            sentence += met.format(enough[0], number(scene.tolerance), number(known[enough[0]][0], 2))
-            return "Yes", sentence
-        best = min(known, key=lambda order: known[order][0])
-        missed = Markup(
-            " No order up to {} meets the scene's tolerance of {}; order {} comes nearest, with {}."
+
+    def conditions(self) -> str:
+        """Which conditions of the theory hold over the whole region."""
+        failed = [c.name for c in self.analysis.hyperbolicity.conditions if not c.holds]
+        return (
+            f"not met over the whole region: {self._listed(failed)}" if failed else "met over the whole region"
         )
-        sentence += missed.format(max(known), number(scene.tolerance), best, number(known[best][0], 2))
-        return "Yes, to a limited accuracy", sentence
 
     def error_at(self, order: int) -> tuple[float, str]:
         """(error of an order at the scene's epsilon, how it is known when it was not measured there)."""
@@ -181,9 +175,13 @@ class Page:
         found = self.analysis.hyperbolicity
         facts: dict[str, Callable[[], Markup]] = {
             "slow, fast": self.variables,
-            "kind": lambda: Markup("normally hyperbolic, {} ({})").format(found.kind, found.evidence),
+            "kind": lambda: Markup("normally hyperbolic, {} ({}){}").format(
+                found.kind, found.evidence, self.leaving()
+            ),
             "gap": lambda: Markup("{} in fast time").format(number(found.gap, 4)),
             "series": lambda: Markup("through order {}, exact").format(self.analysis.series.order),
+            "conditions": lambda: Markup("{}").format(self.conditions()),
+            "errors": self.measured,
             "slopes": self._slopes,
         }
         told = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
@@ -323,10 +321,8 @@ class Page:
         """What the scene needs: a sentence, and a row for each candidate."""
         found = self.analysis.choice
         names = [c.label for c in found.candidates]
-        order = found.model.order
         return {
-            "model": "the full system" if order is None else f"the reduced flow of order {order}",
-            "reason": found.reason,
+            "model": named(found.model),
             "rows": [
                 {
                     "name": name,
