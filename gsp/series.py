@@ -145,7 +145,9 @@ class SeriesManifold:
             return self.specialised
         return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
 
-    def evaluate(self, x, epsilon: float, *, order: int | None = None, near=None, masked=False) -> np.ndarray:
+    def evaluate(
+        self, x, epsilon: float, *, order: int | None = None, near=None, masked: bool = False
+    ) -> np.ndarray:
         """h_epsilon(x) through `order`, shape (m, n_fast), or (n_fast,) for one point; see `Branch.points`.
 
         Where the terms no longer fall by then the sum is no value of h: such points are beyond the series' reach, which
@@ -153,6 +155,7 @@ class SeriesManifold:
         `HyperbolicityError` where the series is singular, unless `masked`.
         """
         n = self._order(order)
+        check_flag(masked, what="masked")
         terms, single = self._ahead._terms(x, epsilon, near, masked=masked)
         # Singular points, which only `masked` lets through, have no sum.
         terms = np.where(np.isfinite(terms), terms, np.nan)
