@@ -1,12 +1,14 @@
 """The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp choose`, `gsp report`.
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input,
-130 when interrupted. Heavy modules are imported by the command that needs them, so that help is quick.
+70 on a defect of gsp, 130 when interrupted. Heavy modules are imported by the command that needs them, so that help is
+quick.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +23,10 @@ from gsp.errors import GspError
 if TYPE_CHECKING:
     from gsp.scene import Scene
 
+# EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
+DEFECT = 70
+# With this environment variable a defect shows its traceback, with Python's own status, 1.
+DEBUG = "GSP_DEBUG"
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
@@ -381,6 +387,16 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt):
         click.echo("gsp: interrupted; nothing was written", err=True)
         sys.exit(130)
+    except Exception as error:
+        if os.environ.get(DEBUG):
+            raise
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        click.echo(
+            f"gsp: this is a defect of gsp, not of your model: {said}. Run again with {DEBUG}=1 for the traceback, "
+            "and report both.",
+            err=True,
+        )
+        sys.exit(DEFECT)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,17 @@ from gsp.remembering import remembered
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
+
+# One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
+_MAKING = RLock()
+
+
+class _made_once(cached_property):
+    """A cached property that is made once, whatever the threads that ask for it first."""
+
+    def __get__(self, instance, owner=None):
+        with _MAKING:
+            return super().__get__(instance, owner)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +102,8 @@ def compile_function(
 
     Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
     """
-    return _compile(tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters))
+    with _MAKING:
+        return _compile(tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,18 +137,18 @@ class CompiledFlow:
         """Address of the derivatives d z'_i/d z_j, row by row, exact."""
         return self.derivatives.address
 
-    @cached_property
+    @_made_once
     def rates(self) -> CompiledFunction:
         """The rates as a function with n outputs."""
         return self._compiled(self.expressions.rates)
 
-    @cached_property
+    @_made_once
     def derivatives(self) -> CompiledFunction:
         """The Jacobian as a function with n*n outputs, row by row."""
         n, entries = range(self.size), self.expressions.jacobian
         return self._compiled([entries.get((i, j), sp.S.Zero) for i in n for j in n])
 
-    @cached_property
+    @_made_once
     def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
         if not self.is_written:
@@ -144,29 +157,31 @@ class CompiledFlow:
 
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
-        if stages not in self._collocations:
-            code = _collocation(self.expressions, stages) if self.is_written else None
-            self._collocations[stages] = code
-        return self._collocations[stages]
+        known = self._collocations
+        with _MAKING:
+            if stages not in known:
+                known[stages] = _collocation(self.expressions, stages) if self.is_written else None
+        return known[stages]
 
-    @cached_property
+    @_made_once
     def _collocations(self) -> dict[int, CompiledStep | None]:
         return {}
 
     def has_series(self, order: int, *, products: int, parts: int) -> bool:
         """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
         known = self._known_series
-        if (order, products, parts) not in known:
-            known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
-                self._series is not None and self._series.products(order) <= products
-            )
+        with _MAKING:
+            if (order, products, parts) not in known:
+                known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
+                    self._series is not None and self._series.products(order) <= products
+                )
         return known[order, products, parts]
 
-    @cached_property
+    @_made_once
     def _known_series(self) -> dict[tuple[int, int, int], bool]:
         return {}
 
-    @cached_property
+    @_made_once
     def _series(self) -> TaylorCode | None:
         try:
             return TaylorCode(self.expressions)
@@ -179,32 +194,35 @@ class CompiledFlow:
         Raises `UnsupportedFunctionError` where a function has no series, `GspError` where the code would be too long.
         """
         known = self._taylor_programs.get(order)
-        if known is None:
-            step = _taylor(self.expressions, order)
-            # The step is kept for its machine code.
-            known = self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
-        return known[0]
+        if known is not None:
+            return known[0]
+        with _MAKING:
+            if order not in self._taylor_programs:
+                step = _taylor(self.expressions, order)
+                # The step is kept for its machine code.
+                self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
+            return self._taylor_programs[order][0]
 
-    @cached_property
+    @_made_once
     def _taylor_programs(self) -> dict[int, tuple[np.ndarray, CompiledStep]]:
         return {}
 
-    @cached_property
+    @_made_once
     def is_written(self) -> bool:
         """Whether code for this flow alone is better than loops for any."""
         return is_worth_writing(self.expressions)
 
-    @cached_property
+    @_made_once
     def explicit_program(self) -> np.ndarray:
         """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
         return np.array([self.field, 0, 0])
 
-    @cached_property
+    @_made_once
     def loops_program(self) -> np.ndarray:
         """What a kernel takes that has no code for the flow: its field and Jacobian."""
         return self._program(None)
 
-    @cached_property
+    @_made_once
     def rosenbrock_program(self) -> np.ndarray:
         """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
         return self._program(self.rosenbrock)
@@ -216,31 +234,31 @@ class CompiledFlow:
             known = self._collocation_programs[stages] = self._program(self.collocation(stages))
         return known
 
-    @cached_property
+    @_made_once
     def variable_program(self) -> np.ndarray:
         """What that kernel takes for variable order: the codes, or zeros, for every number of stages."""
         codes = [self.collocation(stages) for stages in STAGES]
         parts = [(0,) * CODE_SIZE if code is None else code.program for code in codes]
         return np.array([self.field, self.jacobian, *(entry for part in parts for entry in part)])
 
-    @cached_property
+    @_made_once
     def _collocation_programs(self) -> dict[int, np.ndarray]:
         return {}
 
     def _program(self, code: CompiledStep | None) -> np.ndarray:
         return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
 
-    @cached_property
+    @_made_once
     def observables(self) -> CompiledFunction:
         """The flow's observables, in their order."""
         return self._compiled(list(self.watched.values()))
 
-    @cached_property
+    @_made_once
     def constants(self) -> np.ndarray:
         """(nan, *parameter values), read-only; see `parameter_vector`."""
         return frozen(np.array(self._values))
 
-    @cached_property
+    @_made_once
     def _values(self) -> tuple[float, ...]:
         return float("nan"), *[nearest_double(_exact(value)) for value in self.values.values()]
 

@@ -226,3 +226,20 @@ def test_folds_say_what_is_missing(tmp_path) -> None:
 def test_a_chart_is_a_png(tmp_path) -> None:
     with pytest.raises(GspError, match=r"written as \.png\. Got x\.txt"):
         run("chart", "linear", "-o", str(tmp_path / "x.txt"))
+
+
+def test_a_defect_has_a_status_of_its_own_and_one_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    def broken(*_args, **_options):
+        raise RuntimeError("no spare\n  generator")
+
+    monkeypatch.setattr("gsp.hyperbolicity.classify", broken)
+    assert exit_status(monkeypatch, "check", "linear") == 70
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert (
+        "defect of gsp, not of your model: RuntimeError: no spare generator. Run again with GSP_DEBUG=1" in said
+    )
+    monkeypatch.setenv("GSP_DEBUG", "1")
+    monkeypatch.setattr(sys, "argv", ["gsp", "check", "linear"])
+    with pytest.raises(RuntimeError, match="no spare"):
+        main()

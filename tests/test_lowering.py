@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import threading
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ from hypothesis import strategies as st
 from gsp.differentiation import derivative
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.lowering import compile_flow, compile_function, parameter_vector
+from gsp.solvers import Method
 from gsp.system import SlowFastSystem, VectorField
+from gsp.trajectory import integrate
 
 x, y, z, a, epsilon = sp.symbols("x y z a epsilon")
 NO_EPSILON = [float("nan")]
@@ -328,3 +332,34 @@ def test_expressions_nested_a_few_thousand_deep_are_compiled():
     for k in range(3000):
         expected = expected * 0.5 + 1 / (k + 1)
     assert function([[0.5]], [float("nan")])[0, 0] == pytest.approx(expected, rel=1e-14)
+
+
+def at_once(count, function):
+    """What `function` gives in so many threads that begin together."""
+    gate, found = threading.Barrier(count), []
+
+    def work():
+        gate.wait()
+        found.append(function())
+
+    threads = [threading.Thread(target=work) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+
+
+@pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU, Method.RODAS5P, Method.TAYLOR])
+def test_threads_that_use_a_flow_first_and_together_get_the_same_bits(method):
+    u, w = sp.symbols("u w")
+    options = {"start": {"u": 2, "w": 0}, "span": (0, 3), "rtol": 1e-5, "method": method}
+    for k in range(6):
+        fresh = VectorField({u: w, w: (1 - u**2) * w * (20 + k) - u}, epsilon=None)
+        run = partial(integrate, fresh, **options)
+        found = at_once(4, run)
+        alone = run()
+        assert len(found) == 4
+        for other in found:
+            assert other.stats == alone.stats
+            assert np.array_equal(other.y, alone.y)

@@ -15,14 +15,14 @@ exchanges among both, so that growing and decaying directions are each carried t
 
 from __future__ import annotations
 
-from numba import njit
 from numpy import empty, int64, zeros
 
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, solve
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _eliminate(
     field, jacobian, sensitivity, p, time, width, A, b, start, stages, end, free, share,
     rate, slopes, drift, matrix, pivots, columns, relation,
@@ -80,7 +80,7 @@ def _eliminate(
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def newton_step(
     field, jacobian, sensitivity, p, q, mesh, A, b, z, stages, left, right, across, wanted, inner, share, dz, dstages,
     dq,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from gsp.kernels.compilation import kernel
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def interpolate_many(times, states, dense, t, out):
     """Fill column j of `out` (n, m) with the state at `t[j]`, inside the interval of `times`.
 

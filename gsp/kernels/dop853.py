@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
 
@@ -33,7 +33,7 @@ STIFF_SIGNS = 15
 NON_STIFF_SIGNS = 6
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@inlined_kernel
 def _stage(s, shape, field, p, t, h, y, k, argument, value):
     """Rate s, the row k[s] of `k` (16, n), at `argument`; written in where it is called, the sum has no loop."""
     _, n = shape
@@ -49,7 +49,7 @@ def _stage(s, shape, field, p, t, h, y, k, argument, value):
         k[s, i] = value[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@inlined_kernel
 def _error(h, shape, y, y_new, k, rtol, atol):
     """Norm of the error, the estimate of order 5 damped by that of order 3; section II.10."""
     _, n = shape
@@ -70,7 +70,7 @@ def _error(h, shape, y, y_new, k, rtol, atol):
     return abs(h) * fifth / math.sqrt(n * together)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@inlined_kernel
 def _record_dense(row, shape, h, y, y_new, k, dense):
     """Coefficients of the dense output in the nesting of `interpolate_many`; section II.6."""
     _, n = shape
@@ -85,7 +85,7 @@ def _record_dense(row, shape, h, y, y_new, k, dense):
             dense[row, 2 + m, i] = h * total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@inlined_kernel
 def _looks_stiff(h, shape, y_new, last_argument, k):
     """Hairer's test: h times a Lipschitz quotient between the two points at t + h is beyond the border."""
     _, n = shape
@@ -97,7 +97,7 @@ def _looks_stiff(h, shape, y_new, last_argument, k):
     return run > 0.0 and abs(h) * math.sqrt(rise / run) > STABILITY_BORDER
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def dop853(
     program,
     p,

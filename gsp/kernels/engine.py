@@ -7,9 +7,21 @@ import ctypes.util
 from collections.abc import Sequence
 
 import llvmlite.binding as llvm
+from numba.core import config
+from numba.core.codegen import get_host_cpu_features
 from numba.core.compiler_lock import global_compiler_lock
 
 Engine = llvm.ExecutionEngine
+
+
+def processor() -> tuple[str, str]:
+    """Name and features of the processor that code is for: this one's, unless `NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES`
+    say otherwise, so that kernels and the code that they call are for the same."""
+    name, features = config.CPU_NAME, config.CPU_FEATURES
+    return (
+        llvm.get_host_cpu_name() if name is None else name,
+        get_host_cpu_features() if features is None else features,
+    )
 
 
 @global_compiler_lock
@@ -22,18 +34,19 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
     """
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    for name in library:
-        if not llvm.address_of_symbol(name):
+    for symbol in library:
+        if not llvm.address_of_symbol(symbol):
             # Where libm is not among the process's global symbols the linker must be told.
-            function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), name)
-            llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+            function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), symbol)
+            llvm.add_symbol(symbol, ctypes.cast(function, ctypes.c_void_p).value)
     module = llvm.parse_assembly(text)
     module.triple = llvm.get_process_triple()
     module.verify()
+    name, features = processor()
     machine = llvm.Target.from_default_triple().create_target_machine(
         opt=2 if optimised else 1,
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
+        cpu=name,
+        features=features,
         jit=True,
         codemodel="jitdefault",
     )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
@@ -23,7 +23,7 @@ TAYLOR = 3
 NOT_FINISHED = ledger.RECORD_FULL
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _advance(kernel, program, p, stops, control, y, rate, memory, counters, record):
     rtol, atol, max_steps = control
     times, states, dense = record
@@ -38,7 +38,7 @@ def _advance(kernel, program, p, stops, control, y, rate, memory, counters, reco
     return dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _run_member(
     kernel, program, p, stops, before, control, halt, y, kept, counters, rate, memory, record
 ):  # fmt: skip
@@ -60,13 +60,13 @@ def _run_member(
     return code
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _begins(jacobian, p, first, last, y, border):
     """Whether a member's start has so few fast times before it that the trial is made."""
     return largest_rate(jacobian, first, y, p) * abs(last - first) <= border
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def any_begins(jacobian, constants, first, last, starts, border):
     """Whether the trial is made for any member."""
     for i in range(starts.shape[0]):  # noqa: SIM110 - a generator does not compile
@@ -75,7 +75,7 @@ def any_begins(jacobian, constants, first, last, starts, border):
     return False
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def run_members(
     kernel, program, constants, first, stops, before, control, trial, low, high, halt,
     ends, reached, kept, counters, codes, explicit, rate, memory, record, trial_record,
@@ -135,7 +135,7 @@ def run_members(
         codes[i] = code
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def evaluate_members(address, kept, constants, out):
     """Fill `out` (members, times, outputs) with the function at `kept` (members, times, n) and each member's p."""
     for i in range(kept.shape[0]):

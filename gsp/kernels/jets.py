@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from gsp.kernels.compilation import kernel
 
 STATE = 0
 CONSTANT = 1
@@ -47,7 +48,7 @@ ATANH = CHAIN + 15
 ERF = CHAIN + 16
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _elementary(operation, u, constant):
     # NumPy's functions: outside their domain those of math raise, and NaN is what the layers above look for.
     if operation == EXP:
@@ -85,7 +86,7 @@ def _elementary(operation, u, constant):
     return np.power(u, constant)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def values(tape, constants, v, k, states):
     """Coefficient k of every row after the `states`, whose own coefficients through k are known."""
     for row in range(states, tape.shape[0]):
@@ -135,7 +136,7 @@ def values(tape, constants, v, k, states):
             v[row, k] = total / k
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def tangents(tape, constants, v, d, k, states):
     """Derivatives d[i, row, k] of the coefficients by the i-th fast start; `values` has been run through k."""
     for i in range(d.shape[0]):
@@ -185,7 +186,7 @@ def tangents(tape, constants, v, d, k, states):
                 w[row, k] = total / k
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def flow_jet(tape, constants, rates, epsilon, slow, x, y, order, v):
     """Fill rows 0..n-1 of `v` with the coefficients 0..order of the orbit through (x, y), in fast time."""
     states = rates.shape[0]
@@ -201,7 +202,7 @@ def flow_jet(tape, constants, rates, epsilon, slow, x, y, order, v):
             v[i, k + 1] = v[rates[i], k] / (k + 1)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, order, v, d):
     """As `flow_jet`, with d[i] the derivatives of `v` by y_i."""
     states = rates.shape[0]

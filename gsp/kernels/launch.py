@@ -10,9 +10,8 @@ and `counters` go on with a run whose record is full. The code is the ledger's.
 
 from __future__ import annotations
 
-from numba import njit
-
 from gsp.kernels import ledger
+from gsp.kernels.compilation import kernel
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
@@ -26,13 +25,13 @@ ATOL = 2
 Y = 3
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def rate_at_start(program, given, n):
     """`largest_rate` where a run starts."""
     return largest_rate(program[ledger.JACOBIAN], given[FIRST], given[Y : Y + n], given[Y + n :])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _parts(given, work, counters, times, states):
     """(y, p, memory, rate); a start that is not yet entered is entered."""
     n = states.shape[1]
@@ -44,7 +43,7 @@ def _parts(given, work, counters, times, states):
     return given[Y : Y + n], given[Y + n :], work[:-n], work[-n:]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def launch_rodas5p(program, given, stops, max_steps, work, counters, times, states, dense):
     """Rodas5P."""
     y, p, memory, rate = _parts(given, work, counters, times, states)
@@ -54,7 +53,7 @@ def launch_rodas5p(program, given, stops, max_steps, work, counters, times, stat
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def launch_radau(program, given, stops, max_steps, work, counters, times, states, dense):
     """The Radau methods."""
     y, p, memory, rate = _parts(given, work, counters, times, states)
@@ -64,7 +63,7 @@ def launch_radau(program, given, stops, max_steps, work, counters, times, states
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def launch_dop853(program, given, stops, max_steps, work, counters, times, states, dense):
     """DOP853."""
     y, p, memory, rate = _parts(given, work, counters, times, states)
@@ -74,7 +73,7 @@ def launch_dop853(program, given, stops, max_steps, work, counters, times, state
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def launch_taylor(program, given, stops, max_steps, work, counters, times, states, dense):
     """Taylor series."""
     y, p, memory, rate = _parts(given, work, counters, times, states)

@@ -5,10 +5,10 @@ LAPACK's call costs more than the arithmetic below about ten unknowns.
 
 from __future__ import annotations
 
-from numba import njit
+from gsp.kernels.compilation import kernel
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def factorise(matrix, pivots):
     """Overwrite `matrix` (n, n) by its LU factors, U's diagonal inverted; False when a pivot is 0 or NaN."""
     n = matrix.shape[0]
@@ -37,7 +37,7 @@ def factorise(matrix, pivots):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def solve(factors, pivots, b):
     """Overwrite `b` (n,) by the solution, with what `factorise` left in `factors` and `pivots`."""
     n = b.shape[0]

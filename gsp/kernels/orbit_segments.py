@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, solve
 
 CONVERGED = 0
@@ -33,7 +33,7 @@ GROWTH = 2.0
 SETBACKS = 3
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _eliminate(
     field, jacobian, p, h, A, b, start, stages, end, rate, slopes, matrix, pivots, columns, block, rest
 ):
@@ -78,7 +78,7 @@ def _eliminate(
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _solve_banded(matrix, right, size, lower, upper):
     """Gauss elimination with row exchanges inside a band; `right` (size, k) is overwritten by the solution."""
     columns = right.shape[1]
@@ -115,7 +115,7 @@ def _solve_banded(matrix, right, size, lower, upper):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _segment(field, jacobian, p, A, b, h, middle, x, left, at_left, right, at_right, z, stages, response):
     """Newton's method on one segment; see `solve_segments`. Returns (code, iterations)."""
     m = h.shape[0]
@@ -215,7 +215,7 @@ def _segment(field, jacobian, p, A, b, h, middle, x, left, at_left, right, at_ri
     return NOT_CONVERGED, ITERATIONS
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def solve_segments(
     field, jacobian, p, A, b, lengths, counts, middles, xs, left, at_left, lefts, right, at_right, rights, z,
     stages, response, codes, iterations,

@@ -14,10 +14,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 from gsp.kernels.radau_block import (
     AGE,
     ATOL,
@@ -84,7 +84,7 @@ FIVE_STAGES = 3e-4
 SEVEN_STAGES = 1e-6
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _control(rtol, atol, stages):
     """(rtol, atol, tolerance of the iteration, share of the gap) for a number of stages."""
     family = (stages - 3) // 2
@@ -94,7 +94,7 @@ def _control(rtol, atol, stages):
     return controlled, atol * controlled / rtol, tolerance, GAP_SHARE[family] * controlled / rtol
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _attempt_by_code(program, base, p, step, stages, control, twice, memory, block, counters):
     """`attempt_by_loops` by the flow's own code, the functions of `machine_code.collocation` on `block`.
 
@@ -130,7 +130,7 @@ def _attempt_by_code(program, base, p, step, stages, control, twice, memory, blo
     return error, rounds, 1.0, ledger.STEP_TOO_SMALL
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     field = program[ledger.FIELD]

@@ -8,9 +8,8 @@ of the last step, and such lines for that.
 
 from __future__ import annotations
 
-from numba import njit
-
 from gsp.kernels import ledger
+from gsp.kernels.compilation import kernel
 
 # Entries of the kernel's program for one number of stages: five functions and the size of the block.
 CODE_SIZE = 6
@@ -37,13 +36,13 @@ LENGTH = AGE + 1
 LINES = LENGTH + 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def width_of(stages):
     """Doubles of a line: the power of 2 above the number of stages."""
     return 4 if stages == 3 else 8
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def lines_of(n):
     """Where the lines begin in the block, at a multiple of 8."""
     return (POINT + ROWS * n + 7) // 8 * 8
@@ -54,7 +53,7 @@ def memory_size(stages: int, n: int) -> int:
     return LINES + n * width_of.py_func(stages)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def change_stages(memory, n, stages):
     """Go on with another number of `stages`: lines are rewritten, higher coefficients being 0 or left out."""
     before = int(memory[STAGES])

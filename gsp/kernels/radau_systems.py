@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise
 from gsp.kernels.radau_tableau import EIGENVALUES
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _size(z):
     return abs(z.real) + abs(z.imag)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def factorise_complex(matrices, m, pivots):
     """`factorise` for the complex matrix m, with pivots by |Re| + |Im|: the modulus would cost a root each.
 
@@ -45,7 +44,7 @@ def factorise_complex(matrices, m, pivots):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def solve_complex(factors, m, pivots, b):
     """`solve` with what `factorise_complex` left."""
     n = b.shape[0]
@@ -64,7 +63,7 @@ def solve_complex(factors, m, pivots, b):
         b[i] = total * factors[m, i, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def decompose(jacobian_flat, step, family, system):
     """Factors of lambda/h - J for each eigenvalue of the family; False when one is singular."""
     real, complexes, pivots, complex_pivots = system

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, NODES, STAGES, A, C
 from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
@@ -32,7 +32,7 @@ FAILURE_FACTOR = 0.1
 GAP_SHARE = 0.3
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value):
     """The eight increments, rows of `k` (8, n); `argument` is left at that of the last, `value` at the last itself."""
     n = y.shape[0]
@@ -61,7 +61,7 @@ def _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value):
             k[s, i] = value[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _interpolate(k, y, y_new, rtol, atol, rows):
     """Fill `rows` (3, n) of the dense output; return its error, the first term left out, over the tolerance.
 
@@ -86,7 +86,7 @@ def _interpolate(k, y, y_new, rtol, atol, rows):
     return largest
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters):
     """One step for any flow, with partial pivoting: (error over the tolerance, what is wrong if it is infinite)."""
     n = y.shape[0]
@@ -120,7 +120,7 @@ def _step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, ra
     return error, ledger.STEP_TOO_SMALL
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     n = y.shape[0]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def clear_of_zero(
     lift, size, address, outputs, p, columns, signs, margin, pieces, time, state, times, states, dense
 ):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
+from gsp.kernels.compilation import kernel
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
 SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
@@ -18,7 +18,7 @@ SMALLEST_STEP = 1e-290
 STRETCH = 1.01
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def all_finite(values):
     """True when no entry of `values` (n,) is NaN or infinite."""
     # Counted to the end: without a way out the loop is vectorised, and there is next to never anything to find.
@@ -28,13 +28,13 @@ def all_finite(values):
     return bad == 0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def smallest_step(t):
     """Length of the shortest step from `t` that is not lost in rounding."""
     return max(SMALLEST_RELATIVE_STEP * abs(t), SMALLEST_STEP)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def step_towards(stop, t, h):
     """The step to take for the proposal `h`: all that remains to `stop`, half of it, or `h` itself.
 
@@ -48,7 +48,7 @@ def step_towards(stop, t, h):
     return h
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     """First step, signed, from `t` towards `end`; costs one call of the field.
 
@@ -89,7 +89,7 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     return math.copysign(min(unit, better, span), end - t)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
     """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
     if memory[ledger.STEP] != 0.0:
@@ -105,7 +105,7 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def accept(t, step, clipped, lands, growth, factor, memory, counters):
     """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
 
@@ -128,7 +128,7 @@ def accept(t, step, clipped, lands, growth, factor, memory, counters):
         counters[ledger.NEXT_STOP] += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def reject(step, factor, memory, counters):
     """Enter a rejected step and shorten it; False when what is left is lost in rounding."""
     h = step * factor
@@ -138,7 +138,7 @@ def reject(step, factor, memory, counters):
     return abs(h) > smallest_step(memory[ledger.TIME])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def largest_rate(jacobian, t, y, p):
     """Maximum norm of the Jacobian at `y`, a bound for its spectral radius; NaN or infinite when it is neither."""
     n = y.shape[0]

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from gsp.kernels.compilation import kernel
 from gsp.kernels.jets import flow_jet, flow_jet_with_tangents
 from gsp.kernels.linear_algebra import factorise, solve
 
@@ -39,7 +39,7 @@ GROWTH = 30.0
 PATIENCE = 8
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _size(y):
     total = 0.0
     for i in range(y.shape[0]):
@@ -47,7 +47,7 @@ def _size(y):
     return math.sqrt(total)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _jacobian(d, slow, m, matrix, pivots):
     """LU factors of d(y^(m+1))/dy."""
     n = matrix.shape[0]
@@ -57,7 +57,7 @@ def _jacobian(d, slow, m, matrix, pivots):
     return factorise(matrix, pivots)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _condition(d, slow, m, factors, pivots, column):
     """Largest diagonal entry of |J^-1| |J|, which does not depend on the units of y."""
     n = factors.shape[0]
@@ -77,7 +77,7 @@ def _condition(d, slow, m, factors, pivots, column):
     return largest
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _newton(v, slow, m, matrix, pivots, step):
     n = matrix.shape[0]
     for i in range(n):
@@ -85,7 +85,7 @@ def _newton(v, slow, m, matrix, pivots, step):
     solve(matrix, pivots, step)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _move(y, step):
     """Add the step, cut to length 1 + |y|; returns its full length over 1 + |y|."""
     scale = 1.0 + _size(y)
@@ -96,13 +96,13 @@ def _move(y, step):
     return length
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _remainder(length):
     """What Newton's method may still be off after its last step, which rounding ended unless it was short."""
     return 0.0 if length <= QUADRATIC else length
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _climb(tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
     """One Newton step each at the orders 1, 3, 7, ... well below `order`: each squares the error before it."""
     m = 1
@@ -117,7 +117,7 @@ def _climb(tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, piv
         m = 2 * m + 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes):
     """Overwrite the starts `ys` (m, n_fast) by the points of one order; `errors` by the change to the next.
 
@@ -186,7 +186,7 @@ def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes
     return full, plain
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def to_tolerance(tape, constants, rates, epsilon, slow, xs, ys, tolerance, largest, orders, errors, codes):
     """Overwrite the starts `ys` by the points of the lowest order whose estimated error is below `tolerance`.
 
