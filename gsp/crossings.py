@@ -33,6 +33,10 @@ ROOT_ROUNDS = 200
 REFINEMENTS = 8
 # Width of the difference quotient on the dense output that starts them, as a share of the step.
 SLOPE_WIDTH = 1e-3
+# Crossings of the dense output nearer than this share of what was looked at may be one instant; they are if they are
+# after refinement, to some units in the last place.
+SAME_STEP = 1e-6
+SAME_TIME = 64 * 2.0**-52
 # Steps between two looks when a run may end: what lies beyond its end is wasted.
 LOOK = 64
 
@@ -161,10 +165,10 @@ class Search:
                 root = _root(lambda s, column=column: self._value(column, s, piece), a, b, sense)
                 crossings.append((root, sense, column))
         backward = bool(piece.times[-1] < piece.times[0])
-        for root, sense, column in sorted(crossings, reverse=backward):
+        wanted = [found for found in crossings if self.watched[found[2]].direction in (0, found[1])]
+        wanted.sort(reverse=backward)
+        for i, (root, _, column) in enumerate(wanted):
             one = self.watched[column]
-            if one.direction not in (0, sense):
-                continue
             settled = one.settle(self, column, root, piece)
             if settled is None:
                 continue
@@ -172,9 +176,23 @@ class Search:
             if one.limit and len(self.found[column]) >= one.limit:
                 self.end = settled
                 self.rows = self.rows + piece.step(root) if settled.row is None else settled.row
+                self._record_with_end(settled, root, wanted[i + 1 :], piece)
                 return True
         self._pass(times, states)
         return False
+
+    def _record_with_end(
+        self, end: Settled, root: float, later: Sequence[tuple[float, int, int]], piece: Piece
+    ) -> None:
+        """Enter the user's events of the instant that a run ends in, at its end."""
+        near = SAME_STEP * abs(piece.times[-1] - piece.times[0])
+        for t, _, column in later:
+            one = self.watched[column]
+            if abs(t - root) > near or one.settle is not settle_event:
+                continue
+            settled = one.settle(self, column, t, piece)
+            if settled is not None and abs(settled.t - end.t) <= SAME_TIME * max(abs(end.t), near):
+                self.found[column].append(replace(end, note=settled.note))
 
     def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
         self.rows += len(times)

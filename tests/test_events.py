@@ -294,3 +294,23 @@ def test_a_name_that_no_event_has_is_told_what_there_is() -> None:
         run.events["hlf"]
     with pytest.raises(KeyError, match="nothing was asked for"):
         integrate(decay, start={"x": 1}, span=(0, 1)).events["x"]
+
+
+@METHODS
+@pytest.mark.parametrize("last", [10, -10])
+def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last):
+    events = [
+        Event(x, terminal=True, name="first"),
+        Event(x, terminal=True, name="second"),
+        Event(3 * x + x**3, name="third"),
+        Event(x, direction=1, name="wrong way"),
+        Event(y + 2, name="never"),
+        Event(x + sp.Rational(1, 10**9), name="just behind"),
+    ]
+    run = integrate(OSCILLATOR, start={"x": 1, "y": 0}, span=(0, last), events=events, method=method)
+    assert run.status is Status.EVENT_REACHED
+    for name in ("first", "second", "third"):
+        assert run.events[name].times.tolist() == [run.t[-1]]
+        assert np.array_equal(run.events[name].states[:, 0], run.y[:, -1])
+    for name in ("wrong way", "never", "just behind"):
+        assert run.events[name].times.size == 0

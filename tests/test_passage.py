@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import mpmath as mp
 import numpy as np
@@ -471,6 +472,18 @@ def test_double_precision_leaves_early_where_it_was_predicted_to() -> None:
     assert earliest < measured.double_exit < latest
     assert "expected to leave early, from 2.77" in str(measured)
     assert found.double_exit(0.01) == pytest.approx(2 + math.sqrt(2 * 0.01 * found.rounding), abs=1e-9)
+
+
+def test_a_passage_that_takes_too_many_digits_is_refused_with_the_epsilon_that_is_not() -> None:
+    found = entry_exit(branch(SHISHKOVA), start={"t": -2})
+    # The deviation rises by 1/2 from the loss to the buffer point: exp(-1/(2 epsilon)).
+    with pytest.raises(
+        PassageError, match=r"takes 4363 digits, since .* exp\(-10000\); at most 2000"
+    ) as caught:
+        measure_delay(found, epsilon=5e-5, radius=1)
+    least = float(re.search(r"an epsilon of (\S+) or more", str(caught.value))[1])
+    assert 0.5 / least / math.log(10) + 20 <= 2000
+    assert least < 1.05 * 0.5 / 1980 / math.log(10)
 
 
 @pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13, Method.RODAS5P])

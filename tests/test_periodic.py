@@ -158,6 +158,22 @@ def test_relaxation_at_a_millionth_needs_few_intervals() -> None:
     assert orbit.period * mu == pytest.approx(series, abs=1e-4)
 
 
+@pytest.mark.parametrize("epsilon", [1e-10, 1e-12, 1e-13])
+def test_relaxation_converges_where_phases_are_too_coarse_for_its_jumps(epsilon: float) -> None:
+    # A jump takes the share epsilon of the period, and rounding moves the state at a phase by 1e-16/epsilon.
+    orbit = gsp.periodic_orbit(van_der_pol(), start={"x": 2, "y": 0}, epsilon=epsilon)
+    assert orbit.status is Status.SUCCESS
+    mu = epsilon**-0.5
+    series = 3 - 2 * math.log(2) + (3 * 2.338107410459767 * mu ** (-1 / 3) - 2 / 3 * math.log(mu) / mu) / mu
+    assert orbit.period == pytest.approx(series - 1.32327 * epsilon, rel=3e-13)
+
+
+def test_relaxation_that_time_in_double_precision_cannot_hold_is_not_called_absent() -> None:
+    with pytest.raises(OrbitError, match=r"no cycle was found: .* jumps within the rounding of time") as caught:
+        gsp.periodic_orbit(van_der_pol(), start={"x": 2, "y": 0}, epsilon=1e-17)
+    assert "there is no cycle" not in str(caught.value)
+
+
 def test_an_orbit_of_saddle_type_from_a_lap_nearby() -> None:
     # The shortest orbit of Lorenz' attractor; D. Viswanath, Physica D 190 (2004) 115-128.
     lorenz = gsp.VectorField(
@@ -369,12 +385,19 @@ def test_too_few_intervals_are_a_status_with_the_error_that_was_reached() -> Non
     assert 1e-9 < orbit.error < 1e-2
     assert "raise max_intervals" in orbit.message
     assert orbit.period == pytest.approx(1.9078369566939, rel=1e-4)
+    digits = re.search(r"period (\S+) \(relative error (\S+)\)", str(orbit))
+    assert len(digits[1].replace(".", "")) <= 1 - math.log10(float(digits[2]))
 
 
 def test_a_period_that_is_far_off_does_not_converge_and_says_so() -> None:
     orbit = gsp.periodic_orbit(van_der_pol(), start={"x": 2, "y": 0}, epsilon=0.1, period=0.3)
-    assert not orbit.status.ok
+    assert orbit.status is Status.NOT_CONVERGED
     assert "stopped after" in orbit.message
+    # What is no orbit has no period, no multipliers and no stability to show.
+    for shown in (str(orbit), repr(orbit)):
+        assert "NOT_CONVERGED" in shown
+        for word in ("inf", "nan", "period ", "period=", "stable", "multipliers", f"{orbit.period:.3g}"):
+            assert word not in shown, shown
 
 
 @pytest.mark.parametrize(

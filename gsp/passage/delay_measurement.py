@@ -13,7 +13,7 @@ from gsp.declaration import exact
 from gsp.flow import check_epsilon
 from gsp.lowering import compile_flow, compile_function
 from gsp.passage.delay import DelayedExit, ExitKind
-from gsp.passage.extended import ExtendedOrbit, check_digits, exact_start, follow
+from gsp.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.passage.failure import PassageError
 from gsp.solvers import Method
 from gsp.trajectory import Trajectory, integrate
@@ -122,7 +122,7 @@ def measure_delay(
 
     Without `start` the fast variables begin on the branch, or, where it is invariant, at distance `radius` from it
     along the first of them. `digits` are chosen from the passage's depth unless given. The branch must be explicit.
-    Raises `PassageError` for a passage without an exit and for an implicit branch.
+    Raises `PassageError` for a passage without an exit, for an implicit branch, and for one that takes too many digits.
     """
     check_noun(delayed, DelayedExit, verb="measure_delay")
     small = check_epsilon(epsilon)
@@ -153,7 +153,15 @@ def measure_delay(
     if digits is None:
         # Below the least limit of the losses deviations do not matter.
         rise = min([delayed.depth, *(loss.limit for loss in delayed.losses)])
-        digits = int(rise / small / np.log(10.0)) + SPARE
+        wanted = rise / small / np.log(10.0) + SPARE
+        if wanted > MOST_DIGITS:
+            least = rise / ((MOST_DIGITS - SPARE) * np.log(10.0))
+            raise PassageError(
+                f"the passage at epsilon = {small:g} takes {wanted:.0f} digits, since a deviation falls to "
+                f"exp(-{rise / small:.0f}); at most {MOST_DIGITS} are carried. "
+                f"Measure at an epsilon of {1.01 * least:.2g} or more, or start nearer to the loss."
+            )
+        digits = int(wanted)
     squared = sp.Add(*[(y - h) ** 2 for y, h in delayed.branch.graph.items()])
     run = follow(
         system,

@@ -28,6 +28,8 @@ from gsp.system import SlowFastSystem
 
 # Steps of one orbit at most.
 STEP_LIMIT = 20000
+# Digits carried at most: an orbit takes minutes then.
+MOST_DIGITS = 2000
 # Places in a step where the sign of `until` is looked at.
 LOOKS = 8
 # Points recorded in a step.
@@ -128,7 +130,7 @@ def follow(
 
 def check_digits(digits: int) -> int:
     """`digits` if it is a number of digits to work with; raises `DeclarationError` otherwise."""
-    return check_whole(digits, what="digits", least=5, most=2000)
+    return check_whole(digits, what="digits", least=5, most=MOST_DIGITS)
 
 
 def exact_start(system: SlowFastSystem, start: Mapping) -> dict[str, sp.Rational]:

@@ -70,8 +70,9 @@ def adapted(
 
 
 def equidistributed(mesh: np.ndarray, density: np.ndarray, intervals: int) -> np.ndarray:
-    """The mesh (intervals + 1,) whose intervals hold equal shares of `density` (N,), constant between `mesh`."""
+    """The mesh (at most intervals + 1,) of equal shares of `density` (N,), constant between the points of `mesh`."""
     total = np.append(0.0, np.cumsum(density * np.diff(mesh)))
     found = np.interp(np.linspace(0.0, total[-1], intervals + 1), total, mesh)
     found[0], found[-1] = 0.0, 1.0
-    return found
+    # Where more points are wanted than there are phases in double precision, those that there are.
+    return np.unique(found)

@@ -16,6 +16,9 @@ CONVERGED = 1e-9
 # Steps that no longer get smaller are rounding when they are below this.
 STAGNANT = 1e-6
 STEPS = 25
+# Phases are known to so many units in the last place, and the states at a phase to that times their slopes: in a jump
+# that takes 1e-12 of the period, to 1e-3 of the amplitude.
+PHASE_ROUNDING = 16 * 2.0**-52
 # Halvings of a step that makes the defect larger.
 HALVINGS = 5
 # A cycle that has shrunk by this factor is an equilibrium.
@@ -70,7 +73,7 @@ def solve_cycle(
             step = linear.solve(held(cycle), scales, np.empty((0, 0)))[0]
         except np.linalg.LinAlgError:
             return Solution(cycle, None, Status.SINGULAR_JACOBIAN, total, np.inf)
-        update = max(float(np.abs(step.values / scales).max()), abs(step.period) / cycle.period)
+        update = max(_size(step, cycle, scales), abs(step.period) / cycle.period)
         if not np.isfinite(update):
             return Solution(cycle, None, Status.NON_FINITE, total, update)
         share, found, new = 1.0, cycle.moved(step), np.inf
@@ -89,6 +92,13 @@ def solve_cycle(
             return Solution(cycle, linear, Status.SUCCESS, total, update)
         previous = update
     return Solution(cycle, linear, Status.NOT_CONVERGED, total, previous)
+
+
+def _size(step: Cycle, cycle: Cycle, scales: np.ndarray) -> float:
+    """Largest entry of a step in units of `scales`, where what the rounding of phases does counts as `CONVERGED`."""
+    slopes = cycle.slopes
+    blur = PHASE_ROUNDING * np.abs(np.concatenate([slopes[:, :1], slopes], axis=1))
+    return float((np.abs(step.values) / (scales + blur / CONVERGED)).max())
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,8 @@ class PeriodicOrbit:
     size; `divergence` is the integral of div F over the period, the logarithm of their product. `error` estimates
     the error of u in units of the amplitudes, `period_error` the relative one of the period (NaN in a family, where it
     is not estimated); `residual` is the largest defect of the discrete equations in units of the amplitudes. `status`
-    says how it ended; unless that is SUCCESS, the values are the last iterate.
+    says how it ended. At MESH_LIMIT the errors are those that were reached; at any other but SUCCESS the values are the
+    last iterate, no orbit, and are not printed.
     """
 
     flow: Flow
@@ -168,26 +169,41 @@ class PeriodicOrbit:
         return int((np.abs(self.multipliers[1:]) > 1.0 + NEUTRAL).sum())
 
     @property
+    def is_found(self) -> bool:
+        """Whether the values solve the equations, if only to the `error` that the mesh allows."""
+        return self.status in (Status.SUCCESS, Status.MESH_LIMIT)
+
+    @property
     def message(self) -> str:
         """One line: how it ended, and what to do about it."""
         stats = self.stats
         done = f"{stats.iterations} Newton steps on {stats.meshes} meshes"
         if self.status.ok:
             return f"converged after {done}, error {self.error:.1e}"
-        return f"stopped after {done}: {self.status.name}, error {self.error:.1e}; {self.status.remedy}"
+        reached = f", error {self.error:.1e}" if self.is_found else ""
+        return f"stopped after {done}: {self.status.name}{reached}; {self.status.remedy}"
+
+    @property
+    def _period_shown(self) -> str:
+        """The period to the digits that its error leaves."""
+        known = self.period_error if self.period_error > 0.0 else 1e-15
+        return f"{self.period:.{int(min(max(-np.log10(known), 1.0), 15.0))}g}"
 
     def __repr__(self) -> str:
         names = ", ".join(symbol.name for symbol in self.flow.states)
-        return (
-            f"PeriodicOrbit([{names}], period={self.period:.10g}, "
-            f"{'stable' if self.is_stable else 'unstable'}, {self.status.name})"
-        )
+        if not self.is_found:
+            return f"PeriodicOrbit([{names}], none found, {self.status.name})"
+        stability = "stable" if self.is_stable else "unstable"
+        return f"PeriodicOrbit([{names}], period={self.period:.10g}, {stability}, {self.status.name})"
 
     def __str__(self) -> str:
         width = max(len(symbol.name) for symbol in self.flow.states)
+        at = "".join(f", {name} = {value:.10g}" for name, value in self.constants.items())
+        if not self.is_found:
+            return f"no periodic orbit found{at}\n  {self.message}"
         lines = [
-            "periodic orbit" + "".join(f", {name} = {value:.10g}" for name, value in self.constants.items()),
-            f"  period {self.period:.15g}"
+            f"periodic orbit{at}",
+            f"  period {self._period_shown}"
             + ("" if np.isnan(self.period_error) else f" (relative error {self.period_error:.1e})"),
             *(
                 f"  {symbol.name:>{width}}  from {self.minimum[symbol.name]:.6g} to {self.maximum[symbol.name]:.6g}"

@@ -54,7 +54,7 @@ class Lap:
         inside = steps[(steps > first) & (steps < last)]
         knots = np.concatenate([[0.0], (inside - first) / (last - first), [1.0]])
         count = max(FINER * (len(knots) - 1), FEWEST)
-        mesh = np.interp(np.linspace(0.0, len(knots) - 1.0, count + 1), np.arange(len(knots)), knots)
+        mesh = np.unique(np.interp(np.linspace(0.0, len(knots) - 1.0, count + 1), np.arange(len(knots)), knots))
         fine = self._sampled(mesh, degree, first, last)
         return self._sampled(adapted(fine, scales_of(fine), error, most=most), degree, first, last)
 
@@ -102,9 +102,16 @@ def settled_lap(
                 "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this equilibrium."
             )
         if run.status is not Status.TOO_MANY_STEPS:
-            how = "leaves for infinity" if run.status.ok else f"ends with {run.status.name}"
+            how = (
+                "there is no cycle here: the run from start leaves for infinity"
+                if run.status.ok
+                else f"no cycle was found: the run from start ends with {run.status.name}, {run.status.meaning}"
+            )
+            if run.status is Status.STEP_TOO_SMALL:
+                how += ". It blows up there, or jumps within the rounding of time, as relaxation oscillations do at an "
+                how += "epsilon below 1e-14; then raise epsilon"
             raise OrbitError(
-                f"there is no cycle here: the run from start {how}. Got {_shown(last)} after {run.stats.steps} steps. "
+                f"{how}. Got {_shown(last)} after {run.stats.steps} steps. "
                 "Start elsewhere"
                 + (", or integrate forward." if backward else ", or backward=True for a repelling cycle.")
             )
