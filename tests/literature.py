@@ -1,0 +1,128 @@
+"""Systems from the literature through the command line, each verb in a process with bounds on CPU time and memory.
+
+`python -m tests.literature` runs every file of tests/systems through every verb, or the named ones, prints a line for
+each, and ends with status 1 when one of them neither gave a result nor refused with a reason.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import sys
+import tempfile
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "systems"
+VERBS = ("check", "expand", "folds", "choose", "report")
+SECONDS = 60
+"""Of CPU time, for a verb on a system."""
+MEMORY = 1536 * 2**20
+"""Bytes resident at the peak, for a verb on a system."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How `verb` ended on `system`: exit `status` (negative: a signal), output, CPU `seconds` and peak `memory`."""
+
+    system: str
+    verb: str
+    status: int
+    output: str
+    errors: str
+    seconds: float
+    memory: int
+
+    @property
+    def complaint(self) -> str:
+        """What is wrong with this ending, empty when it is a result or a refusal with its reason."""
+        if self.status < 0 or self.status not in (0, 1, 2):
+            return f"ended with status {self.status}"
+        if "Traceback" in self.errors or "Traceback" in self.output:
+            return "ended in a traceback"
+        if self.status == 2 and not re.search(r"gsp: \S+ .{20,}", self.errors):
+            return "refused without a reason"
+        if self.status < 2 and not self.output.strip():
+            return "printed nothing"
+        if self.status == 1 and self.verb != "check":
+            return "failed without a refusal"
+        if self.seconds > SECONDS:
+            return f"took {self.seconds:.0f} s of CPU time"
+        if self.memory > MEMORY:
+            return f"took {self.memory / 2**20:.0f} MB"
+        return ""
+
+    def __str__(self) -> str:
+        head = f"{self.verb:6} {self.system:24} {self.status:4d} {self.seconds:6.1f} s {self.memory / 2**20:6.0f} MB"
+        lines = (self.errors if self.status == 2 or self.complaint else self.output).strip().splitlines()
+        last = (lines[-1] if self.status == 2 or self.complaint else lines[0]) if lines else ""
+        return f"{head}  {self.complaint + ': ' if self.complaint else ''}{last[:200]}"
+
+
+def systems() -> list[str]:
+    """Names of the files, sorted."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def run(system: str, verb: str, *options: str) -> Ending:
+    """`gsp VERB SYSTEM` in a child of this process, which has loaded the libraries already."""
+    import gsp.cli
+
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / name for name in ("output", "errors")]
+        if verb == "report":
+            options = (*options, "-o", str(Path(folder) / "report"))
+        child = os.fork()
+        if child == 0:
+            status = 70
+            try:
+                # One second more, so that the count of seconds says what happened and not the signal.
+                resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
+                with files[0].open("w") as output, files[1].open("w") as errors:
+                    os.dup2(output.fileno(), 1)
+                    os.dup2(errors.fileno(), 2)
+                    sys.argv = ["gsp", verb, str(FOLDER / f"{system}.toml"), *options]
+                    # pytest and notebooks put their own objects there, which know nothing of the descriptors.
+                    sys.stdout, sys.stderr = (os.fdopen(k, "w", buffering=1, closefd=False) for k in (1, 2))
+                    try:
+                        gsp.cli.main()
+                    except SystemExit as end:
+                        status = int(end.code or 0)
+                    sys.stdout.flush()
+                    sys.stderr.flush()
+            except BaseException:
+                files[1].write_text(files[1].read_text() + traceback.format_exc())
+            finally:
+                os._exit(status)
+        _, raw, usage = os.wait4(child, 0)
+        return Ending(
+            system,
+            verb,
+            os.waitstatus_to_exitcode(raw),
+            *(file.read_text(errors="replace") for file in files),
+            usage.ru_utime + usage.ru_stime,
+            usage.ru_maxrss * 1024,
+        )
+
+
+def main(arguments: list[str]) -> int:
+    """Run what `arguments` name, systems and verbs in any order; the number of complaints, at most 1."""
+    import gsp.analysis
+    import gsp.report  # noqa: F401  Loaded here, once, for all children.
+
+    verbs = [word for word in arguments if word in VERBS] or list(VERBS)
+    names = [word for word in arguments if word not in VERBS] or systems()
+    wrong = 0
+    for verb in verbs:
+        for name in names:
+            ending = run(name, verb)
+            wrong += bool(ending.complaint)
+            print(ending, flush=True)
+    print(f"{len(verbs) * len(names)} runs, {wrong} with a complaint", flush=True)
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
