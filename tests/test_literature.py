@@ -6,6 +6,8 @@ at points in 40 digits; nothing of the package takes part in it.
 
 import itertools
 import re
+import subprocess
+import sys
 import tomllib
 
 import mpmath
@@ -19,7 +21,7 @@ from gsp.boundary import surroundings
 from gsp.continuation import SpecialKind
 from gsp.placement import place
 from gsp.series import expand
-from tests.literature import FOLDER, systems
+from tests.literature import FOLDER, Ending, systems
 
 # Slow coordinates of the files that give a raw field: what each raw state is in new ones, slow ones by their
 # definition, and the fast one. Derived by hand: the fast reactions leave the slow ones alone.
@@ -150,17 +152,15 @@ def folds_by_scanning(name):
     dX = sp.lambdify(fast, sp.diff(-constant / slope, fast), "mpmath")
     bottom, top = walls[fast.name]
     found = []
-    first = mpmath.findroot(
-        lambda y: X(y) - mpmath.mpf(start[slow.name].p) / start[slow.name].q, float(start[fast.name])
-    )
+    first = float(start[fast.name])
     for wall in (bottom, top):
         line = np.linspace(first, wall, 4001)
         for a, b in itertools.pairwise(line):
             if not walls[slow.name][0] <= X(b) <= walls[slow.name][1]:
                 break
-            if dX(a) * dX(b) < 0:
+            if dX(a) != 0 and dX(a) * dX(b) <= 0:
                 y = brentq(lambda y: float(dX(y)), a, b, xtol=1e-15)
-                found.append((float(X(y)), float(y)))
+                found.append((float(X(y)), y))
     return sorted(found)
 
 
@@ -187,3 +187,45 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     assert found is not None
     folds = [tuple(p.point.values()) for p in found.special if p.kind is SpecialKind.FOLD]
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]
+
+
+SAMPLE = ("selkov", "two_pool", "hindmarsh_rose")
+"""An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
+
+
+@pytest.mark.parametrize("words", [(*SAMPLE, "check", "expand", "folds", "choose"), ("selkov", "report")])
+def test_the_command_line_ends_with_a_result_or_a_reason(words):
+    # In a process of its own: what runs the verbs is forked from it, which no process with threads should be.
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.literature", *words],
+        cwd=FOLDER.parent.parent,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def ending(**changes):
+    values = {"status": 0, "output": "attracting\n", "errors": "", "seconds": 1.0, "memory": 2**28}
+    return Ending("selkov", "check", **{**values, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({}, ""),
+        ({"status": 1}, ""),
+        ({"status": 2, "output": "", "errors": "gsp: the region gives no interval for x. Bound x."}, ""),
+        ({"status": 2, "output": "", "errors": "gsp: no"}, "refused without a reason"),
+        ({"status": -24}, "status -24"),
+        ({"status": 70}, "status 70"),
+        ({"errors": "Traceback (most recent call last):"}, "traceback"),
+        ({"output": ""}, "printed nothing"),
+        ({"seconds": 61.0}, "61 s"),
+        ({"memory": 2**31}, "2048 MB"),
+    ],
+)
+def test_an_ending_is_a_result_or_a_refusal_within_bounds(changes, complaint):
+    got = ending(**changes).complaint
+    assert complaint in got
+    assert bool(got) == bool(complaint)
