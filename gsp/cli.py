@@ -1,8 +1,8 @@
 """The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp choose`, `gsp report`.
 
-Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input,
-70 on a defect of gsp, 130 when interrupted. Heavy modules are imported by the command that needs them, so that help is
-quick.
+Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input or when
+the output cannot be written, 70 on a defect of gsp, 130 when interrupted. Heavy modules are imported by the command
+that needs them, so that help is quick.
 """
 
 from __future__ import annotations
@@ -10,15 +10,17 @@ from __future__ import annotations
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gsp import __version__
-from gsp.errors import GspError
+from gsp.errors import DeclarationError, GspError, OutputError, printable
 
 if TYPE_CHECKING:
     from gsp.scene import Scene
@@ -30,7 +32,25 @@ DEBUG = "GSP_DEBUG"
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
-@click.group(context_settings=CONTEXT)
+class Program(click.Group):
+    """The commands; output that cannot be written, to a full disk or a closed pipe, is an error like any other."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            try:
+                return super().invoke(ctx)
+            finally:
+                sys.stdout.flush()
+        except OSError as error:
+            # Errors of files have the file's name, and are told where the file is written.
+            if error.filename is not None:
+                raise
+            raise OutputError(
+                f"the output cannot be written: {error.strerror or error}. What was printed is not complete."
+            ) from None
+
+
+@click.group(cls=Program, context_settings=CONTEXT)
 @click.version_option(__version__, prog_name="gsp")
 def cli() -> None:
     """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
@@ -49,6 +69,94 @@ def _json_option(function: Any) -> Any:
     return click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")(function)
 
 
+def _orders(order: int | None) -> tuple[int, ...] | None:
+    """The orders 0 to `order`."""
+    if order is None:
+        return None
+    if order < 0:
+        raise DeclarationError(f"--order is a non-negative integer. Got {order}.")
+    return tuple(range(order + 1))
+
+
+_OPTIONS = {
+    "set": click.option(
+        "--set", "settings", multiple=True, metavar="NAME=VALUE",
+        help="Another value of a parameter, exact; 1/3 is allowed. May be repeated.",
+    ),
+    "epsilon": click.option("--epsilon", metavar="VALUE", help="Value of the small parameter [the scene's]."),
+    "region": click.option(
+        "--region", "intervals", multiple=True, metavar="NAME=LOW:HIGH",
+        help="Another interval of a state. May be repeated.",
+    ),
+}  # fmt: skip
+
+
+def _asks(*names: str) -> Callable[[Any], Any]:
+    """Give a command the argument MODEL and the options `names`; the command takes the scene that results."""
+
+    def decorate(function: Any) -> Any:
+        @wraps(function)
+        def asked(
+            *,
+            model: str,
+            settings: tuple[str, ...] = (),
+            epsilon: str | None = None,
+            intervals: tuple[str, ...] = (),
+            **others: Any,
+        ) -> Any:
+            scene = _asked(load_scene(model), settings, epsilon, intervals)
+            with _compiling_told():
+                return function(scene=scene, **others)
+
+        for name in reversed(names):
+            asked = _OPTIONS[name](asked)
+        return click.argument("model")(asked)
+
+    return decorate
+
+
+@contextmanager
+def _compiling_told() -> Iterator[None]:
+    """Say so, once, when kernels are compiled: on the first run on a machine, which takes half a minute longer."""
+    from gsp.kernels.compiling import told_when_compiling
+
+    def tell() -> None:
+        with suppress(OSError):
+            click.echo("gsp: compiling its numerics, once on this machine; later runs begin at once", err=True)
+
+    with told_when_compiling(tell):
+        yield
+
+
+def _asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, intervals: tuple[str, ...]) -> Scene:
+    from gsp.readers.toml import read_number
+    from gsp.settings import ask_again
+
+    def pairs(option: str, texts: tuple[str, ...], form: str) -> Iterator[tuple[str, str]]:
+        for text in texts:
+            name, found, value = text.partition("=")
+            if not (name.strip() and found and value.strip()):
+                raise DeclarationError(f"{option} is given as {form}. Got {text[:80]!r}.")
+            yield name.strip(), value.strip()
+
+    parameters: dict[str, Any] = {
+        name: read_number(value, what=f"--set {name}") for name, value in pairs("--set", settings, "NAME=VALUE")
+    }
+    region = {}
+    for name, value in pairs("--region", intervals, "NAME=LOW:HIGH"):
+        low, found, high = value.partition(":")
+        if not found:
+            raise DeclarationError(f"--region is given as NAME=LOW:HIGH. Got {name}={value[:80]!r}.")
+        region[name] = (
+            float(read_number(low.strip(), what=f"--region {name}")),
+            float(read_number(high.strip(), what=f"--region {name}")),
+        )
+    small = None if epsilon is None else float(read_number(epsilon, what="--epsilon"))
+    if not parameters and not region and small is None:
+        return scene
+    return ask_again(scene, parameters=parameters, epsilon=small, region=region)
+
+
 @cli.command()
 @_json_option
 def models(as_json: bool) -> None:
@@ -65,13 +173,12 @@ def models(as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set")
 @_json_option
-def split(model: str, as_json: bool) -> None:
+def split(scene: Scene, as_json: bool) -> None:
     """Find the slow and the fast variables of MODEL, and say how."""
     from gsp.placement import place_splitting
 
-    scene = load_scene(model)
     splitting, system = place_splitting(scene)
     if as_json:
         identity = {s.name: s.name for s in system.states}
@@ -83,30 +190,32 @@ def split(model: str, as_json: bool) -> None:
                 "coordinates": identity
                 if splitting is None
                 else {s.name: str(e) for s, e in splitting.coordinates.items()},
+                "conserved": [x.name for x, rate in system.slow.items() if rate == 0],
                 "explanation": "declared in standard form" if splitting is None else splitting.explain(),
             }
         )
         return
-    click.echo("Declared in standard form.\n" if splitting is None else splitting.explain() + "\n")
+    still = [] if splitting is not None else [x for x, rate in system.slow.items() if rate == 0]
+    declared = "\n".join(["Declared in standard form.", *(f"Conserved: {x}, for {x}' = 0." for x in still)])
+    click.echo((declared if splitting is None else splitting.explain()) + "\n")
     click.echo(str(system))
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon.")
 @click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
 @click.option(
     "--values", is_flag=True, help="Put the parameters' values in: much shorter where there are many."
 )
 @_json_option
-def expand(model: str, order: int, raw: bool, values: bool, as_json: bool) -> None:
+def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> None:
     """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
     from gsp.placement import place
     from gsp.raw import carry_back
     from gsp.series import READABLE
     from gsp.series import expand as expand_branch
 
-    scene = load_scene(model)
     placement = place(scene)
     whole = expand_branch(placement.branch, order=order, symbolic=not values)
     through = order if as_json else next((k for k, n in enumerate(whole.sizes) if n > READABLE), order + 1) - 1
@@ -151,10 +260,9 @@ def expand(model: str, order: int, raw: bool, values: bool, as_json: bool) -> No
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "epsilon", "region")
 @_json_option
-@click.pass_context
-def check(context: click.Context, model: str, as_json: bool) -> None:
+def check(scene: Scene, as_json: bool) -> None:
     """Check the conditions of normal hyperbolicity of MODEL over its region.
 
     Exit status 0 when every condition holds at the samples, 1 when one fails.
@@ -162,7 +270,6 @@ def check(context: click.Context, model: str, as_json: bool) -> None:
     from gsp.hyperbolicity import classify
     from gsp.placement import place
 
-    scene = load_scene(model)
     placement = place(scene)
     verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
     if as_json:
@@ -171,13 +278,13 @@ def check(context: click.Context, model: str, as_json: bool) -> None:
         _print_json({"name": scene.name, "holds": verdict.holds, **hyperbolicity_as_json(verdict)})
     else:
         click.echo(str(verdict))
-    context.exit(0 if verdict.holds else 1)
+    click.get_current_context().exit(0 if verdict.holds else 1)
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "region")
 @_json_option
-def folds(model: str, as_json: bool) -> None:
+def folds(scene: Scene, as_json: bool) -> None:
     """Follow the critical manifold of MODEL through its folds.
 
     In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
@@ -187,13 +294,12 @@ def folds(model: str, as_json: bool) -> None:
     from gsp.continuation import CriticalCurve
     from gsp.placement import place
 
-    scene = load_scene(model)
     placement = place(scene)
     found = surroundings(placement)
     if found is None and never_folds(placement.branch):
         message = not_followed(placement).rstrip(".")
         if as_json:
-            _print_json({"name": scene.name, "message": message, "special": []})
+            _print_json({"name": scene.name, "message": message, "special": [], "curves": []})
         else:
             click.echo(message)
         return
@@ -210,6 +316,13 @@ def folds(model: str, as_json: bool) -> None:
                     for curve in curves
                     for p in curve.special
                 ],
+                "curves": [
+                    {
+                        "kind": "critical manifold" if isinstance(curve, CriticalCurve) else "folds",
+                        "points": {name: curve[name].tolist() for name in curve.names},
+                    }
+                    for curve in curves
+                ],
             }
         )
         return
@@ -218,13 +331,15 @@ def folds(model: str, as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Highest order of the series [3].")
 @_json_option
-def methods(model: str, as_json: bool) -> None:
+def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
     from gsp.methods import method_table
 
-    table = method_table(load_scene(model))
+    orders = _orders(order)
+    table = method_table(scene) if orders is None else method_table(scene, orders=orders)
     if as_json:
         from gsp.report import plain
 
@@ -234,42 +349,50 @@ def methods(model: str, as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Highest order of the reduced models.")
 @click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="File for the figure [gsp-chart-NAME.png]."
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].",
 )
-@click.option("--epsilon", type=float, help="Small parameter for speed against accuracy [the scene's].")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="Write the data to this file too.")
 @_json_option
 def chart(
-    model: str, failures: bool, output: Path | None, epsilon: float | None, table: Path | None, as_json: bool
+    scene: Scene, failures: bool, output: Path | None, order: int | None, table: Path | None, as_json: bool
 ) -> None:
     """Chart speed against accuracy for MODEL, or with --failures where each method holds.
 
     Speed against accuracy: every integrator, those installed beside ours, and reduced models of orders 0 to 4.
     """
-    scene = load_scene(model)
     target = output or Path(f"gsp-{'failures' if failures else 'chart'}-{scene.name or 'scene'}.png")
-    if target.suffix.lower() != ".png":
-        raise GspError(f"a chart is written as .png. Got {target.name}. Give a name that ends in .png.")
+    from gsp import charts
+
+    charts.check_chart_name(target)
     for path in filter(None, (target, table)):
         if not path.absolute().parent.is_dir():
             raise GspError(f"there is no folder {path.absolute().parent}. Make it, or give another path.")
-    if failures and epsilon is not None:
-        raise GspError("--epsilon belongs to speed against accuracy. Leave it out: --failures covers a range.")
+    orders = _orders(order)
     found: Any
     with _progress("runs") as advance:
         if failures:
             from gsp.failures import failure_map
 
-            found = failure_map(scene, progress=advance)
+            found = (
+                failure_map(scene, progress=advance)
+                if orders is None
+                else failure_map(scene, orders=orders, progress=advance)
+            )
         else:
             from gsp.work_curves import work_precision
 
-            found = work_precision(scene, epsilon=epsilon, progress=advance)
-    from gsp import charts
-
+            found = (
+                work_precision(scene, progress=advance)
+                if orders is None
+                else work_precision(scene, orders=orders, progress=advance)
+            )
     charts.save(charts.failure_map(found) if failures else charts.work_precision(found), target)
     if table is not None:
         found.write_csv(table)
@@ -283,15 +406,20 @@ def chart(
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "epsilon", "region")
 @click.option("--tolerance", type=float, help="Relative accuracy wanted [the scene's].")
-@click.option("--epsilon", type=float, help="Value of the small parameter [the scene's].")
+@click.option("--order", type=int, help="Highest order of the reduced flows.")
 @_json_option
-def choose(model: str, tolerance: float | None, epsilon: float | None, as_json: bool) -> None:
+def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bool) -> None:
     """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
     from gsp.choice import choose as choose_model
 
-    choice = choose_model(load_scene(model), tolerance=tolerance, epsilon=epsilon)
+    orders = _orders(order)
+    choice = (
+        choose_model(scene, tolerance=tolerance)
+        if orders is None
+        else choose_model(scene, tolerance=tolerance, orders=orders)
+    )
     if as_json:
         from gsp.report import choice_as_json
 
@@ -301,17 +429,16 @@ def choose(model: str, tolerance: float | None, epsilon: float | None, as_json: 
 
 
 @cli.command()
-@click.argument("model")
+@_asks("set", "epsilon", "region")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
 )
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @_json_option
-def report(model: str, output: Path | None, order: int, as_json: bool) -> None:
+def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
     """Analyse MODEL and write report.html, report.json and the figures."""
     from gsp.report import check_folder
 
-    scene = load_scene(model)
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
     check_folder(folder)
     with _progress("") as show:
@@ -374,15 +501,35 @@ def _print_json(value: object) -> None:
     click.echo(json.dumps(value, indent=2, allow_nan=False))
 
 
+def _tell(message: Any, category: Any, filename: Any, lineno: Any, file: Any = None, line: Any = None) -> None:
+    """A warning in one line."""
+    with suppress(OSError):
+        click.echo(f"gsp: {printable(' '.join(str(message).split()))}", err=True)
+
+
+def _stop_writing() -> None:
+    """Let Python flush what is left of the output to nowhere, where there is nobody to read it."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main() -> None:
     """Run the command line and exit with its status."""
+    warnings.showwarning = _tell
     try:
         status = cli.main(standalone_mode=False)
     except GspError as error:
-        click.echo(f"gsp: {error}", err=True)
+        with suppress(OSError):
+            click.echo(f"gsp: {printable(str(error))}", err=True)
+        _stop_writing()
         sys.exit(2)
     except click.ClickException as error:
-        error.show()
+        with suppress(OSError):
+            error.show()
+        _stop_writing()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         click.echo("gsp: interrupted; nothing was written", err=True)

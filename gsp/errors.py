@@ -8,6 +8,7 @@ result with a `Status`; each status carries its meaning and its remedy.
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable
 from enum import Enum
 from typing import Never
@@ -144,6 +145,20 @@ def unknown_name(name: object, names: Iterable[str]) -> UnknownNameError:
     return UnknownNameError(
         f"there is no {name!r} here. The names are {', '.join(known)}." + nearest(str(name), known)
     )
+
+
+def printable(text: str) -> str:
+    """`text` with every character that a terminal would act on, or that turns the order of the others, written out."""
+    return "".join(c if c == "\n" or not is_hidden(c) else c.encode("unicode_escape").decode() for c in text)
+
+
+def is_hidden(character: str) -> bool:
+    """Whether a character is a control character, half of a pair, or a mark of the direction of writing."""
+    return unicodedata.category(character) in ("Cc", "Cs") or character in _DIRECTIONS
+
+
+# The marks, embeddings, overrides and isolates of the Unicode bidirectional algorithm (UAX 9), and line separators.
+_DIRECTIONS = frozenset("\u061c\u200e\u200f\u2028\u2029\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
 def nearest(word: object, words: Iterable[str]) -> str:

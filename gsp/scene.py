@@ -12,11 +12,13 @@ import sympy as sp
 
 from gsp.arguments import check_noun, check_number, check_text, shown
 from gsp.declaration import reconstruction_of
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, is_hidden, nearest, printable
 from gsp.flow import Question, Values, check_epsilon, check_epsilons, named
 from gsp.region import Interval, check_interval, check_region
 from gsp.system import SlowFastSystem, VectorField
 
+# A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
+FINEST = 1e-11
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
@@ -67,6 +69,7 @@ class Scene(Question):
             )
         for attribute in ("name", "title", "source", "description"):
             check_text(getattr(self, attribute), what=attribute)
+            check_words(getattr(self, attribute), what=attribute)
         if self.name and not _NAME.fullmatch(self.name):
             raise DeclarationError(
                 f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files). "
@@ -164,6 +167,15 @@ class Scene(Question):
         return hash(self._key())
 
 
+def check_words(text: str, *, what: str) -> None:
+    """Refuse characters that are not seen and change what is: controls, and marks of the direction of writing."""
+    hidden = next((c for c in text if is_hidden(c) and c not in "\n\r\t"), None)
+    if hidden is not None:
+        raise DeclarationError(
+            f"{what} holds the hidden character U+{ord(hidden):04X}. Got {printable(text[:60])!r}. Remove it."
+        )
+
+
 def _start(
     start: Mapping, extra: Mapping, states: list[str], drivers: list[str]
 ) -> tuple[dict[str, float], dict[str, float]]:
@@ -205,6 +217,7 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
             if any(sp.sympify(r, strict=True).has(system.epsilon) for r in rates.values())
             else None
         )
+        check_words(name, what="the name of a claim")
         # The field's own checks: undeclared symbols, states that the claim uses without giving them a rate.
         field_ = VectorField(rates, epsilon=epsilon, parameters=system.parameters, name=name)
         for symbol in field_.states:
@@ -227,7 +240,13 @@ def _ladder(epsilons: Iterable[float]) -> tuple[float, ...]:
 
 def _tolerance(tolerance: float) -> float:
     be = "a relative accuracy between 0 and 1"
-    return check_number(tolerance, what="tolerance", be=be, above=0.0, below=1.0, remedy="Try 1e-6.")
+    value = check_number(tolerance, what="tolerance", be=be, above=0.0, below=1.0, remedy="Try 1e-6.")
+    if value < FINEST:
+        raise DeclarationError(
+            f"the tolerance is finer than {FINEST:g}, beyond which no run in double precision could be found wrong. "
+            f"Got {value:g}. Give {FINEST:g} or more."
+        )
+    return value
 
 
 def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | None:

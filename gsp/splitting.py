@@ -52,6 +52,11 @@ class Splitting:
         """Whether a standard form x' = f, epsilon y' = g was reached."""
         return self.system is not None
 
+    @property
+    def conserved(self) -> tuple[sp.Symbol, ...]:
+        """The slow variables that do not move at all: conserved quantities of the field, not only of its fast part."""
+        return () if self.system is None else tuple(x for x, rate in self.system.slow.items() if rate == 0)
+
     @cached_property
     def fast_jacobian(self) -> sp.ImmutableMatrix:
         """Df N (k, k) on {f = 0}: its eigenvalues decide normal hyperbolicity, whatever the coordinates."""
@@ -98,6 +103,7 @@ class Splitting:
         lines.append(self.route)
         lines += [f"  slow {x} = {self.coordinates[x]}" for x in self.system.x]
         lines += [f"  fast {y} = {self.coordinates[y]}" for y in self.system.y]
+        lines += [f"Conserved: {x} = {self.coordinates[x]}, for {x}' = 0." for x in self.conserved]
         if self.nonzero:
             conditions = ", ".join(f"{e} != 0" for e in self.nonzero)
             lines.append(f"The change of coordinates is invertible where {conditions}.")

@@ -83,6 +83,7 @@ LAYERS = [
     "relaxation",
     "mixed_modes",
     "scene",
+    "settings",
     "mechanics",
     "models",
     "readers",

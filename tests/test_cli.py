@@ -223,8 +223,8 @@ def test_folds_say_what_is_missing(tmp_path) -> None:
         run("folds", str(file))
 
 
-def test_a_chart_is_a_png(tmp_path) -> None:
-    with pytest.raises(GspError, match=r"written as \.png\. Got x\.txt"):
+def test_a_chart_has_one_of_three_endings(tmp_path) -> None:
+    with pytest.raises(GspError, match=r"written as \.png, \.pdf or \.svg\. Got x\.txt"):
         run("chart", "linear", "-o", str(tmp_path / "x.txt"))
 
 

@@ -25,7 +25,7 @@ from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.relaxation import mixed_mode, singular_orbit
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
-from gsp.charts.style import png, save
+from gsp.charts.style import check_chart_name, png, save
 from gsp.charts.switching import switches
 from gsp.charts.work_curves import work_precision
 from gsp.continuation import CriticalSheet
@@ -37,6 +37,7 @@ __all__ = [
     "canard_explosion",
     "canard_orbits",
     "canard_section",
+    "check_chart_name",
     "composite",
     "convergence",
     "critical_curve",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
 from textwrap import shorten
@@ -20,7 +20,8 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path as Outline
 
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, OutputError
+from gsp.tables import write_file
 
 # Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
 BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
@@ -79,19 +80,45 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
     return decorate
 
 
+# Without a time stamp and a version, so that equal figures are equal files.
+FORMATS: Mapping[str, Mapping[str, None]] = {
+    "png": {"Software": None},
+    "pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+    "svg": {"Creator": None, "Date": None},
+}
+
+
 def png(axes: Axes) -> bytes:
     """The figure of `axes` as a PNG file, at 200 dots per inch."""
+    return _drawn(axes, "png")
+
+
+def _drawn(axes: Axes, kind: str) -> bytes:
     buffer = io.BytesIO()
-    with matplotlib.rc_context(STYLE):
-        # No time stamp and no version: equal figures are equal files.
-        cast(Figure, axes.figure).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    # SVG names its parts by random numbers unless they are salted.
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "gsp"}):
+        cast(Figure, axes.figure).savefig(buffer, format=kind, dpi=DPI, metadata=dict(FORMATS[kind]))
     return buffer.getvalue()
 
 
 def save(axes: Axes, path: str | Path) -> Path:
-    """Write the figure of `axes` as PNG to `path`."""
+    """Write the figure of `axes` to `path`, as its ending says: .png, .pdf or .svg.
+
+    Raises `OutputError` for any other ending, and when the file cannot be written; none is left half written.
+    """
+    target = check_chart_name(path)
+    content = _drawn(axes, target.suffix[1:].lower())
+    write_file(content, target)
+    return target
+
+
+def check_chart_name(path: str | Path) -> Path:
+    """`path`, when it ends in .png, .pdf or .svg; raises `OutputError` for any other ending."""
     target = Path(path)
-    target.write_bytes(png(axes))
+    if target.suffix[1:].lower() not in FORMATS:
+        raise OutputError(
+            f"a chart is written as .png, .pdf or .svg. Got {target.name}. Give a name with one of these endings."
+        )
     return target
 
 

@@ -60,14 +60,15 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
     "atanh": (1, sp.atanh),
     "exp": (1, sp.exp),
     "log": (1, sp.log),
+    "ln": (1, sp.log),
     "sqrt": (1, sp.sqrt),
     "abs": (1, sp.Abs),
     "sign": (1, sp.sign),
     "min": (2, sp.Min),
     "max": (2, sp.Max),
 }
-RESERVED = frozenset(FUNCTIONS) | {"pi"}
-"""Words of the grammar, which cannot be names of states or parameters."""
+RESERVED = frozenset(FUNCTIONS) - {"ln"} | {"pi"}
+"""Words of the grammar, which cannot be names of states or parameters; `ln`, the second name of log, can."""
 
 _SUM, _PRODUCT, _POWER = 1, 2, 3
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "^": _POWER, "**": _POWER}
@@ -221,9 +222,10 @@ class _Parser:
 
     def name(self, token: Token) -> _Node:
         follows = self.token.kind == "operator" and self.token.text == "("
-        if token.text in FUNCTIONS and follows:
+        is_function = token.text in FUNCTIONS and token.text not in self.symbols
+        if is_function and follows:
             return self.call(token)
-        if token.text in FUNCTIONS:
+        if is_function:
             self.fail(f"{token.text} is a function", token.position, f"Give it an argument: {token.text}(x).")
         if token.text == "pi":
             return _Node(sp.pi, 1, 0)

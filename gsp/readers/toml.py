@@ -49,7 +49,7 @@ from pathlib import Path
 import sympy as sp
 
 from gsp.arguments import shown
-from gsp.errors import DeclarationError, ModelFileError, nearest
+from gsp.errors import DeclarationError, ModelFileError, nearest, printable
 from gsp.readers.expressions import RESERVED, parse_expression
 from gsp.readers.tokens import parse_number
 from gsp.scene import Scene
@@ -98,7 +98,8 @@ def load(path: str | os.PathLike[str]) -> Scene:
     try:
         return _scene(_document(file), file)
     except (ModelFileError, DeclarationError) as error:
-        raise ModelFileError(f"{file.name}: {error}") from None
+        # Words of the file stand in the message, and the message may go to a terminal.
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
 
 
 def _document(file: Path) -> dict:
@@ -306,6 +307,15 @@ def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol]) -> sp
         except ModelFileError as error:
             raise ModelFileError(f"{key}: {error}") from None
     return _number(value, key)
+
+
+def read_number(text: str, *, what: str) -> sp.Expr:
+    """Exact value of a decimal, or of constant text such as "1/3"; `what` names it in errors.
+
+    >>> read_number("0.1", what="epsilon")
+    1/10
+    """
+    return _number(text, what)
 
 
 def _number(value: object, key: str) -> sp.Expr:

@@ -223,6 +223,7 @@ class Page:
             "new": [self.block(self.set.row(s), e) for s, e in new.items()],
             "slow": self.names(system.x),
             "fast": self.names(system.y),
+            "conserved": self.names(splitting.conserved),
             "nonzero": [self.inline(row(self.set.row(e), operator("≠"), "<mn>0</mn>")) for e in splitting.nonzero],
             "system": [
                 *(self.block(dotted(self.set.row(s)), e) for s, e in system.slow.items()),
