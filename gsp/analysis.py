@@ -30,7 +30,7 @@ from gsp.raw import RawManifold, carry_back
 from gsp.reduced import ReducedFlow, restrict
 from gsp.scene import Scene
 from gsp.series import READABLE, SeriesManifold, expand
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
 PICTURED = (2.0, 1.0, 0.4)
@@ -274,7 +274,7 @@ def _reduced(scene: Scene, series: SeriesManifold, order: int, start) -> Traject
 
 def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = None) -> Trajectory:
     span = (scene.span[0], scene.span[1] if end is None else end)
-    return integrate(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=PICTURE_ATOL)
+    return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=PICTURE_ATOL)
 
 
 def _landing(

@@ -14,6 +14,7 @@ import sympy as sp
 
 from gsp.branch import Branch
 from gsp.continuation import CriticalCurve, CriticalSheet, SpecialKind, continue_critical, critical_sheet
+from gsp.continuation.curve import uninterrupted
 from gsp.errors import GspError
 from gsp.hyperbolicity import Hyperbolicity, Kind
 from gsp.passage import FoldPassage, PassageError, fold_passage
@@ -117,7 +118,7 @@ def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
     values = np.concatenate([x[0], branch.points(x)[0]])
     start = {s.name: float(value) for s, value in zip(system.states, values)}
     if len(system.x) == 1:
-        return continue_critical(system, start=start, bounds=bounds)
+        return uninterrupted(continue_critical(system, start=start, bounds=bounds))
     return critical_sheet(system, start=start, bounds=bounds)
 
 

@@ -17,7 +17,7 @@ from gsp.prediction import AHEAD, SMALLEST_RTOL, Failure
 from gsp.region import Interval
 from gsp.scene import Scene
 from gsp.solvers import Method, begins_with_series, choose_method, fast_times, program_of
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Share of the tolerance left to the integrator; a model has the rest.
 INTEGRATION = 0.1
@@ -242,7 +242,7 @@ def _density(times: np.ndarray, middle: float) -> float:
 def run_model(
     flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None, method: Method | None = None
 ) -> Trajectory:
-    return integrate(
+    return trajectory_of(
         flow,
         start=start,
         span=span,

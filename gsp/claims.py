@@ -17,7 +17,7 @@ from gsp.sampling import Sampler
 from gsp.series import SeriesManifold
 from gsp.slow_points import zero_derivative
 from gsp.solvers import Method
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Share of the span for which a run follows a position.
 HORIZON = 0.04
@@ -194,7 +194,7 @@ class Survey:
     ) -> Trajectory | None:
         self.runs += 1
         try:
-            return integrate(
+            return trajectory_of(
                 flow,
                 start=start,
                 span=(0.0, self.piece),
@@ -272,7 +272,7 @@ def demands_of(
         for j, tolerance in enumerate(tolerances):
             calls = []
             for method in RIVALS:
-                run = integrate(
+                run = trajectory_of(
                     placement.system,
                     start=start,
                     span=span,

@@ -21,6 +21,7 @@ import click
 
 from gsp import __version__
 from gsp.errors import DeclarationError, GspError, OutputError, printable
+from gsp.interrupts import noticing
 
 if TYPE_CHECKING:
     from gsp.scene import Scene
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 DEFECT = 70
 # With this environment variable a defect shows its traceback, with Python's own status, 1.
 DEBUG = "GSP_DEBUG"
+# What Ctrl-C has to know of a command: a check that it has not come yet, and the outputs that were written.
+CHECK, WRITTEN = "gsp.check", "gsp.written"
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
@@ -393,7 +396,10 @@ def chart(
                 if orders is None
                 else work_precision(scene, orders=orders, progress=advance)
             )
-    charts.save(charts.failure_map(found) if failures else charts.work_precision(found), target)
+    drawn = charts.failure_map(found) if failures else charts.work_precision(found)
+    _check_interrupt()
+    charts.save(drawn, target)
+    _wrote(target)
     if table is not None:
         found.write_csv(table)
     if as_json:
@@ -448,6 +454,8 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
         stages = (*STAGES, "report")
 
         def progress(stage: str, share: float) -> None:
+            if stage == "report" and share == 1.0:
+                _wrote(folder)
             show((stages.index(stage) + share) / len(stages), stage)
 
         analysis = analyse(scene, order=order, progress=progress)
@@ -480,6 +488,7 @@ def _progress(description: str) -> Iterator[Callable[..., None]]:
         task = bar.add_task(description, total=1.0)
 
         def show(share: float, stage: str = description) -> None:
+            _check_interrupt()
             bar.update(task, completed=share, description=stage)
 
         yield show
@@ -516,11 +525,26 @@ def _stop_writing() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def _check_interrupt() -> None:
+    context = click.get_current_context(silent=True)
+    if context is not None and context.obj is not None:
+        context.obj[CHECK]()
+
+
+def _wrote(path: Path) -> None:
+    context = click.get_current_context(silent=True)
+    if context is not None and context.obj is not None:
+        context.obj[WRITTEN].append(path)
+
+
 def main() -> None:
     """Run the command line and exit with its status."""
     warnings.showwarning = _tell
+    written: list[Path] = []
     try:
-        status = cli.main(standalone_mode=False)
+        with noticing() as check:
+            status = cli.main(standalone_mode=False, obj={CHECK: check, WRITTEN: written})
+            check()
     except GspError as error:
         with suppress(OSError):
             click.echo(f"gsp: {printable(str(error))}", err=True)
@@ -532,7 +556,8 @@ def main() -> None:
         _stop_writing()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("gsp: interrupted; nothing was written", err=True)
+        what = f"{written[0]} was written before" if written else "nothing was written"
+        click.echo(f"gsp: interrupted; {what}", err=True)
         sys.exit(130)
     except Exception as error:
         if os.environ.get(DEBUG):

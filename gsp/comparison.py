@@ -24,7 +24,7 @@ from gsp.sampling import Sampler
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
 from gsp.system import VectorField
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # The grid on which errors are measured, and the tolerances of the runs compared.
 GRID_POINTS = 49
@@ -235,7 +235,7 @@ def _run(
     loosened: float = 1.0,
     begin: float | None = None,
 ) -> Trajectory:
-    return integrate(
+    return trajectory_of(
         flow,
         start=start,
         span=(scene.span[0] if begin is None else begin, float(grid[-1])),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,6 +116,21 @@ class Watched:
     settle: Settle
 
 
+class Seen(NamedTuple):
+    """What a search has looked at: `rows` up to `time` and `state`, the `signs` there, and what it knew then.
+
+    `counts` are of the crossings found, `pieces` of the steps kept; `end` is the crossing that ends the run.
+    """
+
+    rows: int
+    time: np.ndarray
+    state: np.ndarray
+    signs: np.ndarray
+    counts: tuple[int, ...]
+    pieces: int
+    end: Settled | None = None
+
+
 class Search:
     """Looks for crossings in the steps of a run as they are made: the `watch` of `advance`.
 
@@ -138,22 +154,38 @@ class Search:
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
-        self.end: Settled | None = None
-        self.rows = 0
         self.spent: list[list[int]] = []
-        self._signs = signs.copy()
         self.can_end = any(one.limit for one in self.watched)
-        self._time, self._state = np.array([first]), y[np.newaxis].copy()
-        self._pieces = [(self._time, self._state)]
+        start = np.array([first]), y[np.newaxis].copy()
+        self._pieces = [start]
+        self._signs = signs.copy()
+        self._seen = Seen(0, *start, self._signs, (0,) * len(self.watched), 1)
+
+    @property
+    def rows(self) -> int:
+        """How many rows of the record count: those looked at, or those before the end that was found."""
+        return self._seen.rows
+
+    @property
+    def end(self) -> Settled | None:
+        """The crossing that ends the run, if one was met."""
+        return self._seen.end
 
     def __call__(self, times: np.ndarray, states: np.ndarray, dense: np.ndarray) -> bool:
-        if self.end is not None or len(times) == 0:
-            return self.end is not None
-        if self.quiet is not None and self.quiet(self._time[0], self._state[0], times, states, dense):
+        """Look at these steps; they count as looked at once all of it is done, wherever Ctrl-C comes."""
+        seen = self._seen
+        if seen.end is not None or len(times) == 0:
+            return seen.end is not None
+        # What a look that did not come to its end has left is found again.
+        for found, count in zip(self.found, seen.counts):
+            del found[count:]
+        del self._pieces[seen.pieces :]
+        self._signs = seen.signs.copy()
+        if self.quiet is not None and self.quiet(seen.time[0], seen.state[0], times, states, dense):
             self._pass(times, states)
             return False
         piece = Piece(
-            np.concatenate([self._time, times]), np.concatenate([self._state, states]), dense[: len(times)]
+            np.concatenate([seen.time, times]), np.concatenate([seen.state, states]), dense[: len(times)]
         )
         shares = np.arange(SUBDIVISIONS) / SUBDIVISIONS
         t = piece.times[:-1, None] + shares * np.diff(piece.times)[:, None]
@@ -174,9 +206,9 @@ class Search:
                 continue
             self.found[column].append(settled)
             if one.limit and len(self.found[column]) >= one.limit:
-                self.end = settled
-                self.rows = self.rows + piece.step(root) if settled.row is None else settled.row
                 self._record_with_end(settled, root, wanted[i + 1 :], piece)
+                rows = seen.rows + piece.step(root) if settled.row is None else settled.row
+                self._seen = seen._replace(rows=rows, end=settled)
                 return True
         self._pass(times, states)
         return False
@@ -195,10 +227,13 @@ class Search:
                 self.found[column].append(replace(end, note=settled.note))
 
     def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
-        self.rows += len(times)
-        self._time, self._state = times[-1:], states[-1:]
         if self.can_end:
             self._pieces.append((times, states))
+        # In one assignment, which Ctrl-C cannot divide.
+        self._seen = Seen(
+            self._seen.rows + len(times), times[-1:], states[-1:], self._signs,
+            tuple(map(len, self.found)), len(self._pieces),
+        )  # fmt: skip
 
     def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
         """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""

@@ -98,6 +98,7 @@ def run(
     progress: Callable[[float], object] | None = None,
     watch: Watch | None = None,
     rows_kept: int = RECORD,
+    keeps: bool = False,
 ) -> Record:
     """`advance` by `method`, or by default as `choose_method` says, explicitly where the start is not stiff.
 
@@ -108,7 +109,7 @@ def run(
     tries = method is None and compiled.is_stiff
     record = advance(
         compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=max_steps,
-        dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries,
+        dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries, keeps=keeps,
     )  # fmt: skip
     if not tries or record.method is not Method.TAYLOR:
         return record
@@ -119,7 +120,7 @@ def run(
     ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
     rest = advance(
         compiled, p, record.states[-1], float(t), ahead, method=chosen, rtol=rtol, atol=atol,
-        max_steps=max_steps - used, dense=dense, progress=progress,
+        max_steps=max_steps - used, dense=dense, progress=progress, keeps=keeps,
     )  # fmt: skip
     return _joined(record, rest)
 
@@ -157,13 +158,14 @@ def advance(
     rows_kept: int = RECORD,
     first_step: float = 0.0,
     tries: bool = False,
+    keeps: bool = False,
 ) -> Record:
     """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
     by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. If it `tries` and the start is such, Taylor series run in place of `method`, with their
-    attempts. Ctrl-C ends it with the steps that were made.
+    attempts. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps that were made.
     """
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
@@ -202,6 +204,8 @@ def advance(
             times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
             records = np.empty((rows_kept if dense else 0, solver.rows, n))
     except KeyboardInterrupt:
+        if not keeps:
+            raise
         status = Status.INTERRUPTED
         # It may have come between any two lines above, even before the start was entered.
         all_times[0], all_states[0] = first, y

@@ -17,7 +17,7 @@ from gsp.errors import BranchError, HyperbolicityError
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
 from gsp.system import SlowFastSystem, VectorField
-from gsp.trajectory import Method, integrate
+from gsp.trajectory import Method, trajectory_of
 
 # Fast times 1/gap after which a start is expected near the branch, and how often that is doubled.
 PATIENCE, DOUBLINGS = 40.0, 7
@@ -188,7 +188,7 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
     scale = np.abs(np.linalg.eigvals(layer.jacobian(y[None, :])[0])).max() or 1.0
     span = PATIENCE / scale
     for _ in range(SEARCH_DOUBLINGS):
-        run = integrate(layer.flow(), start=_named(branch, y), span=(0.0, span), rtol=1e-8, atol=1e-10)
+        run = trajectory_of(layer.flow(), start=_named(branch, y), span=(0.0, span), rtol=1e-8, atol=1e-10)
         if not run.status.ok:
             break
         found, good = branch.follow(layer.x[None, :], start=(layer.x, run.y[:, -1]))
@@ -230,7 +230,7 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
     names = _named(branch, y)
     run = None
     for _ in range(DOUBLINGS):
-        run = integrate(
+        run = trajectory_of(
             layer.flow(), start=names, span=(0.0, span), rtol=1e-13, atol=1e-15 * scale, method=Method.DOP853
         )
         distance = np.linalg.norm(run.y - point[:, None], axis=0)

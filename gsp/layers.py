@@ -26,7 +26,7 @@ from gsp.integrators import check_grid, check_span
 from gsp.lowering import compile_flow, parameter_vector
 from gsp.reduced import restrict
 from gsp.series import SeriesManifold, expand
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Times on which a composite is given when none are asked for: in the layer, spaced geometrically from this share of
 # its length, and after it, evenly.
@@ -175,7 +175,7 @@ def composite(
             "There is nothing to match; start on the manifold, or on an attracting branch."
         )
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
-    outer = integrate(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)
+    outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)
     names = (*(s.name for s in branch.system.states), *(s.name for s in reconstruction or {}))
     times = _times(outer, value / inner.gap) if asked is None else asked
     return CompositeSolution(inner, outer, value, order, names, times)

@@ -19,7 +19,7 @@ from gsp.errors import DeclarationError, nearest
 from gsp.events import Event
 from gsp.flow import Flow, Point
 from gsp.integrators import check_span
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Neighbours in size that differ by this factor are of different kind; less is one kind of swing, changing slowly.
 GAP = 3.0
@@ -101,7 +101,7 @@ def mixed_mode(
         # Its zeros are those of the rate; without a pole in epsilon they are located to the same share of its size.
         rate = sp.expand(rate * flow.epsilon)
     events = (Event(rate, direction=-1, name="maximum"), Event(rate, direction=+1, name="minimum"))
-    run = integrate(flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, events=events)
+    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, events=events)
     column = names.index(name)
     (high_t, high), (low_t, low) = (
         (run.events[which].times, run.events[which].states[column]) for which in ("maximum", "minimum")

@@ -20,7 +20,7 @@ from gsp.reduced import ReducedFlow, restrict
 from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
 from gsp.surface_flow import SurfaceFlow, flow_on
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.
@@ -195,7 +195,7 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
     off = {name: value + start.error for name, value in start.items()}
     run, shifted = (
-        integrate(f, start=begin, span=scene.span, rtol=rtol, atol=1e-2 * rtol)
+        trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=1e-2 * rtol)
         for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimate), off))
     )
     return SurfaceOutlook(manifold, flow, start, run, shifted, outlook, preparation)

@@ -17,7 +17,7 @@ from gsp.prediction import SMALLEST_RTOL
 from gsp.region import Interval
 from gsp.scene import Scene
 from gsp.system import VectorField
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Run:
     def integrate(self, state: Mapping[str, float], span: Interval) -> Trajectory:
         """The full system over `span`, at the integrator's share of the tolerance."""
         rtol = max(INTEGRATION * self.scene.tolerance, SMALLEST_RTOL)
-        run = integrate(
+        run = trajectory_of(
             self.full,
             start=state,
             span=span,

@@ -21,7 +21,7 @@ from gsp.reduced import ReducedFlow, restrict
 from gsp.region import Interval
 from gsp.sampling import Sampler
 from gsp.series import SeriesManifold
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # A term that happens to vanish says nothing, so the runs of the next two orders are looked at.
 AHEAD = 2
@@ -187,7 +187,7 @@ def predict(
     needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1)})
     rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
     runs = {
-        k: integrate(
+        k: trajectory_of(
             restrict(series, order=k) if flows is None else flows[k],
             start=starts[k],
             span=span,

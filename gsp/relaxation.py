@@ -31,7 +31,7 @@ from gsp.passage.folds import omega0
 from gsp.reduced import ReducedFlow, restrict
 from gsp.sampling import Sampler
 from gsp.series import expand
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Slow pieces are followed at this tolerance, each for at most so much slow time.
 RTOL, ATOL = 1e-11, 1e-13
@@ -227,7 +227,7 @@ def _reduced(branch: Branch, point: Point) -> ReducedFlow:
 def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
     slow = {s.name for s in branch.system.x}
     start = named(point, what="start")
-    return integrate(
+    return trajectory_of(
         flow,
         start={name: value for name, value in start.items() if name in slow},
         span=(0.0, PATIENCE),

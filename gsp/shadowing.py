@@ -23,7 +23,7 @@ from gsp.series import expand
 from gsp.slow_points import zero_derivative
 from gsp.system import VectorField
 from gsp.tape import write_tape
-from gsp.trajectory import Method, Trajectory, integrate
+from gsp.trajectory import Method, Trajectory, trajectory_of
 
 # Fast times 1/gap of the first run, how often it is doubled, and at how many times it is looked at. The base point is
 # found from two times, the second one later by a factor and by so many layer times at least; their difference is an
@@ -89,7 +89,7 @@ def shadow(
     slow = _SlowFlow(problem, epsilon, height)
     time = LAYER_TIMES * epsilon / landing.gap
     for _ in range(EXTENSIONS):
-        run = integrate(
+        run = trajectory_of(
             flow,
             start=problem.start,
             span=(0.0, time),

@@ -21,7 +21,7 @@ from gsp.reduced import ReducedFlow, restrict
 from gsp.sampling import Sampler
 from gsp.series import SeriesManifold, expand
 from gsp.surface_flow import flow_on
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.
@@ -46,7 +46,7 @@ def run_solved(run: Run, manifold: SampledManifold) -> None:
     )
     rtol = max(INTEGRATION * scene.tolerance, SMALLEST_RTOL)
     flow = flow_on(manifold, reconstruction=scene.reconstruction)
-    slow = integrate(flow, start=start, span=scene.span, rtol=rtol, atol=1e-2 * rtol, max_steps=MAX_STEPS)
+    slow = trajectory_of(flow, start=start, span=scene.span, rtol=rtol, atol=1e-2 * rtol, max_steps=MAX_STEPS)
     run.count(slow)
     times = np.linspace(first, float(slow.t[-1]), SOLVED_LOOKS)
     there = slow.sample(times)

@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from gsp.errors import OutputError
+from gsp.interrupts import undisturbed
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], path: str | Path) -> Path:
@@ -30,7 +31,10 @@ def write_file(content: bytes, path: str | Path) -> Path:
             # A device or a pipe keeps nothing that could be replaced.
             target.write_bytes(content)
             return target
-        with tempfile.TemporaryDirectory(prefix=".gsp-", dir=target.absolute().parent) as scratch:
+        with (
+            undisturbed(),
+            tempfile.TemporaryDirectory(prefix=".gsp-", dir=target.absolute().parent) as scratch,
+        ):
             built = Path(scratch, "built")
             built.write_bytes(content)
             if target.exists():

@@ -226,6 +226,32 @@ def integrate(
     if start is None or span is None:
         missing = "start" if start is None else "span"
         raise DeclarationError(f"{missing} is missing. Got None. Only a Scene has one of its own.")
+    return trajectory_of(
+        flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=method, dense=dense,
+        max_steps=max_steps, events=events, progress=progress, keeps=True,
+    )  # fmt: skip
+
+
+def trajectory_of(
+    flow: Flow,
+    *,
+    start: Point,
+    span: tuple[float, float],
+    epsilon: float | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    at: ArrayLike | None = None,
+    method: Method | str | None = None,
+    dense: bool = True,
+    max_steps: int = 1_000_000,
+    events: Event | Iterable[Event] = (),
+    progress: Callable[[float], object] | None = None,
+    keeps: bool = False,
+) -> Trajectory:
+    """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
+
+    With `keeps` it is `integrate`, which returns what was made until then.
+    """
     y = _start(flow, start)
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
@@ -243,9 +269,9 @@ def integrate(
         compiled, rtol, fast_times(compiled, np.array(p), np.array(y), first, last)
     ):
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
-        found = integrate(
+        found = trajectory_of(
             flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
-            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress,
+            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps,
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
@@ -274,6 +300,7 @@ def integrate(
             progress=progress,
             watch=search,
             rows_kept=LOOK if search is not None and search.can_end else RECORD,
+            keeps=keeps,
         )
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: Mapping[str, Crossings] = _NO_EVENTS

@@ -30,7 +30,7 @@ from gsp.scene import Scene
 from gsp.series import SeriesManifold, expand
 from gsp.solvers import Method, check_method
 from gsp.tables import write_rows
-from gsp.trajectory import integrate
+from gsp.trajectory import trajectory_of
 from gsp.work_runs import (
     ATOL_SHARE,
     ModelKind,
@@ -256,7 +256,7 @@ def _reference(
 ) -> tuple[np.ndarray, float]:
     runs = []
     for method in REFERENCE:
-        run = integrate(
+        run = trajectory_of(
             placement.system,
             start=start,
             span=(placement.scene.span[0], float(grid[-1])),

@@ -17,7 +17,7 @@ from gsp.placement import Placement
 from gsp.reduced import restrict
 from gsp.series import SeriesManifold
 from gsp.solvers import Method, program_of
-from gsp.trajectory import integrate
+from gsp.trajectory import trajectory_of
 
 # atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.
 ATOL_SHARE = 1e-2
@@ -125,7 +125,7 @@ def full_tasks(
     span = (placement.scene.span[0], float(grid[-1]))
 
     def run(rtol: float, method: Method | None) -> tuple[np.ndarray, int | None, int | None]:
-        found = integrate(
+        found = trajectory_of(
             system,
             start=start,
             span=span,
@@ -211,7 +211,7 @@ def reduced_tasks(
         prepared = expanded + time.perf_counter() - begun
 
         def run(rtol: float, flow=flow) -> tuple[np.ndarray, int | None, int | None]:
-            found = integrate(
+            found = trajectory_of(
                 flow,
                 start=start,
                 span=(begin, float(grid[-1])),

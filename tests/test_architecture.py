@@ -15,6 +15,7 @@ ROOT = Path(gsp.__file__).parent
 # In this order; a module may import only from those above it.
 LAYERS = [
     "errors",
+    "interrupts",
     "attempts",
     "tables",
     "arguments",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from gsp import charts, parallel
 from gsp.critical import solve_critical
 from gsp.ensemble import integrate_many
 from gsp.errors import BranchError, DeclarationError, GspError, Status
+from gsp.kernels import ensemble as kernels
+from gsp.kernels import ledger
 from gsp.models import load
 from gsp.reduced import restrict
 from gsp.series import expand
@@ -289,6 +292,7 @@ def test_progress_rises_to_one():
     assert seen[-1] == 1.0
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_keeps_what_is_done():
     def interrupt(fraction):
         if fraction > 0.2:
@@ -310,11 +314,25 @@ def test_an_interrupt_keeps_what_is_done():
     assert "call again to go on" in many.message
 
 
-def test_one_long_member_is_interrupted_too():
-    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
-    timer.start()
+@pytest.mark.usefixtures("interruptible")
+def test_one_long_member_is_interrupted_too(monkeypatch):
+    # Once it is under way, however long that takes here.
+    run_members = kernels.run_members
+
+    def watched(*arguments):
+        (counters,) = (a for a in arguments if getattr(a, "shape", ()) == (1, ledger.COUNTERS_SIZE))
+        interrupter = threading.Thread(target=interrupt_once, args=(counters[0],))
+        interrupter.start()
+        run_members(*arguments)
+        interrupter.join()
+
+    def interrupt_once(counters):
+        while counters[ledger.STEPS] == 0:
+            time.sleep(0.001)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(kernels, "run_members", watched)
     many = oscillate([1, 0], span=(0, 1e9), max_steps=10**12, threads=1)
-    timer.join()
     assert many.statuses == (Status.INTERRUPTED,)
     assert 0 < many.reached[0] < 1e9
     assert np.hypot(*many.last[0]) == pytest.approx(1, abs=0.5)

@@ -273,6 +273,7 @@ def test_how_they_show():
     assert repr(Event("x")) == "Event(x)"
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_keeps_the_crossings_found():
     def interrupt(fraction):
         if fraction > 0.1:

@@ -330,6 +330,7 @@ def test_progress_rises_to_one_and_steps_beyond_one_record_are_kept(method):
     assert trajectory.t.size == trajectory.stats.steps + 1
 
 
+@pytest.mark.usefixtures("interruptible")
 @BOTH
 def test_an_interrupt_returns_what_was_computed(method):
     def interrupt(fraction):

@@ -19,7 +19,7 @@ from gsp.singularities import FoldedSingularity
 from gsp.singularities.desingularised import FoldedError, desingularise
 from gsp.singularities.folded import FoldedKind
 from gsp.system import SlowFastSystem, VectorField
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # How a singular canard leaves the folded node, in units of the local scale.
 DEPARTURE = 0.02
@@ -100,7 +100,7 @@ class Frame:
         z = self.on_critical(z)
         names = [state.name for state in self.desingularised.states]
         start = dict(zip(names, [*z, 0.0]))
-        return integrate(
+        return trajectory_of(
             self.desingularised, start=start, span=(0.0, -span), rtol=1e-9, atol=1e-12, max_steps=STEPS
         )
 
@@ -108,7 +108,7 @@ class Frame:
         """The singular orbit from the point z of M0 in the desingularised time, which ends in the node or leaves."""
         names = [state.name for state in self.desingularised.states]
         start = dict(zip(names, [*z, 0.0]))
-        return integrate(
+        return trajectory_of(
             self.desingularised,
             start=start,
             span=(0.0, PATIENCE / abs(self.rates[1])),

@@ -18,7 +18,7 @@ from gsp.canard_orbits.frame import Frame, Plane
 from gsp.canard_orbits.line import Line, SheetNotFound, crossing_times
 from gsp.errors import Status
 from gsp.solvers import Method
-from gsp.trajectory import integrate
+from gsp.trajectory import trajectory_of
 
 # Elements of a segment to begin with, and at most.
 ELEMENTS, MOST_ELEMENTS = 40, 480
@@ -202,7 +202,7 @@ class SheetBuilder:
     def _shoot(self, z: np.ndarray, time: float) -> OrbitSegment | None:
         """The orbit of the full flow from z to where it first crosses the section near the node."""
         frame = self.frame
-        run = integrate(
+        run = trajectory_of(
             frame.system, start=dict(zip([s.name for s in frame.system.states], z)),
             span=(0.0, self.side * (2.0 * time + 4.0 * frame.time)),
             epsilon=frame.epsilon, rtol=1e-9, atol=1e-11, method=Method.RADAU9,

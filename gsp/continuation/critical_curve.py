@@ -95,7 +95,7 @@ def continue_critical(
     leading = 0 if abs(tangent[0]) > VERTICAL else int(np.argmax(np.abs(tangent)))
     tangent = tangent * np.sign(tangent[leading]) * (direction or 1)
     curve = _continued(problem, options, tracer, u, tangent, both=direction == 0, at_crossing=False)
-    if not switch_branches:
+    if not switch_branches or curve.status is Ending.INTERRUPTED:
         return curve
     return replace(curve, others=tuple(_all_branches(curve, progress)))
 
@@ -291,4 +291,6 @@ def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None
                 seen += [(p.unknowns, p.directions[0]) for p in other.special if len(p.directions)]
                 found.append(other)
                 waiting.append(other)
+                if other.status is Ending.INTERRUPTED:
+                    return found
     return found

@@ -217,3 +217,10 @@ def say(
     if len(texts) == 2:
         return f"stopped after {count} points: backward {texts[0]}; forward {texts[1]}"
     return f"stopped after {count} points: {texts[0]}"
+
+
+def uninterrupted(curve: CriticalCurve) -> CriticalCurve:
+    """`curve` for a verb that goes on from it: where Ctrl-C ended it, Ctrl-C ends the verb too."""
+    if curve.status is Ending.INTERRUPTED:
+        raise KeyboardInterrupt
+    return curve

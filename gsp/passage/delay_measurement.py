@@ -16,7 +16,7 @@ from gsp.passage.delay import DelayedExit, ExitKind
 from gsp.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.passage.failure import PassageError
 from gsp.solvers import Method
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # Digits kept below the least deviation of the passage.
 SPARE = 20
@@ -174,7 +174,7 @@ def measure_delay(
         # A square, as the root of a series that vanishes is none.
         watch={_SQUARED: squared},
     )
-    double = integrate(
+    double = trajectory_of(
         system,
         start={name: float(exact(value)) for name, value in begin.items()},
         span=(0.0, last),

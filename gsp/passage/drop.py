@@ -15,7 +15,7 @@ from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function
 from gsp.region import Interval
 from gsp.system import SlowFastSystem, VectorField
-from gsp.trajectory import integrate
+from gsp.trajectory import trajectory_of
 
 # The drop begins at this distance from the fold along r, relative to 1 + |y_0|; its error there is the cube.
 BEGINNING = 1e-4
@@ -100,7 +100,9 @@ def drop_from(
         return Drop(kind, {**slow, **dict(zip(names, map(float, at)))}, spectrum)
 
     for _ in range(DOUBLINGS):
-        run = integrate(layer, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12 * scale)
+        run = trajectory_of(
+            layer, start=dict(zip(names, here)), span=(0.0, span), rtol=1e-10, atol=1e-12 * scale
+        )
         outside = _leaving(run.y, names, region)
         if outside is not None:
             return result(DropKind.LEAVES, run.y[:, outside])

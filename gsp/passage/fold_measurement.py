@@ -17,7 +17,7 @@ from gsp.lowering import compile_flow, compile_function, parameter_vector
 from gsp.passage.failure import PassageError
 from gsp.passage.folds import FoldPassage, omega0
 from gsp.solvers import Method
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).
 FORGOTTEN = 60.0
@@ -122,7 +122,7 @@ def fold_exit(
     atol = rtol * 1e-3
     run, crossing = None, None
     for _ in range(LENGTHENINGS):
-        run = integrate(
+        run = trajectory_of(
             system,
             start=named_start,
             span=(0.0, span),
@@ -326,7 +326,7 @@ def _located(
     t, z = 0.5 * (low + high), run.at(0.5 * (low + high))
     for _ in range(4):
         if t > first:
-            short = integrate(
+            short = trajectory_of(
                 run.flow,
                 start=start,
                 span=(first, t),

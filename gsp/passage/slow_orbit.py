@@ -22,7 +22,7 @@ from gsp.lowering import compile_flow, compile_function
 from gsp.passage.failure import PassageError
 from gsp.solvers import Method
 from gsp.system import VectorField
-from gsp.trajectory import integrate
+from gsp.trajectory import trajectory_of
 
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to 1 + the largest value on it.
 RESOLVED = 2e-14
@@ -161,7 +161,7 @@ class SlowOrbit:
     def _sampled(self, times: np.ndarray) -> np.ndarray | None:
         system, m = self.branch.system, len(self.branch.system.x)
         state = self.state if len(self.flow.states) > m else self.state[:m]
-        run = integrate(
+        run = trajectory_of(
             self.flow,
             start=dict(zip((s.name for s in self.flow.states), map(float, state))),
             span=(float(times[0]), float(times[-1])),

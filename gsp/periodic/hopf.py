@@ -12,6 +12,7 @@ import sympy as sp
 
 from gsp.arguments import check_noun
 from gsp.continuation import SpecialKind, continue_critical
+from gsp.continuation.curve import uninterrupted
 from gsp.declaration import exact
 from gsp.errors import DeclarationError
 from gsp.flow import Flow, Point, complete
@@ -88,11 +89,13 @@ def hopf_points(
         parameters=dict(flow.parameters),
     )
     names = [z.name for z in flow.states]
-    curve = continue_critical(
-        frozen,
-        start={**dict(zip(names, guess)), time.name: 0.0},
-        parameter=symbol,
-        bounds={symbol.name: (low, high)},
+    curve = uninterrupted(
+        continue_critical(
+            frozen,
+            start={**dict(zip(names, guess)), time.name: 0.0},
+            parameter=symbol,
+            bounds={symbol.name: (low, high)},
+        )
     )
     return tuple(
         HopfPoint(

@@ -17,7 +17,7 @@ from gsp.periodic.collocation import Cycle, gauss
 from gsp.periodic.mesh import FEWEST, adapted
 from gsp.periodic.newton import scales_of
 from gsp.solvers import Method
-from gsp.trajectory import Trajectory, integrate
+from gsp.trajectory import Trajectory, trajectory_of
 
 # A lap is a guess when it closes within this share of its amplitude.
 CLOSES = 1e-3
@@ -83,15 +83,13 @@ def settled_lap(
     # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
     steps = min(BLOCK, max_steps)
     while True:
-        run = integrate(
+        run = trajectory_of(
             flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
             atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps,
         )  # fmt: skip
         # Below ATOL a state is 0 as far as the run knows.
         ends = [0.0 if abs(v) <= ATOL else float(v) for v in run.at(run.t[-1])]
         last = {symbol.name: v for symbol, v in zip(flow.states, ends)}
-        if run.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
         lap = _closed_lap(run, closes)
         if lap is not None:
             return lap
@@ -127,12 +125,10 @@ def settled_lap(
 
 def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) -> Lap:
     """The lap of that length from `start`; raises `OrbitError` when the run does not get through it."""
-    run = integrate(
+    run = trajectory_of(
         flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=ATOL,
         method=Method.RADAU13 if flow.is_stiff else Method.DOP853,
     )  # fmt: skip
-    if run.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
     if not run.status.ok:
         raise OrbitError(
             f"the run from start does not last one period. Got {run.message}. Move the start or the period."

@@ -19,6 +19,7 @@ from gsp.analysis import Analysis
 from gsp.arguments import check_noun, check_progress, shown
 from gsp.attempts import Missing, attempt
 from gsp.errors import OutputError
+from gsp.interrupts import undisturbed
 from gsp.report.content import as_json
 from gsp.report.page import render
 
@@ -72,11 +73,14 @@ def write_report(
     files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
     # Last, so that who finds a new page finds all of it new.
     files[HTML] = render(analysis, pictures=pictures, timings=timings).encode()
+    told(0.95)
     try:
-        _install(files, target)
+        # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
+        with undisturbed():
+            _install(files, target)
+            told(1.0)
     except OSError as error:
         raise _unwritable(target, error) from error
-    told(1.0)
     return target / HTML
 
 
@@ -92,7 +96,7 @@ def check_folder(folder: str | Path) -> Path:
         if target.exists() and not target.is_dir():
             raise OutputError(f"the report goes to a folder. Got {target}, which is a file. Give another name.")
         # Permissions do not tell the whole truth (root, read-only disks): try.
-        with tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
+        with undisturbed(), tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
             pass
         for name in (HTML, JSON, *(f"{figure}.png" for figure in FIGURES)):
             if (target / name).is_dir():
