@@ -189,7 +189,7 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]
 
 
-SAMPLE = ("selkov", "two_pool", "hindmarsh_rose")
+SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
 """An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
 
 
