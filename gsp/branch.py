@@ -15,8 +15,8 @@ import sympy as sp
 
 from gsp.arguments import check_array, shown
 from gsp.differentiation import derivative
-from gsp.elimination import numerator
 from gsp.errors import BranchError, DeclarationError
+from gsp.factorisation import coefficients
 from gsp.flow import Point, as_points, complete
 from gsp.lowering import compile_flow, compile_function, finite_rows
 from gsp.system import SlowFastSystem
@@ -269,11 +269,8 @@ class Branch:
         """Coefficients of the one equation as a polynomial in the one fast variable, compiled; or None."""
         if len(self.system.y) != 1:
             return None
-        equation = numerator(self.equations[0])
-        if not equation.is_polynomial(self.system.y[0]):
-            return None
-        coefficients = sp.Poly(equation, self.system.y[0]).all_coeffs()
-        return self._compiled(tuple(coefficients), self.system.x)
+        row = coefficients(self.equations[0], self.system.y[0])
+        return None if row is None else self._compiled(tuple(row), self.system.x)
 
     def _compiled(self, outputs, arguments):
         return compile_function(

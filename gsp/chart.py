@@ -16,7 +16,7 @@ import sympy as sp
 from gsp.critical import Branch
 from gsp.differentiation import derivative, jacobian
 from gsp.errors import HyperbolicityError
-from gsp.functions import generators_needed, require_rules
+from gsp.functions import are_rational, require_rules
 from gsp.laurent import laurent
 from gsp.ring import Element, LocalisedRing, read
 
@@ -55,7 +55,7 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     ring = LocalisedRing(
         coordinates,
         constants=parameters,
-        spare=generators_needed(expressions),
+        functions=not are_rational(expressions),
         derivations=len(system.x),
     )
     for j, x in enumerate(system.x):

@@ -72,14 +72,19 @@ def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
     values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
 
     def at(e: sp.Expr) -> tuple[float, float]:
-        terms = [float(term.xreplace(values)) for term in sp.Add.make_args(sp.expand(e))]
+        # What is not real or not finite at the point is not a number, and no fold.
+        numbers = [sp.N(term.xreplace(values)) for term in sp.Add.make_args(e)]
+        terms = [float(number) if number.is_Float or number.is_Rational else np.nan for number in numbers]
         return sum(terms), sum(map(abs, terms))
 
     residuals = [at(e) for e in branch.equations]
-    slopes = [[at(derivative(e, s)) for s in system.y] for e in branch.equations]
     if not all(abs(value) <= ON_FOLD * size for value, size in residuals):
         return False
-    least = np.linalg.svd([[value for value, _ in row] for row in slopes], compute_uv=False)[-1]
+    slopes = [[at(derivative(e, s)) for s in system.y] for e in branch.equations]
+    matrix = np.array([[value for value, _ in row] for row in slopes])
+    if not np.isfinite(matrix).all():
+        return False
+    least = np.linalg.svd(matrix, compute_uv=False)[-1]
     return bool(least <= ON_FOLD * max(size for row in slopes for _, size in row))
 
 

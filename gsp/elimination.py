@@ -14,6 +14,16 @@ from math import prod
 
 import sympy as sp
 
+from gsp.factorisation import (
+    coefficients,
+    degree,
+    factor_list,
+    factored,
+    factors,
+    lowest_terms,
+    numerator,
+    quotient,
+)
 from gsp.inversion import one_inverse
 from gsp.laurent import laurent
 from gsp.system import SlowFastSystem
@@ -54,13 +64,6 @@ def pieces(system: SlowFastSystem) -> Pieces:
     return found
 
 
-def numerator(expression: sp.Expr) -> sp.Expr:
-    """Numerator of an expression over a common denominator, in lowest terms where it is rational."""
-    if expression.is_rational_function():
-        return sp.numer(sp.cancel(expression))
-    return sp.numer(sp.together(expression))
-
-
 def _note(notes: list[sp.Expr], expression: sp.Expr) -> None:
     if expression not in notes:
         notes.append(expression)
@@ -70,7 +73,7 @@ def _components(g0: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) ->
     """Every choice of one irreducible factor from each equation that makes a piece of the right dimension."""
     choices = []
     for rate in g0:
-        everything = _factors(rate, system.states)
+        everything = factors(rate, system.states)
         for factor in everything:
             if not factor.has(*system.y):
                 _note(found.unsolved, factor)
@@ -84,10 +87,6 @@ def _components(g0: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) ->
         yield list(g0)
         return
     yield from (list(choice) for choice in itertools.product(*choices))
-
-
-def _factors(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    return [factor for factor, _ in sp.factor_list(numerator(expression))[1] if factor.has(*variables)]
 
 
 def _eliminate(
@@ -106,7 +105,12 @@ def _eliminate(
     if step is not None and _stays_small(equations, *step, system):
         place, y, value = step
         rest = [numerator(e.subs(y, value)) for i, e in enumerate(equations) if i != place]
-        yield from _branching(rest, {**known, y: value}, system, found)
+        below = list(_branching(rest, {**known, y: value}, system, found))
+        here = (*equations, *(symbol - known[symbol] for symbol in known))
+        # A substitution serves a formula or a factor. One that gave neither and made the equations longer is undone.
+        if len(below) == 1 and below[0][1] is None and _operations(below[0][0]) > _operations(here):
+            below = [(here, None)]
+        yield from below
         return
     if len(equations) == 1 and len(remaining) == 1:
         solutions = _univariate(equations[0], remaining[0], system, found)
@@ -116,6 +120,10 @@ def _eliminate(
                 yield tuple(y - graph[y] for y in system.y), graph
             return
     yield (*equations, *(y - value for y, value in known.items())), None
+
+
+def _operations(equations: Sequence[sp.Expr]) -> int:
+    return sum(int(sp.count_ops(equation)) for equation in equations)
 
 
 def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], system: SlowFastSystem):
@@ -135,20 +143,20 @@ def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], s
     if best is None:
         return None
     _, place, y, slope = best
-    return place, y, sp.cancel(-equations[place].subs(y, 0) / slope)
+    return place, y, lowest_terms(-equations[place].subs(y, 0) / slope)
 
 
 def _stays_small(
     equations: Sequence[sp.Expr], place: int, y: sp.Symbol, value: sp.Expr, system: SlowFastSystem
 ) -> bool:
     """Whether the substitution keeps the degree in the fast variables low; a chain of cubics multiplies it."""
-    top, bottom = sp.fraction(sp.together(value))
-    if not (top.is_polynomial(*system.y) and bottom.is_polynomial(*system.y)):
-        return sp.count_ops(value) * len(equations) <= OPERATION_LIMIT
-    grown = sp.Poly(top, *system.y).total_degree()
+    top, bottom = sp.fraction(value)
+    grown, below = degree(top, system.y), degree(bottom, system.y)
     others = [e for i, e in enumerate(equations) if i != place and e.has(y)]
-    powers = [sp.degree(e, y) for e in others if e.is_polynomial(y)]
-    return grown * max(powers, default=1) <= DEGREE_LIMIT
+    powers = [degree(e, [y]) for e in others]
+    if grown is None or below is None or None in powers:
+        return sp.count_ops(value) * len(equations) <= OPERATION_LIMIT
+    return grown * max((power for power in powers if power is not None), default=1) <= DEGREE_LIMIT
 
 
 def _branching(
@@ -157,42 +165,40 @@ def _branching(
     """Factor what a substitution has left, and go on with every factor."""
     choices = []
     for equation in equations:
-        if sp.expand(equation) == 0:
+        if numerator(equation) == 0:
             _note(found.unsolved, sp.Add(*(y - value for y, value in known.items())))
             return
-        factors = _factors(equation, system.y)
-        if not factors:
+        parts = factors(equation, system.y)
+        if not parts:
             if equation.has(*system.x):
                 _note(found.unsolved, equation)
             return
-        choices.append(factors)
+        choices.append(parts)
     for choice in itertools.product(*choices):
         yield from _eliminate(list(choice), known, system, found)
 
 
 def _univariate(equation: sp.Expr, y: sp.Symbol, system: SlowFastSystem, found: Pieces) -> list[sp.Expr] | None:
     """Explicit real solutions of one equation in one unknown, or None when there is no useful formula."""
-    if not equation.is_polynomial(y):
+    row = coefficients(equation, y)
+    if row is None:
         value = one_inverse(equation, y)
         return None if value is None else [value]
-    coefficients = sp.Poly(equation, y).all_coeffs()
-    if len(coefficients) != 3:
+    if len(row) != 3:
         return None
-    discriminant = sp.factor(coefficients[1] ** 2 - 4 * coefficients[0] * coefficients[2])
+    discriminant = factored(row[1] ** 2 - 4 * row[0] * row[2])
     if _is_nowhere_positive(discriminant, system):
         _note(found.vanished, equation)
         return []
-    return _quadratic(coefficients, discriminant, system)
+    return _quadratic(row, discriminant, system)
 
 
-def _quadratic(
-    coefficients: Sequence[sp.Expr], discriminant: sp.Expr, system: SlowFastSystem
-) -> list[sp.Expr] | None:
+def _quadratic(row: Sequence[sp.Expr], discriminant: sp.Expr, system: SlowFastSystem) -> list[sp.Expr] | None:
     """Both roots of a y^2 + b y + c, in the form that stays finite and accurate where a vanishes; or None.
 
     Where a is not constant that form depends on the sign of b; when b has none, no one formula will do.
     """
-    a, b, c = coefficients
+    a, b, c = row
     root = _square_root(discriminant)
     if not a.has(*system.x) and not _is_zero_at_values(a, system):
         return [_shortest((-b + sign * root) / (2 * a)) for sign in (1, -1)]
@@ -209,12 +215,14 @@ def _quadratic(
 
 def _square_root(discriminant: sp.Expr) -> sp.Expr:
     """A square root, with even powers outside so that it is smooth where they vanish."""
-    coefficient, factors = sp.factor_list(discriminant)
-    outside = sp.Mul(*[f ** (k // 2) for f, k in factors])
-    return outside * sp.sqrt(coefficient * sp.Mul(*[f for f, k in factors if k % 2]))
+    constant, powers = factor_list(discriminant)
+    outside = sp.Mul(*[f ** (k // 2) for f, k in powers])
+    return outside * sp.sqrt(constant * sp.Mul(*[f for f, k in powers if k % 2]))
 
 
 def _shortest(expression: sp.Expr) -> sp.Expr:
+    if sp.count_ops(expression) > OPERATION_LIMIT:
+        return expression
     forms = (expression, sp.factor_terms(expression), sp.expand_mul(expression))
     return min(forms, key=sp.count_ops)
 
@@ -248,11 +256,10 @@ def _is_nowhere_positive(expression: sp.Expr, system: SlowFastSystem) -> bool:
 
 def _polynomial(expression: sp.Expr, system: SlowFastSystem) -> sp.Poly | None:
     """`expression` at the parameters' values as a polynomial in the states over the rationals, or None."""
-    at_values = sp.expand(expression.subs(dict(system.parameters)))
-    if not at_values.is_polynomial(*system.states):
+    found = quotient(expression.subs(dict(system.parameters)))
+    if found is None or not found.denominator.is_constant() or not set(found.atoms) <= set(system.states):
         return None
-    polynomial = sp.Poly(at_values, *system.states)
-    return polynomial if all(c.is_Rational for c in polynomial.coeffs()) else None
+    return sp.Poly(found.expression(found.numerator), *system.states)
 
 
 def _has_sign(polynomial: sp.Poly, sign: int) -> bool:
@@ -284,4 +291,4 @@ def _back_substituted(known: Graph, system: SlowFastSystem) -> Graph:
         if not any(value.has(*system.y) for value in graph.values()):
             break
         graph = {y: value.xreplace(graph) for y, value in graph.items()}
-    return {y: sp.cancel(v) if v.is_rational_function(*system.x) else _shortest(v) for y, v in graph.items()}
+    return {y: lowest_terms(v) if v.is_rational_function(*system.x) else _shortest(v) for y, v in graph.items()}

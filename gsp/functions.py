@@ -18,10 +18,9 @@ Operand = Any
 
 
 class Rule(NamedTuple):
-    """How one function is adjoined: its derivative and how many generators that takes."""
+    """How one function is adjoined: its derivative, and its value at 0 where that is rational."""
 
     rate: Callable[[Operand, Operand], Operand] | None
-    generators: int
     at_zero: int | None = None
 
 
@@ -30,23 +29,23 @@ def _reciprocal_root(square: Operand) -> Operand:
 
 
 RULES: dict[str, Rule] = {
-    "exp": Rule(lambda v, u: v, 1, at_zero=1),
-    "log": Rule(lambda v, u: u.inverse(), 1),
-    "sqrt": Rule(lambda v, u: (v * 2).inverse(), 1),
-    "sin": Rule(lambda v, u: u.apply("cos"), 2, at_zero=0),
-    "cos": Rule(lambda v, u: -u.apply("sin"), 2, at_zero=1),
-    "tan": Rule(lambda v, u: v * v + 1, 1, at_zero=0),
-    "sinh": Rule(lambda v, u: u.apply("cosh"), 2, at_zero=0),
-    "cosh": Rule(lambda v, u: u.apply("sinh"), 2, at_zero=1),
-    "tanh": Rule(lambda v, u: -(v * v) + 1, 1, at_zero=0),
-    "asin": Rule(lambda v, u: _reciprocal_root(-(u * u) + 1), 2, at_zero=0),
-    "acos": Rule(lambda v, u: -_reciprocal_root(-(u * u) + 1), 2),
-    "atan": Rule(lambda v, u: (u * u + 1).inverse(), 1, at_zero=0),
-    "asinh": Rule(lambda v, u: _reciprocal_root(u * u + 1), 2, at_zero=0),
-    "acosh": Rule(lambda v, u: _reciprocal_root(u * u + (-1)), 2),
-    "atanh": Rule(lambda v, u: (-(u * u) + 1).inverse(), 1, at_zero=0),
-    "erf": Rule(lambda v, u: (-(u * u)).apply("exp") * u.apply("pi").apply("sqrt").inverse() * 2, 4, at_zero=0),
-    "sign": Rule(None, 1),
+    "exp": Rule(lambda v, u: v, at_zero=1),
+    "log": Rule(lambda v, u: u.inverse()),
+    "sqrt": Rule(lambda v, u: (v * 2).inverse()),
+    "sin": Rule(lambda v, u: u.apply("cos"), at_zero=0),
+    "cos": Rule(lambda v, u: -u.apply("sin"), at_zero=1),
+    "tan": Rule(lambda v, u: v * v + 1, at_zero=0),
+    "sinh": Rule(lambda v, u: u.apply("cosh"), at_zero=0),
+    "cosh": Rule(lambda v, u: u.apply("sinh"), at_zero=1),
+    "tanh": Rule(lambda v, u: -(v * v) + 1, at_zero=0),
+    "asin": Rule(lambda v, u: _reciprocal_root(-(u * u) + 1), at_zero=0),
+    "acos": Rule(lambda v, u: -_reciprocal_root(-(u * u) + 1)),
+    "atan": Rule(lambda v, u: (u * u + 1).inverse(), at_zero=0),
+    "asinh": Rule(lambda v, u: _reciprocal_root(u * u + 1), at_zero=0),
+    "acosh": Rule(lambda v, u: _reciprocal_root(u * u + (-1))),
+    "atanh": Rule(lambda v, u: (-(u * u) + 1).inverse(), at_zero=0),
+    "erf": Rule(lambda v, u: (-(u * u)).apply("exp") * u.apply("pi").apply("sqrt").inverse() * 2, at_zero=0),
+    "sign": Rule(None),
 }
 # Written with `sign`: by `composed`, once for every kind of operand.
 COMPOSED = ("Abs", "Heaviside", "Max", "Min")
@@ -105,26 +104,23 @@ def require_rules(equations: Mapping[str, sp.Expr]) -> None:
     """Raise `UnsupportedFunctionError` for the first of `equations`, by the left side, that has no power series."""
     for left, expression in equations.items():
         try:
-            generators_needed([expression])
+            are_rational([expression])
         except UnsupportedFunctionError as error:
             raise UnsupportedFunctionError(f"in the equation for {left}: {error}") from None
 
 
-def generators_needed(expressions: Iterable[sp.Expr]) -> int:
-    """An upper bound on the generators that the functions in `expressions` adjoin."""
-    # In the order in which they are met, so that an error names the same function every time.
-    seen: dict[sp.Expr, int] = {}
+def are_rational(expressions: Iterable[sp.Expr]) -> bool:
+    """Whether reading `expressions` adjoins no function; raises `UnsupportedFunctionError` for one without a rule."""
+    rational = True
+    seen: set[sp.Expr] = set()
     for expression in expressions:
+        # In the order in which they are met, so that an error names the same function every time.
         for piece in sp.preorder_traversal(expression):
             if piece not in seen and not is_rational_node(piece):
-                name, operands = parts(piece)
-                if name in RULES:
-                    seen[piece] = RULES[name].generators
-                elif name in COMPOSED:
-                    seen[piece] = max(1, len(operands) - 1)
-                else:
-                    seen[piece] = 2
-    return sum(seen.values())
+                seen.add(piece)
+                parts(piece)
+                rational = False
+    return rational
 
 
 def is_rational_node(piece: sp.Expr) -> bool:

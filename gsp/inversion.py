@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
+from gsp.factorisation import factored, lowest_terms, numerator
+
 INVERSES = {sp.exp: sp.log, sp.log: sp.exp, sp.tanh: sp.atanh, sp.sinh: sp.asinh, sp.atanh: sp.tanh}
 
 
@@ -21,10 +23,10 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
     matrix = sp.Matrix(remaining).jacobian(list(unknown))
     if not matrix.has(*unknown):
         offset = sp.Matrix(remaining).subs(dict.fromkeys(unknown, 0))
-        if sp.cancel(matrix.det(method="berkowitz")) == 0:
+        if numerator(matrix.det(method="berkowitz")) == 0:
             return None
         solution = matrix.LUsolve(-offset)
-        return {z: sp.factor(sp.cancel(value)) for z, value in zip(unknown, solution)}
+        return {z: factored(value) for z, value in zip(unknown, solution)}
     solved: dict[sp.Symbol, sp.Expr] = {}
     while remaining:
         step = _isolate(remaining, [z for z in unknown if z not in solved])
@@ -34,7 +36,7 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
         del remaining[place]
         solved = {z: e.xreplace({symbol: value}) for z, e in solved.items()}
         solved[symbol] = value
-        remaining = [sp.numer(sp.together(e.xreplace({symbol: value}))) for e in remaining]
+        remaining = [numerator(e.xreplace({symbol: value})) for e in remaining]
     return {z: solved[z] for z in unknown}
 
 
@@ -45,11 +47,11 @@ def _isolate(equations: Sequence[sp.Expr], unknown: Sequence[sp.Symbol]):
         for symbol in unknown:
             if not equation.has(symbol):
                 continue
-            slope = sp.cancel(sp.diff(equation, symbol)) if equation.is_polynomial(symbol) else None
+            slope = lowest_terms(sp.diff(equation, symbol)) if equation.is_polynomial(symbol) else None
             if slope is not None and not slope.has(symbol):
                 rank = 1 if slope.has(*unknown) else 0
                 if best is None or rank < best[0]:
-                    best = (rank, place, symbol, sp.cancel(-equation.subs(symbol, 0) / slope))
+                    best = (rank, place, symbol, lowest_terms(-equation.subs(symbol, 0) / slope))
             elif best is None:
                 value = one_inverse(equation, symbol)
                 if value is not None:
@@ -72,5 +74,5 @@ def one_inverse(equation: sp.Expr, symbol: sp.Symbol) -> sp.Expr | None:
     slope = sp.diff(argument, symbol)
     if outer.has(symbol) or outer_slope.has(stand_in) or slope == 0 or slope.has(symbol):
         return None
-    value = sp.cancel(-outer.subs(stand_in, 0) / outer_slope)
+    value = lowest_terms(-outer.subs(stand_in, 0) / outer_slope)
     return (INVERSES[inner.func](value) - argument.subs(symbol, 0)) / slope

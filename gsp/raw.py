@@ -13,7 +13,7 @@ import sympy as sp
 
 from gsp.chart import dot, invert
 from gsp.errors import HyperbolicityError
-from gsp.functions import generators_needed
+from gsp.functions import are_rational
 from gsp.inversion import solve_for
 from gsp.power_series import SeriesProgram
 from gsp.ring import Element, LocalisedRing, read
@@ -79,7 +79,7 @@ def _composed(series, chart, onto, f, start) -> RawManifold | None:
     ring = LocalisedRing(
         chart,
         constants=tuple(system.parameters),
-        spare=generators_needed(used),
+        functions=not are_rational(used),
         derivations=len(chart),
     )
     for j, z in enumerate(chart):

@@ -19,17 +19,26 @@ from gsp.polynomials import horner_expression, polynomial_expression, primitive_
 
 # Numerators longer than this are shown expanded: factoring them costs more than it explains.
 FACTOR_LIMIT = 400
+# Room for this many functions at first, doubled when it is used up; every generator lengthens all monomials.
+FIRST_ROOM = 4
 
 
 class Element:
     """N / D^e in a `LocalisedRing`; supports + - * with elements and integers."""
 
-    __slots__ = ("exponents", "numerator", "ring")
+    __slots__ = ("_numerator", "exponents", "ring")
 
     def __init__(self, ring: LocalisedRing, numerator: flint.fmpq_mpoly, exponents: tuple[int, ...]) -> None:
         self.ring = ring
-        self.numerator = numerator
+        self._numerator = numerator
         self.exponents = exponents
+
+    @property
+    def numerator(self) -> flint.fmpq_mpoly:
+        """N, in the generators that the ring has by now."""
+        if self._numerator.context() is not self.ring.context:
+            self._numerator = self._numerator.project_to_context(self.ring.context)
+        return self._numerator
 
     def __add__(self, other: Element | int) -> Element:
         if isinstance(other, int):
@@ -152,9 +161,9 @@ class Element:
 class LocalisedRing:
     """QQ[coordinates, parameters, adjoined functions] localised at irreducible denominators.
 
-    `spare` generators are kept for functions that are adjoined while expressions are read. `derivations` is
-    the number of derivations; they are zero on `constants`, and the image of a coordinate under each is given
-    by `set_derivative`.
+    `functions` says that functions are to be adjoined (`gsp.functions.are_rational` tells); how many need not be
+    known. `derivations` is the number of derivations; they are zero on `constants`, and the image of a coordinate
+    under each is given by `set_derivative`.
     """
 
     def __init__(
@@ -162,15 +171,16 @@ class LocalisedRing:
         coordinates: Sequence[sp.Symbol],
         *,
         constants: Sequence[sp.Symbol] = (),
-        spare: int = 0,
+        functions: bool = False,
         derivations: int = 0,
     ) -> None:
         symbols = (*coordinates, *constants)
         # Lexicographic with the adjoined functions first when there are any: division by a relation such as
         # s^2 + c^2 - 1 or q^2 - u then lowers the power of s or q, whatever the degree of u.
-        names = [f"a{i}" for i in range(spare)] + [f"g{i}" for i in range(len(symbols))]
-        ordering = flint.Ordering.lex if spare else flint.Ordering.degrevlex
-        self.context = flint.fmpq_mpoly_ctx.get(names, ordering)
+        self._ordering = flint.Ordering.lex if functions else flint.Ordering.degrevlex
+        self._names = [f"g{i}" for i in range(len(symbols))]
+        self._room = 0
+        self._meaning: list[sp.Expr] = list(symbols)
         self.relations: list[flint.fmpq_mpoly] = []
         self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], Element]]] = []
         # sign(u) and u, which are shown as |u| where they are multiplied.
@@ -178,17 +188,36 @@ class LocalisedRing:
         self._adjoined_count = 0
         self.denominators: list[flint.fmpq_mpoly] = []
         self._powers: list[list[flint.fmpq_mpoly]] = []
-        self._meaning: list[sp.Expr] = [sp.nan] * spare + list(symbols)
-        self._spare = spare
-        self._index = {symbol: i + spare for i, symbol in enumerate(symbols)}
+        # Generators are counted from the back, as negative numbers: room for more is made at the front.
+        self._index = {symbol: i - len(symbols) for i, symbol in enumerate(symbols)}
         self._adjoined: dict[tuple, Element] = {}
         self.derivations = derivations
         self._derivatives: list[dict[int, Element]] = [{} for _ in range(derivations)]
         self._pending: dict[int, tuple[str, Element, Element | None]] = {}
-        self._constant = set(range(spare + len(coordinates), spare + len(symbols)))
-        self._gens = self.context.gens()
+        self._constant = {self._index[symbol] for symbol in constants}
+        self._make_room(FIRST_ROOM if functions else 0)
         self.zero = Element(self, self.context.constant(0), ())
         self.one = Element(self, self.context.constant(1), ())
+
+    def _make_room(self, more: int) -> None:
+        """Let `more` functions be adjoined; elements follow when they are next used."""
+        # What is adjoined later comes first in the ordering, so that in q^2 - u the power of q leads even when u
+        # contains functions itself. The names stay, and with them the keys of elements.
+        first = self._room
+        self._names = [f"a{i}" for i in reversed(range(first, first + more))] + self._names
+        self._meaning = [sp.nan] * more + self._meaning
+        self._room += more
+        self.context = flint.fmpq_mpoly_ctx.get(self._names, self._ordering)
+        self._gens = self.context.gens()
+
+        def moved(polynomial: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
+            return polynomial.project_to_context(self.context)
+
+        self.relations = [moved(p) for p in self.relations]
+        self.roots = [(moved(v), reciprocal) for v, reciprocal in self.roots]
+        self._distances = [(moved(sign), moved(u)) for sign, u in self._distances]
+        self.denominators = [moved(p) for p in self.denominators]
+        self._powers = [[moved(p) for p in powers] for powers in self._powers]
 
     # -- denominators ------------------------------------------------------------------------------
 
@@ -247,6 +276,9 @@ class LocalisedRing:
         for i in [i for i in self._pending if degrees[i] > 0]:
             if i in self._pending:
                 self._settle(i)
+        if polynomial.context() is not self.context:
+            polynomial = polynomial.project_to_context(self.context)
+            degrees = polynomial.degrees()
         for i, image in self._derivatives[j].items():
             if degrees[i] <= 0:
                 continue
@@ -264,12 +296,10 @@ class LocalisedRing:
             return self._adjoined[identity]
         if name == "exp" and ("exp", *(-u).key) in self._adjoined:
             return self._adjoined["exp", *(-u).key].inverse()
-        # Filled from the back: what is adjoined later comes first in the ordering, so that in q^2 - u the power
-        # of q leads even when u contains functions itself.
-        i = self._spare - 1 - self._adjoined_count
-        if i < 0:
-            raise RuntimeError(f"no spare generator left for {name}; generators_needed() is wrong")
+        if self._adjoined_count == self._room:
+            self._make_room(max(self._room, FIRST_ROOM))
         self._adjoined_count += 1
+        i = -len(self._index) - self._adjoined_count
         argument = self.to_sympy(u)
         if name in CONSTANTS:
             self._meaning[i] = CONSTANTS[name]
@@ -310,13 +340,13 @@ class LocalisedRing:
 
     def is_constant(self, a: Element) -> bool:
         """Whether every derivation vanishes on `a` because it contains constants only."""
-        degrees = a.numerator.degrees()
-        inside = all(i in self._constant for i, degree in enumerate(degrees) if degree > 0)
-        return inside and all(
-            all(k in self._constant for k, degree in enumerate(self.denominators[i].degrees()) if degree > 0)
-            for i, exponent in enumerate(a.exponents)
-            if exponent
+        return self._in_constants(a.numerator) and all(
+            self._in_constants(self.denominators[i]) for i, exponent in enumerate(a.exponents) if exponent
         )
+
+    def _in_constants(self, polynomial: flint.fmpq_mpoly) -> bool:
+        degrees = polynomial.degrees()
+        return all(i - len(degrees) in self._constant for i, degree in enumerate(degrees) if degree > 0)
 
     def _settle(self, i: int) -> None:
         """Form the derivatives of an adjoined function: D F(u) = rate(F, u) D u."""

@@ -32,6 +32,7 @@ LAYERS = [
     "remembering",
     "lowering",
     "polynomials",
+    "factorisation",
     "ring",
     "power_series",
     "truncation",
@@ -116,7 +117,7 @@ LAYERS = [
 LIBRARIES = {
     "numpy": None,
     "sympy": None,
-    "flint": {"passage", "polynomials", "ring", "singularities"},
+    "flint": {"factorisation", "passage", "polynomials", "ring", "singularities"},
     "numba": {"kernels"},
     "llvmlite": {"kernels", "lowering", "machine_code"},
     "scipy": {"branch", "hyperbolicity", "losses", "passage", "peers", "periodic", "sampling"},

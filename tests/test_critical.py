@@ -306,3 +306,32 @@ def test_a_start_on_a_fold_has_no_nearest_sheet() -> None:
         critical.nearest({"x": 1, "y": -2 / 3})
     with pytest.raises(BranchError, match="no branch of the critical manifold is real"):
         critical.nearest({"x": 1, "y": 1e300})
+
+
+def test_a_start_beside_a_branch_with_a_complex_formula_is_refused_in_words() -> None:
+    critical = solve_critical(one(y**2 + y + x * sp.tanh(x) - 1))
+    with pytest.raises(BranchError, match="no branch of the critical manifold is real"):
+        critical.nearest({"x": 3, "y": 0})
+
+
+def test_a_narrow_gaussian_is_an_atom_and_is_not_written_as_powers() -> None:
+    dip = sp.exp(-(((x - sp.Rational(3, 10)) / sp.Rational(1, 100)) ** 2))
+    (branch,) = solve_critical(one(-y * (1 - sp.Rational(11, 10) * dip))).branches
+    assert dict(branch.graph or {}) == {y: 0}
+
+
+def test_what_is_too_long_to_factor_stays_an_equation() -> None:
+    s, c, k = sp.symbols("s c k")
+    dear = SlowFastSystem(
+        slow={s: -s}, fast={c: (s + c + k + a) ** 99 - 1, k: s - k**3 - k}, epsilon=eps, parameters={a: 1}
+    )
+    (branch,) = solve_critical(dear).branches
+    assert not branch.is_explicit
+    point = branch.through({"s": 0.0, "c": 0.0, "k": 0.0}).points(0.0)
+    assert point == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_a_substitution_that_gives_no_formula_and_no_factor_is_undone() -> None:
+    fast = {y: -y - z * sp.tanh(x) - sp.sin(y) / 3 - x, z: -(z**3) - 2 * z + sp.sin(x)}
+    (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps)).branches
+    assert sum(sp.count_ops(e) for e in branch.equations) <= sum(sp.count_ops(e) for e in fast.values()) + 6

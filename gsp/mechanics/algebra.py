@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.chart import dot, invert
-from gsp.functions import generators_needed
+from gsp.functions import are_rational
 from gsp.lowering import compile_function
 from gsp.ring import Element, LocalisedRing, read
 
@@ -103,7 +103,7 @@ class Algebra:
         self._angles = Angles(expressions)
         expanded = [self._angles.expand(e) for e in expressions]
         self.ring = LocalisedRing(
-            coordinates, constants=parameters, spare=generators_needed(expanded), derivations=derivations
+            coordinates, constants=parameters, functions=not are_rational(expanded), derivations=derivations
         )
         self.coordinates = tuple(coordinates)
         self._trigonometric: dict[sp.Expr, dict[str, Element]] = {}
