@@ -29,6 +29,9 @@ _NO_NUMBERS = frozenset({bool, np.bool_, bytes, np.ndarray, np.complex64, np.com
 # Series of higher order than any that double precision can use; more would take for ever.
 HIGHEST_ORDER = 200
 
+# Third powers of numbers within this factor of 1 are held by double precision.
+LARGEST = 1e100
+
 
 class Flow:
     """A field z' = F(z, epsilon) in slow time, with its parameters' values and what else can be read off z.
@@ -146,10 +149,15 @@ def named(values: Point, *, what: str) -> dict[str, float]:
 
 
 def check_epsilon(value: float, *, what: str = "epsilon") -> float:
-    """`value` as a float when it is finite and positive; raises `DeclarationError` otherwise."""
+    """`value` as a float when it is finite, positive and within 1e100 of 1; raises `DeclarationError` otherwise."""
     number = as_float(value)
-    if 0.0 < number < float("inf"):
+    if 1.0 / LARGEST <= number <= LARGEST:
         return number
+    if 0.0 < number < float("inf"):
+        raise DeclarationError(
+            f"{what} lies beyond {LARGEST:g} or below {1.0 / LARGEST:g}, where its powers leave double precision. "
+            f"Got {number:g}. For the limit use the series at order 0."
+        )
     if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):
         raise DeclarationError(
             f"{what} must be finite and positive. Got {shown(value)}. For the limit use the series at order 0."

@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.arguments import shown
 from gsp.errors import DeclarationError, nearest
-from gsp.flow import named
+from gsp.flow import LARGEST, named
 
 Interval = tuple[float, float]
 
@@ -39,7 +39,8 @@ def check_region(
 ) -> Mapping[str, Interval]:
     """`region` as {name: (low, high)} in the order of `names`, every `required` name among them.
 
-    Raises `DeclarationError` for unknown names, missing ones, and empty or reversed intervals.
+    Raises `DeclarationError` for unknown names, missing ones, and intervals that are empty, reversed, or so large or
+    narrow that double precision does not hold their third powers.
     """
     if not isinstance(region, Mapping):
         raise DeclarationError(f"region maps states to intervals (low, high). Got {shown(region)}.")
@@ -56,6 +57,12 @@ def check_region(
         given[name] = check_interval(
             bounds, what=f"region of {name}", remedy="Give (low, high) with low < high."
         )
+        low, high = given[name]
+        if max(abs(low), abs(high)) > LARGEST or high - low < 1.0 / LARGEST:
+            raise DeclarationError(
+                f"the region of {name} reaches beyond {LARGEST:g} or is narrower than {1.0 / LARGEST:g}. "
+                f"Got ({low:g}, {high:g}). Rescale {name}, or move the region."
+            )
     if not given:
         raise DeclarationError(
             f"region bounds no state. Got {{}}. Give at least one of {', '.join(required or names)} "

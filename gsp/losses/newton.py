@@ -19,7 +19,7 @@ def gauss_newton(
             return None
         step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
         length = np.linalg.norm(step)
-        u = u - step * min(1.0, limit / max(length, 1e-300))
+        u = u - (step if length <= limit else step * (limit / length))
         if length < 1e-12 * (1.0 + np.linalg.norm(u)):
             break
     value, _ = evaluate(u)
