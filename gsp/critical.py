@@ -58,12 +58,34 @@ class CriticalManifold:
             )
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
+        self._refuse_far_branch(x, y, best[0])
         return best[1]
+
+    def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:
+        """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""
+        system = self.system
+        values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
+        for piece in self.unsolved:
+            slopes = [_real(derivative(piece, s).xreplace(values)) for s in system.y]
+            # To first order, and in the fast directions, as the distance of a branch is meant.
+            length = float(np.linalg.norm(slopes))
+            if length > 0.0 and abs(_real(piece.xreplace(values))) / length < distance:
+                raise BranchError(
+                    f"the start is nearest to the piece {piece} = 0 of the critical manifold, which is no graph of "
+                    f"{', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
+                    f"nearest branch is {distance:.3g} away. {_hidden_time_scale(system)}"
+                )
 
     def __repr__(self) -> str:
         return f"CriticalManifold({', '.join(map(str, self.branches))})"
 
     __str__ = __repr__
+
+
+def _real(constant: sp.Expr) -> float:
+    """The value of a constant, not a number where it is not real or not finite."""
+    number = sp.N(constant)
+    return float(number) if number.is_Float or number.is_Rational else np.nan
 
 
 def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
@@ -73,8 +95,7 @@ def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
 
     def at(e: sp.Expr) -> tuple[float, float]:
         # What is not real or not finite at the point is not a number, and no fold.
-        numbers = [sp.N(term.xreplace(values)) for term in sp.Add.make_args(e)]
-        terms = [float(number) if number.is_Float or number.is_Rational else np.nan for number in numbers]
+        terms = [_real(term.xreplace(values)) for term in sp.Add.make_args(e)]
         return sum(terms), sum(map(abs, terms))
 
     residuals = [at(e) for e in branch.equations]

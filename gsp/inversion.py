@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from gsp.factorisation import factored, lowest_terms, numerator
+from gsp.factorisation import coefficients, factored, lowest_terms, numerator
 
 INVERSES = {sp.exp: sp.log, sp.log: sp.exp, sp.tanh: sp.atanh, sp.sinh: sp.asinh, sp.atanh: sp.tanh}
 
@@ -15,7 +15,7 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
     """Each unknown, in order, as an expression from {value: expression in unknowns}, or None without a formula.
 
     Linear systems are solved together; other equations one at a time, each for an unknown that a linear step or
-    one inverse function isolates. Two-valued formulas (square roots) are refused.
+    one inverse function or odd root isolates. Two-valued formulas (square roots) are refused.
     """
     remaining = [expression - value for value, expression in equations.items()]
     if not unknown:
@@ -41,7 +41,7 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
 
 
 def _isolate(equations: Sequence[sp.Expr], unknown: Sequence[sp.Symbol]):
-    """(place, symbol, value) of the plainest step: a constant slope, then any other, then an inverse function."""
+    """(place, symbol, value) of the plainest step: a constant slope, any other, an inverse function, an odd root."""
     best = None
     for place, equation in enumerate(equations):
         for symbol in unknown:
@@ -54,6 +54,7 @@ def _isolate(equations: Sequence[sp.Expr], unknown: Sequence[sp.Symbol]):
                     best = (rank, place, symbol, lowest_terms(-equation.subs(symbol, 0) / slope))
             elif best is None:
                 value = one_inverse(equation, symbol)
+                value = _odd_root(equation, symbol) if value is None else value
                 if value is not None:
                     best = (2, place, symbol, value)
     return None if best is None else best[1:]
@@ -76,3 +77,12 @@ def one_inverse(equation: sp.Expr, symbol: sp.Symbol) -> sp.Expr | None:
         return None
     value = lowest_terms(-outer.subs(stand_in, 0) / outer_slope)
     return (INVERSES[inner.func](value) - argument.subs(symbol, 0)) / slope
+
+
+def _odd_root(equation: sp.Expr, symbol: sp.Symbol) -> sp.Expr | None:
+    """The real solution of a z^n + b with odd n, smooth where it is not zero; None for other equations."""
+    row = coefficients(equation, symbol)
+    if row is None or len(row) % 2 or any(c != 0 for c in row[1:-1]):
+        return None
+    power = lowest_terms(-row[-1] / row[0])
+    return sp.sign(power) * sp.Abs(power) ** sp.Rational(1, len(row) - 1)

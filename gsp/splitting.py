@@ -292,7 +292,7 @@ def _vanishing_factors(determinant: sp.Expr) -> tuple[sp.Expr, ...]:
 
 
 def _is_restricted(splitting: Splitting) -> bool:
-    pieces = {p for e in splitting.inverse.values() for p in e.atoms(sp.log, sp.atanh, sp.Pow)}
+    pieces = {p for e in splitting.inverse.values() for p in e.atoms(sp.log, sp.atanh, sp.sign, sp.Pow)}
     return any(not p.is_Pow or (p.exp.is_Rational and not p.exp.is_Integer) for p in pieces)
 
 

@@ -335,3 +335,16 @@ def test_a_substitution_that_gives_no_formula_and_no_factor_is_undone() -> None:
     fast = {y: -y - z * sp.tanh(x) - sp.sin(y) / 3 - x, z: -(z**3) - 2 * z + sp.sin(x)}
     (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps)).branches
     assert sum(sp.count_ops(e) for e in branch.equations) <= sum(sp.count_ops(e) for e in fast.values()) + 6
+
+
+def test_a_start_on_a_piece_that_is_no_graph_is_not_given_a_far_branch() -> None:
+    # In (x, y, z - y^2) only y is fast; the far branch is an accident of the factor y + z - 20.
+    shared = (x - y) * (y + z - 20)
+    hidden = SlowFastSystem(
+        slow={x: -x}, fast={y: shared, z: 2 * y * (x - y) * (y - 15) + eps * (x - z)}, epsilon=eps
+    )
+    critical = solve_critical(hidden)
+    assert critical.unsolved
+    with pytest.raises(BranchError, match=r"nearest to the piece .* which is no graph of y, z over .* x"):
+        critical.nearest({"x": 0.5, "y": 0.45, "z": 0.2})
+    assert critical.nearest({"x": 0.5, "y": 15.0, "z": 5.0}).is_explicit

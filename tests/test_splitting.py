@@ -340,3 +340,16 @@ def test_the_layer_and_the_drift_add_up_to_the_field() -> None:
     for given_rate, layer, drift in zip(rates.values(), result.N * result.layer, result.drift):
         assert sp.cancel(laurent(given_rate, eps, order=-1)[-1] - layer) == 0
         assert sp.simplify(given_rate - layer / eps - drift) == 0
+
+
+def test_an_integral_that_an_odd_root_inverts_gives_a_standard_form() -> None:
+    x, y, eps = sp.symbols("x y epsilon")
+    f = x + y - 3
+    field = VectorField({x: -y * f / eps + 1, y: -(x**2) * f / eps}, epsilon=eps)
+    found = split(field)
+    assert found.is_standard
+    (phi,) = (found.coordinates[s] for s in found.system.x)
+    assert phi == 2 * x**3 - 3 * y**2
+    raw = {"x": 1.3, "y": 0.7}
+    assert found.to_raw(found.to_new(raw)) == pytest.approx(raw)
+    assert found.to_raw(found.to_new({"x": -1.3, "y": 0.7})) == pytest.approx({"x": -1.3, "y": 0.7})
