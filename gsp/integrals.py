@@ -13,6 +13,7 @@ from typing import Any
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
+from gsp.factorisation import factor_list, lowest_terms
 from gsp.laurent import vanishes
 
 # Polynomial ansatz up to this degree, and at most this many unknown coefficients.
@@ -49,17 +50,14 @@ def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, wa
 def _without_common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
     """The layer field divided by what all its components share: orbits, hence integrals, stay the same."""
     common = common_factor(layer, states)
-    return [sp.cancel(component / common) if component != 0 else sp.Integer(0) for component in layer]
+    return [lowest_terms(component / common) if component != 0 else sp.Integer(0) for component in layer]
 
 
 def common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Expr:
     """Greatest common divisor of the components over their common denominator, free of constant factors."""
-    nonzero = [sp.fraction(sp.together(component)) for component in layer if component != 0]
-    divisor = nonzero[0][0]
-    for numerator, _ in nonzero[1:]:
-        divisor = sp.gcd(divisor, numerator)
-    factors = [f**k for f, k in sp.factor_list(divisor)[1] if f.has(*states)]
-    return sp.Mul(*factors)
+    rows = [dict(factor_list(component)[1]) for component in layer if component != 0]
+    shared = {f: min(row.get(f, 0) for row in rows) for f in rows[0]}
+    return sp.Mul(*[f**k for f, k in shared.items() if f.has(*states)])
 
 
 def _numerators(expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
