@@ -57,3 +57,44 @@ def jacobian(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> sp.Mat
     """The matrix of `derivative`s, a row for each of `expressions`."""
     columns = list(symbols)
     return sp.Matrix([[derivative(e, s) for s in columns] for e in expressions])
+
+
+def without_overflow(expression: Any) -> Any:
+    """`expression` with the quotients that derivatives of 1/cosh and of 1/(c + k exp) bring in made of bounded parts.
+
+    sinh(u)/cosh(u) becomes tanh(u), and exp(u)/B with B = c + k exp(u) becomes (1 - c/B)/k; both parts of each overflow
+    where the quotient is finite. Where exp(u) is small the second loses relative accuracy: take it where needed only.
+    """
+    if not expression.args:
+        return expression
+    expression = expression.func(*(without_overflow(part) for part in expression.args))
+    if not expression.is_Mul:
+        return expression
+    powers = expression.as_powers_dict()
+    for base, exponent in list(powers.items()):
+        if not (exponent.is_Integer and exponent < 0):
+            continue
+        if isinstance(base, sp.cosh):
+            above = sp.sinh(base.args[0])
+            times = min(int(powers.get(above, 0)), -int(exponent)) if above in powers else 0
+            if times > 0:
+                expression = expression / above**times * base**times * sp.tanh(base.args[0]) ** times
+        elif base.is_Add:
+            expression = _gate_bounded(expression, base, -int(exponent))
+    return expression
+
+
+def _gate_bounded(expression: Any, base: Any, most: int) -> Any:
+    """`expression`, a product with 1/`base`^`most`, with its factor exp(u) over the base bounded."""
+    raised = [term for term in base.args if term.has(sp.exp)]
+    if len(raised) != 1:
+        return expression
+    k, wave = raised[0].as_independent(sp.exp, as_Add=False)
+    if not (k.is_number and isinstance(wave, sp.exp)):
+        return expression
+    for times in range(most, 0, -1):
+        # Products of exponentials stand as one.
+        rest = expression / wave**times
+        if not any(isinstance(factor, sp.exp) for factor in sp.Mul.make_args(rest)):
+            return rest * base**times * ((1 - (base - raised[0]) / base) / k) ** times
+    return expression

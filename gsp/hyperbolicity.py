@@ -18,7 +18,7 @@ from gsp.branch import Branch
 from gsp.errors import BranchError
 from gsp.flow import as_points, check_epsilon
 from gsp.losses import Loss, LossKind, examine, sheet_ends, singular_points
-from gsp.losses.locator import ZERO_TOLERANCE, unstable
+from gsp.losses.locator import unstable
 from gsp.losses.shrinking import SubRegion, largest_sub_region
 from gsp.region import Interval, check_region
 from gsp.sampling import Sampler, grid
@@ -164,7 +164,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     if missing and not losses and found.diagnosis is not None:
         losses = tuple(sheet_ends(found.diagnosis, *everything, x))
     mixed = len(kinds) > 1
-    lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= ZERO_TOLERANCE * scale
+    lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= found.zero
     if mixed and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
             f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
@@ -179,7 +179,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
         gap=gap,
         rates=rates,
         losses=losses,
-        conditions=tuple(_conditions(sampler, z, missing, kinds, rates, scale, losses, epsilon)),
+        conditions=tuple(_conditions(sampler, z, missing, kinds, rates, found.zero, losses, epsilon)),
         samples=len(z),
         evidence=f"sampled at {len(z)} points",
         looked_at=found.looked_at,
@@ -218,7 +218,7 @@ def _conditions(
     missing: int,
     kinds: np.ndarray,
     rates: Rates,
-    scale: float,
+    zero: float,
     losses: tuple[Loss, ...],
     epsilon: float | None,
 ) -> Iterator[Condition]:
@@ -253,7 +253,7 @@ def _conditions(
         "every eigenvalue of g_y(x, h_0(x), 0) is off the imaginary axis",
         rates.normal,
         "least |Re lambda|, above 0 needed",
-        rates.normal > ZERO_TOLERANCE * scale,
+        rates.normal > zero,
     )
     yield Condition(
         "one type",

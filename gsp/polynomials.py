@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import flint
+import numpy as np
 import sympy as sp
 
 
@@ -12,6 +13,13 @@ def rational(value: flint.fmpq) -> sp.Rational:
     """A python-flint number as a SymPy one."""
     number = flint.fmpq(value)
     return sp.Rational(int(number.p), int(number.q))
+
+
+def characteristic_roots(matrix: np.ndarray) -> np.ndarray:
+    """Eigenvalues (n,), complex, of a matrix of finite floats taken as exact numbers, multiple ones repeated."""
+    entries = [flint.fmpq(*float(value).as_integer_ratio()) for value in matrix.ravel()]
+    roots = flint.fmpq_mat(*matrix.shape, entries).charpoly().complex_roots()
+    return np.array([complex(root) for root, times in roots for _ in range(times)])
 
 
 def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:

@@ -9,10 +9,11 @@ import numpy as np
 import sympy as sp
 
 from gsp.branch import Branch
-from gsp.differentiation import derivative
+from gsp.differentiation import derivative, without_overflow
 from gsp.laurent import laurent
 from gsp.lowering import compile_flow, compile_function, finite_rows
 from gsp.region import Interval
+from gsp.spectrum import eigenvalues
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
 GRID = {1: 257, 2: 33}
@@ -103,18 +104,35 @@ class Sampler:
             parameters=tuple(system.parameters),
         )
 
+    def _derivatives(self, outputs: Sequence[sp.Expr]):
+        """`outputs` as a compiled function of z; where they overflow as they stand, in a form that does not."""
+        plain = self.compiled(outputs)
+        bounded: list = []
+
+        def evaluate(z: np.ndarray, p: np.ndarray) -> np.ndarray:
+            values = plain(z, p)
+            lost = ~finite_rows(values)
+            if lost.any():
+                if not bounded:
+                    bounded.append(self.compiled([without_overflow(e) for e in outputs]))
+                values = np.array(values)
+                values[lost] = bounded[0](z[lost], p)
+            return values
+
+        return evaluate
+
     @cached_property
     def _g_y(self):
-        return self.compiled([derivative(g, y) for g in self.g for y in self.system.y])
+        return self._derivatives([derivative(g, y) for g in self.g for y in self.system.y])
 
     @cached_property
     def _all_jacobians(self):
-        return self.compiled([derivative(e, s) for e in (*self.f, *self.g) for s in self.system.states])
+        return self._derivatives([derivative(e, s) for e in (*self.f, *self.g) for s in self.system.states])
 
     @cached_property
     def _second(self):
         entries = [derivative(g, y) for g in self.g for y in self.system.y]
-        return self.compiled([derivative(entry, s) for entry in entries for s in self.system.states])
+        return self._derivatives([derivative(entry, s) for entry in entries for s in self.system.states])
 
     @cached_property
     def _rates(self):
@@ -158,7 +176,7 @@ class Sampler:
         finite = np.isfinite(matrices).all(axis=(1, 2))
         values = np.full(matrices.shape[:2], complex(np.nan))
         if finite.any():
-            values[finite] = np.linalg.eigvals(matrices[finite])
+            values[finite] = eigenvalues(matrices[finite])
         return values
 
     def is_singular(self, z: np.ndarray) -> bool:

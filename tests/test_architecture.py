@@ -45,6 +45,7 @@ LAYERS = [
     "critical",
     "normal_forms",
     "continuation",
+    "spectrum",
     "sampling",
     "losses",
     "hyperbolicity",

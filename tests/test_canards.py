@@ -303,3 +303,31 @@ def test_the_result_is_frozen_and_reads_as_a_series() -> None:
     assert repr(canard) == "CanardValue(a = 1 - epsilon/8 - 3*epsilon**2/32 + O(epsilon^3))"
     assert canard.partial_sum(Fraction(1, 2)) == 1 - sp.Rational(1, 16) - sp.Rational(3, 128)
     assert issubclass(CanardError, GspError)
+
+
+# -- any units ---------------------------------------------------------------------------------------
+
+
+def morris_lecar(declared: float, volts: sp.Expr = v, gate: sp.Expr = w) -> gsp.SlowFastSystem:
+    """Morris and Lecar (1981), the Hopf set of Ermentrout and Terman (2010), with V and w as given functions."""
+    m, n = (1 + sp.tanh((volts + R(6, 5)) / 18)) / 2, (1 + sp.tanh((volts - 2) / 30)) / 2
+    leaves = current - 2 * (volts + 60) - 8 * gate * (volts + 84) - R(22, 5) * m * (volts - 120)
+    return gsp.SlowFastSystem(
+        slow={w: (n - gate) * sp.cosh((volts - 2) / 60) / sp.diff(gate, w)},
+        fast={v: leaves / 20 / sp.diff(volts, v)},
+        epsilon=eps,
+        parameters={current: declared},
+    )
+
+
+@pytest.mark.parametrize(
+    ("volts", "gate"),
+    [(v, w), (v / 100, w), (100 * v, w), (v + 500, w), (v, w / 50), (7 * v - 300, 3 - 20 * w), (v, w + w**3)],
+    ids=["as it is", "in hundredths", "in hundreds", "shifted", "gate", "all", "gate bent"],
+)
+def test_the_nearest_canard_point_is_found_in_any_units(volts, gate) -> None:
+    low, high = 83.645531767021, 222.452513410707
+    for declared, nearest, other in ((84, low, high), (230, high, low)):
+        found = canard_value(morris_lecar(declared, volts, gate), parameter="I", order=0)
+        assert float(found.coefficients[0]) == pytest.approx(nearest, rel=1e-12)
+        assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)

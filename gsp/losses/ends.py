@@ -56,7 +56,7 @@ def sheet_ends(diagnosis: Diagnosis, z: np.ndarray, rows: np.ndarray, x: np.ndar
     ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
     folds, losses = [], []
     for end in ends:
-        fold = _fold(diagnosis, Locator(sampler, box, diagnosis.scale), end)
+        fold = _fold(diagnosis, Locator(sampler, box, diagnosis.scale, usual=_usual(diagnosis)), end)
         if fold is None:
             losses.append(_loss(diagnosis, end))
         else:
@@ -76,6 +76,10 @@ def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | No
         if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= VANISHED * least
     ]
     return near[0] if near else None
+
+
+def _usual(diagnosis: Diagnosis) -> float:
+    return float(np.median(np.abs(diagnosis.sampler.eigenvalues(diagnosis.samples)).min(axis=1)))
 
 
 def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
@@ -107,8 +111,7 @@ def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
             return diagnosis.loss(
                 end, kinds.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
             )
-    usual = float(np.median(np.abs(sampler.eigenvalues(diagnosis.samples)).min(axis=1)))
-    if value > HYPERBOLIC * usual:
+    if value > HYPERBOLIC * _usual(diagnosis):
         return diagnosis.loss(end, kinds.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
     note = "no zero eigenvalue, pole or switching surface was found where it ends"
     return diagnosis.loss(

@@ -16,9 +16,10 @@ from gsp.losses.naming import named
 from gsp.losses.whole_branch import centre_branch, degenerate_branch
 from gsp.region import Interval
 from gsp.sampling import Sampler
+from gsp.spectrum import is_singular
 
-# A least singular value of g_y below this, relative to the largest, is an exact zero with rounding.
-ZERO_RANK = 1e-13
+# Rows of g_y on the branch below this share of what they are beside it are zero, as far as points are exact.
+ZERO_ROW = 1e-6
 # An eigenvalue jumps at a switching surface when the two are this near, relative to the region.
 SAME_PLACE = 1e-6
 Links = tuple[np.ndarray, np.ndarray]
@@ -26,13 +27,17 @@ Links = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Examination:
-    """What was found on a branch: `losses`, `looked_at` (no losses), `notes`, and the `gap`, 0 with a loss."""
+    """What was found on a branch: `losses`, `looked_at` (no losses), `notes`, and the `gap`, 0 with a loss.
+
+    Gaps up to `zero` count as none.
+    """
 
     diagnosis: Diagnosis | None
     losses: tuple[Loss, ...]
     looked_at: tuple[Loss, ...]
     notes: tuple[str, ...]
     gap: float
+    zero: float = 0.0
 
 
 def examine(
@@ -55,14 +60,21 @@ def examine(
     everywhere = _whole_branch(diagnosis, z, eigenvalues)
     if everywhere is not None:
         return Examination(diagnosis, (everywhere,), (), (), 0.0)
-    locator = Locator(sampler, box, scale)
+    # Rates are compared with what they are elsewhere on the branch, not with faster ones.
+    usual = float(np.median(np.abs(np.real(eigenvalues)).min(axis=1)))
+    locator = Locator(sampler, box, scale, usual=usual)
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
     notes = [f"{source} is not smooth, but the branch does not cross where it switches" for source in unmet]
     return Examination(
-        diagnosis, tuple(losses), tuple(neutral), (*notes, *_spread_rates(eigenvalues, epsilon)), gap
+        diagnosis,
+        tuple(losses),
+        tuple(neutral),
+        (*notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
+        gap,
+        ZERO_TOLERANCE * usual,
     )
 
 
@@ -92,13 +104,24 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
 def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:
     """The loss of a branch on which every sample is singular, or has an imaginary pair."""
     sizes = np.abs(eigenvalues).min(axis=1)
-    ranks = np.linalg.svd(diagnosis.sampler.fast_jacobian(z), compute_uv=False)
-    singular = (ranks[:, -1] <= ZERO_RANK * max(float(ranks.max()), 1e-300)).all()
-    if singular or sizes.max() <= ZERO_TOLERANCE * diagnosis.scale:
+    singular = is_singular(diagnosis.sampler.fast_jacobian(z)).all()
+    if singular or (sizes.max() <= ZERO_TOLERANCE * diagnosis.scale and _has_zero_row(diagnosis, z)):
         return degenerate_branch(diagnosis, z)
-    if np.abs(np.real(eigenvalues)).min(axis=1).max() <= ZERO_TOLERANCE * diagnosis.scale:
+    # A rate that is small beside the others is a rate all the same; beside its own frequency it is none.
+    if (np.abs(np.real(eigenvalues)) <= ZERO_TOLERANCE * np.abs(eigenvalues)).any(axis=1).all():
         return centre_branch(diagnosis, z)
     return None
+
+
+def _has_zero_row(diagnosis: Diagnosis, z: np.ndarray) -> bool:
+    """Whether some row of g_y nearly vanishes on the branch beside what it is off it, whatever the other rows are."""
+    nx = diagnosis.nx
+    beside = z.copy()
+    y = beside[:, nx:]
+    y += (1.0 + np.abs(y)) * np.random.default_rng(0).uniform(-1.0, 1.0, y.shape)
+    rows = [np.abs(diagnosis.sampler.fast_jacobian(points)).sum(axis=2) for points in (z, beside)]
+    on, off = (np.max(np.where(np.isfinite(part), part, 0.0), axis=0) for part in rows)
+    return bool((on <= ZERO_ROW * np.maximum(on, off)).any())
 
 
 def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Links) -> float:
@@ -122,7 +145,7 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     return float(min(refined, distance.min()))
 
 
-def _spread_rates(eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
+def _spread_rates(sampler: Sampler, z: np.ndarray, eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
     """A note when the slowest fast rate is slower than the fastest by more than epsilon."""
     if epsilon is None or eigenvalues.shape[1] < 2:
         return []
@@ -130,7 +153,13 @@ def _spread_rates(eigenvalues: np.ndarray, epsilon: float | None) -> list[str]:
     ratio = float((sizes[:, 0] / sizes[:, -1]).min())
     if ratio > epsilon:
         return []
+    faster = float(sizes[:, 0].min()) / epsilon
+    slow = sampler.tangential_rate(z)
+    what = (
+        "at this epsilon the slowest fast direction is no faster than the slow variables"
+        if faster <= slow
+        else "there are three time scales, and the slowest fast direction is still faster than the slow variables"
+    )
     return [
-        f"the fast rates differ by a factor {1.0 / ratio:.3g}, more than 1/epsilon = {1.0 / epsilon:.3g}: at this "
-        "epsilon the slowest fast direction is no faster than the slow variables"
+        f"the fast rates differ by a factor {1.0 / ratio:.3g}, more than 1/epsilon = {1.0 / epsilon:.3g}: {what}"
     ]

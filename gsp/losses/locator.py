@@ -24,14 +24,21 @@ from gsp.sampling import Sampler
 # The worst samples, from which the gap is refined and losses are located.
 REFINED = 4
 LOCATED = 24
-# An eigenvalue counts as zero below this, relative to the largest fast rate in the region.
+# An eigenvalue counts as zero below this, relative to its usual size in the region.
 ZERO_TOLERANCE = 1e-9
+# Where an eigenvalue vanishes it is no larger than this share of its usual size: multiple zeros are inexact.
+VANISHED = 0.03
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
 BISECTIONS = 52
+# Distances from a pole at which the field is compared, relative to 1 + |z|, and how much it has grown: a simple pole by
+# their quotient.
+NEAR_POLE = (1e-4, 1e-7)
+GROWN = 100.0
 # Two losses nearer than this, relative to the region's width, are one.
 SAME = 1e-6
-# Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it.
+# Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to
+# their distance at the sample: next to a zero both are rounding.
 JUMPED = 1e-3
 # How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
 TOWARDS = 0.01
@@ -44,10 +51,14 @@ SUMS = 6
 class Locator:
     """Collects the losses of one branch in one box, each once."""
 
-    def __init__(self, sampler: Sampler, box: Mapping[str, Interval], scale: float) -> None:
+    def __init__(
+        self, sampler: Sampler, box: Mapping[str, Interval], scale: float, *, usual: float | None = None
+    ) -> None:
         self.sampler = sampler
         self.box = box
+        # The largest |lambda|, and the size that the one nearest to the axis has on most of the branch.
         self.scale = scale
+        self.usual = scale if usual is None else usual
         self.found: list[Found] = []
 
     def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
@@ -99,7 +110,11 @@ class Locator:
             return value, slope
 
         found = gauss_newton(evaluate, unknown)
-        return None if found is None else found[:n]
+        if found is None:
+            return None
+        # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
+        least = np.abs(sampler.eigenvalues(found[None, :n])).min()
+        return found[:n] if not least > VANISHED * max(self.usual, ZERO_TOLERANCE * self.scale) else None
 
     def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
         """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
@@ -151,7 +166,8 @@ class Locator:
                 self.add(before, FIELD_POLE, only_x=True)
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
-                jumped = np.abs(np.real(values[1:])).min() > JUMPED * np.abs(values[1:]).max()
+                least = np.abs(np.real(values)).min(axis=1)
+                jumped = min(least[1], least[2]) > JUMPED * least[0]
                 self.add(after, JUMP if jumped else PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
 
     def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
@@ -223,7 +239,7 @@ class Locator:
             if found.fun < 0:
                 y, _ = sampler.over(found.x[None, :], z[None, :])
                 self.changes(z[None, :], np.hstack([found.x[None, :], y]))
-            if found.fun <= ZERO_TOLERANCE * self.scale and not self.found:
+            if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
                 self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
             best = min(best, max(float(found.fun), 0.0))
         return best
@@ -264,19 +280,44 @@ class Locator:
                 if found is None:
                     continue
                 # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
-                self.add(np.concatenate([found, sample[nx:]]) if free else found, crossing, only_x=free)
+                place = np.concatenate([found, sample[nx:]]) if free else found
+                if crossing == BRANCH_POLE or self._is_pole(place):
+                    self.add(place, crossing, only_x=free)
+
+    def _is_pole(self, z: np.ndarray) -> bool:
+        """Whether the field grows without bound towards `z`, rather than having a removable zero of a denominator."""
+        directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (1.0 + np.abs(z))
+        far, near = (
+            np.abs(self.sampler.rates(z + distance * directions)).max(axis=1) for distance in NEAR_POLE
+        )
+        return bool(not np.isfinite(near).all() or (near > GROWN * far).any())
 
 
 def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
-    """The factors of the denominators of `expressions` that depend on `variables`."""
+    """The factors of the denominators of `expressions` that depend on `variables` and may vanish.
+
+    Functions stay as they are written: exp(-u) taken for 1/exp(u) overflows where the field is finite.
+    """
     found: list[sp.Expr] = []
     for expression in expressions:
-        divisor = sp.denom(sp.together(expression))
+        masks: dict[sp.Expr, sp.Symbol] = {}
+        divisor = sp.denom(sp.together(_masked(expression, masks)))
+        meaning = {mask: function for function, mask in masks.items()}
         for factor in sp.Mul.make_args(sp.factor(divisor)):
             base = factor.base if factor.is_Pow and factor.exp.is_Integer else factor
-            if base.has(*variables) and base not in found:
+            base = base.xreplace(meaning)
+            if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
                 found.append(base)
     return found
+
+
+def _masked(expression: sp.Expr, masks: dict[sp.Expr, sp.Symbol]) -> sp.Expr:
+    """`expression` with its functions and roots as symbols, which `masks` collects."""
+    if expression.is_Function or (expression.is_Pow and not expression.exp.is_Integer):
+        return masks.setdefault(expression, sp.Dummy())
+    if not expression.args:
+        return expression
+    return expression.func(*(_masked(part, masks) for part in expression.args))
 
 
 def unstable(eigenvalues: np.ndarray) -> np.ndarray:

@@ -18,7 +18,11 @@ def gauss_newton(
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
         step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
-        length = np.linalg.norm(step)
+        # Far from any zero of an exponential a step may be longer than a float.
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.linalg.norm(step)
+        if not np.isfinite(length):
+            return None
         u = u - (step if length <= limit else step * (limit / length))
         if length < 1e-12 * (1.0 + np.linalg.norm(u)):
             break

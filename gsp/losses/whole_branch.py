@@ -131,6 +131,9 @@ def _degenerate_point(diagnosis: Diagnosis, z: np.ndarray, A: np.ndarray, matric
         verdict = _hidden(diagnosis, matrices, zero, len(flat), fast)
         return loss(LossKind.HIDDEN_TIME_SCALE, verdict, more)
     slowest = max(known, key=lambda order: order.order)
+    if slowest.order <= 1.0:
+        note = "an eigenvalue is too small beside the others to be told from their rounding"
+        return loss(LossKind.DEGENERATE, consequences.DEGENERATE, note=note)
     more = {"order": slowest.order, "plus": slowest.plus, "minus": slowest.minus, **more}
     return loss(LossKind.VANISHING_DAMPING, _algebraic(slowest, rates), more)
 

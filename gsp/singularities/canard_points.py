@@ -13,7 +13,7 @@ attracting to the repelling side; with the other sign it crosses back, for every
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -25,6 +25,7 @@ from gsp.flow import Point, named
 from gsp.laurent import laurent, vanishes
 from gsp.singularities.algebraic_points import InfinitelyManyPoints
 from gsp.singularities.canard_series import PlanarField
+from gsp.singularities.fold_starts import fold_starts
 from gsp.singularities.located_points import Located, locate
 from gsp.system import SlowFastSystem
 
@@ -122,8 +123,11 @@ def _candidates(
     axes = [[target[s.name]] if target and s.name in target else list(STARTS) for s in (x, y, a)]
     if not target or a.name not in target:
         axes[2] = sorted({float(declared), *STARTS})
+    starts: Iterable[Sequence[float]] = itertools.product(*axes)
+    if not target:
+        starts = itertools.chain(fold_starts(g0, x, y, a, float(declared)), starts)
     try:
-        points = locate((*fold, f0), (x, y, a), starts=itertools.product(*axes))
+        points = locate((*fold, f0), (x, y, a), starts=starts)
     except InfinitelyManyPoints:
         raise CanardError(
             f"{a} does not move the equilibrium across the fold: g = g_{y} = f = 0 along a whole curve. "
