@@ -36,8 +36,11 @@ def test_a_region_cannot_be_changed() -> None:
         ({"y": (0, 1)}, "no interval for x"),
         ({}, "region bounds no state"),
         ([("x", (0, 1))], "maps states to intervals"),
-        ({"x": (-1e300, 1e300)}, r"region of x reaches beyond 1e\+100 or is narrower than 1e-100. Got \(-1e\+300, 1e\+300\)"),
-        ({"x": (0, 1), "y": (0, 2e100)}, "within 1e\\+100"),
+        (
+            {"x": (-1e300, 1e300)},
+            r"region of x reaches beyond 1e\+100 or is narrower than 1e-100. Got \(-1e\+300, 1e\+300\)",
+        ),
+        ({"x": (0, 1), "y": (0, 2e100)}, "Rescale y"),
         ({"x": (0, 1), sp.Symbol("x"): (0, 2)}, '"x" twice'),
     ],
 )
