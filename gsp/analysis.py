@@ -19,12 +19,13 @@ from gsp.boundary import Boundary, boundary_of
 from gsp.choice import Choice, choose
 from gsp.comparison import Comparison, compare, on_manifold
 from gsp.continuation import CriticalCurve, CriticalSheet
+from gsp.drawn import Drawn
 from gsp.errors import HyperbolicityError, MissingPartError
 from gsp.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
-from gsp.failures import WIDENED as REACH
 from gsp.fibres import BasePoint, project
 from gsp.flow import check_order, check_orders
 from gsp.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.mixed_modes import MixedMode, mixed_mode
 from gsp.placement import Placement, place
 from gsp.raw import RawManifold, carry_back
 from gsp.reduced import ReducedFlow, restrict
@@ -41,6 +42,9 @@ PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
 LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
 LAYER_TIMES = 12.0
 FOLLOWED = 0.3
+# The whole phenomenon: spans tried, as multiples of the scene's, until a run has swung over the folds so often.
+LONGER = (4.0, 16.0, 64.0, 256.0)
+SWINGS = 3
 # The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
 MAP = (11, 25, 8)
 MAP_ORDERS = (0, 1, 2)
@@ -48,7 +52,7 @@ PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba", "python-flint", "
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis:
+class Analysis(Drawn):
     """Everything known about a scene.
 
     `shown` is what of the `series` can be printed, `raw` the same in the field's own variables (None where it
@@ -59,6 +63,9 @@ class Analysis:
     `boundary` holds the folds around the region and what follows from them. `choice` is the cheapest model that meets
     the scene's tolerance, `failures` a coarse failure map (None for the `failures_reason`). `timings` are seconds per
     stage, `versions` of what computed it.
+
+    `phenomenon` goes on through the folds where there are any: a long run of the full system that swings over them
+    again and again, over more than one slow variable with its swings counted; None where there is none.
 
     What a stage could not make is left out: reading it raises `MissingPartError`, and `lost` gives the reason by name.
     """
@@ -83,6 +90,7 @@ class Analysis:
     failures_reason: str
     timings: Mapping[str, float]
     versions: Mapping[str, str]
+    phenomenon: Trajectory | MixedMode | None = None
 
     def __post_init__(self) -> None:
         parts = {field.name: self.__dict__[field.name] for field in fields(self)}
@@ -190,6 +198,7 @@ def analyse(
         start = {**placement.start, **scene.reconstruction_start}
         limit = part("limit", lambda: _reduced(scene, made(series), 0, start))
         part("reduced", lambda: _reduced(scene, made(series), made(series).order, base or start))
+        part("phenomenon", lambda: _phenomenon(placement, parts["boundary"]))
         part("landing", lambda: _landing(scene, placement, series, hyperbolicity, limit))
     return Analysis(
         scene=scene,
@@ -219,20 +228,19 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
 
 
 def _failures(placement: Placement, progress: Callable[[float], object]) -> tuple[FailureMap | None, str]:
-    """A failure map over the region and half as much on either side, or None and why there is none."""
+    """A failure map over the region, or None and why there is none."""
     scene = placement.scene
     axis = next((s.name for s in placement.system.x if s.name in placement.region), None)
     if axis is None:
         return None, "the region bounds no slow variable"
     low, high = placement.region[axis]
-    room = REACH * (high - low)
     epsilons, positions, tolerances = MAP
     found = attempt(
         "the failure map",
         lambda: failure_map(
             scene,
             axis=axis,
-            positions=np.linspace(low - room, high + room, positions).tolist(),
+            positions=np.linspace(low, high, positions).tolist(),
             epsilons=np.geomspace(
                 min(scene.epsilons) / BEYOND, max(scene.epsilons) * BEYOND, epsilons
             ).tolist(),
@@ -265,6 +273,40 @@ def _base_point(
 def _ladder(scene: Scene) -> Mapping[float, Trajectory]:
     epsilons = [multiple * scene.epsilon for multiple in PICTURED]
     return MappingProxyType({e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons})
+
+
+def _phenomenon(placement: Placement, ends: Boundary | Missing) -> Trajectory | MixedMode | None:
+    """What the full system does beyond the folds: a run that swings over them `SWINGS` times, or None."""
+    if isinstance(ends, Missing) or not ends.has_folds:
+        return None
+    scene, system = placement.scene, placement.system
+    name = system.y[0].name
+    t0, t1 = scene.span
+    for longer in LONGER:
+        span = (t0, t0 + longer * (t1 - t0))
+        run = integrate(
+            system,
+            start=placement.start,
+            span=span,
+            epsilon=scene.epsilon,
+            rtol=PICTURE_RTOL,
+            atol=PICTURE_ATOL,
+        )
+        if not run.status.ok:
+            return None
+        if _swings(run[name]) < SWINGS:
+            continue
+        if len(system.x) == 1:
+            return run
+        return mixed_mode(system, name, start=placement.start, span=span, epsilon=scene.epsilon)
+    return None
+
+
+def _swings(values: np.ndarray) -> int:
+    """How often `values` rise from the lowest to the highest quarter of their range."""
+    low, high = float(values.min()), float(values.max())
+    sides = np.sign(values[np.abs(values - 0.5 * (low + high)) > 0.25 * (high - low)] - 0.5 * (low + high))
+    return int((np.diff(sides) > 0).sum())
 
 
 def _reduced(scene: Scene, series: SeriesManifold, order: int, start) -> Trajectory:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.arguments import check_noun, check_progress
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.flow import check_epsilons, check_order, check_orders
 from gsp.inner import InnerExpansion, expand_inner
@@ -45,7 +46,7 @@ MAX_STEPS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Drawn):
     """Errors of the reduced flows, measured.
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable

@@ -12,6 +12,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.arguments import check_noun, check_progress
+from gsp.drawn import Drawn
 from gsp.errors import GspError, Status, nearest
 from gsp.flow import Flow, frozen
 from gsp.integrators import (
@@ -111,7 +112,7 @@ class Member:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble:
+class Ensemble(Drawn):
     """Many solutions of a flow at the times `t` (k,): `y` (m, n_states, k), read-only, member i in row i.
 
     `ensemble["name"]` (m, k) is a state or an observable, `.member(i)` one run, iteration runs over all; `.epsilon` and

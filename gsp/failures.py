@@ -15,6 +15,7 @@ import numpy as np
 
 from gsp.arguments import check_array, check_noun, check_progress, shown
 from gsp.claims import Claim, Survey, demands_of, reduced_name
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, Named, nearest
 from gsp.flow import check_epsilon, check_epsilons, check_orders
 from gsp.placement import Placement, place
@@ -31,7 +32,7 @@ LOOSEST, TIGHTEST = 1e-1, 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FailureMap:
+class FailureMap(Drawn):
     """Where each method holds for one scene.
 
     `epsilons` (k,) ascend. `places[method]` are claims over `positions` (m,) along the slow variable `axis`, the

@@ -16,6 +16,7 @@ from gsp.arguments import check_noun, shown
 from gsp.branch import Branch
 from gsp.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison import slope
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, Status, unknown_name
 from gsp.flow import as_points, check_epsilons, check_orders
 from gsp.manifold import SampledManifold, solve_manifold
@@ -65,7 +66,7 @@ class MethodRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MethodTable:
+class MethodTable(Drawn):
     """`rows` of methods over `epsilons` at `points` (m, n_slow); `floor[i]` is the reference's own error.
 
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative

@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.arguments import check_noun, check_number, shown
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, nearest
 from gsp.events import Event
 from gsp.flow import Flow, Point
@@ -28,7 +29,7 @@ NOISE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MixedMode:
+class MixedMode(Drawn):
     """Swings of the variable `name` along `run`: `times` (k,) of the maxima, `sizes` (k,) of the rises before them.
 
     `is_large` (k,) tells large from small. `pattern` is the repeating unit ((L, s), ...) of what follows the first

@@ -24,6 +24,7 @@ import numpy as np
 from gsp.arguments import check_noun, check_progress, check_whole
 from gsp.branch import Branch
 from gsp.critical import solve_critical
+from gsp.drawn import Drawn
 from gsp.errors import BranchError, GspError, HyperbolicityError, Status
 from gsp.flow import Point, check_epsilon, complete, named
 from gsp.passage import FoldPassage, PassageError, fold_passage
@@ -65,7 +66,7 @@ class SlowPiece:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SingularOrbit:
+class SingularOrbit(Drawn):
     """Slow `pieces` in order, each but the last followed by the drop from its fold.
 
     When it `closes`, the last `period_pieces` of them make up the closed orbit, each followed by a drop, and

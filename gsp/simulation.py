@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from gsp.arguments import check_noun, shown
 from gsp.candidates import ModelKind
 from gsp.choice import Choice, choose
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.pieces import Piece, Run, Switch, full_flow
 from gsp.placement import place
@@ -25,7 +26,7 @@ from gsp.switching import run_solved, run_switched
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulation:
+class Simulation(Drawn):
     """A solution by `pieces`, with the `switches` between them; it is read like a `Trajectory`.
 
     `simulation["name"]` is a state, observable or reconstruction variable over `t`, `.at(t)` the states `names` at any

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from gsp.arguments import check_array, check_flag, check_noun, check_progress
 from gsp.crossings import LOOK, Search, Stepper
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, GspError, Named, Status, nearest
 from gsp.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.explanations import explain
@@ -42,7 +43,7 @@ _NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class Trajectory:
+class Trajectory(Drawn):
     """A solution z(t) of a flow: `t` (m,) and `y` (n_states, m), read-only, in the order of integration.
 
     `trajectory["name"]` is a state or an observable over `t`, `.at(t)` the state at any time covered,

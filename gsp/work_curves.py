@@ -20,6 +20,7 @@ import numpy as np
 
 from gsp.arguments import check_each, check_noun, check_number, check_positive, check_progress, shown
 from gsp.comparison import layer_time, on_manifold, sense
+from gsp.drawn import Drawn
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError, unknown_name
 from gsp.fibres import project
 from gsp.flow import check_epsilon, check_orders
@@ -57,7 +58,7 @@ TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WorkPrecision:
+class WorkPrecision(Drawn):
     """Error against seconds for one scene at one epsilon.
 
     `curves` in the order full, peers, reduced; `reference_error` is how far the two references differ; `start` says

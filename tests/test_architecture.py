@@ -17,6 +17,7 @@ LAYERS = [
     "errors",
     "interrupts",
     "attempts",
+    "drawn",
     "tables",
     "arguments",
     "flow",

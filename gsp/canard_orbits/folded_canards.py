@@ -26,6 +26,7 @@ from gsp.canard_orbits.collocation import OrbitSegment
 from gsp.canard_orbits.frame import Frame, Plane, frame_at, line_of, section_of
 from gsp.canard_orbits.line import SheetNotFound
 from gsp.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
+from gsp.drawn import Drawn
 from gsp.errors import GspError, Status
 from gsp.flow import check_epsilon
 from gsp.singularities import FoldedSingularity
@@ -53,7 +54,7 @@ class CanardOrbitError(GspError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CanardOrbits:
+class CanardOrbits(Drawn):
     """The canards of a folded node at one epsilon: `canards` from the strong one inwards, the weak one last.
 
     - `attracting` and `repelling` are the sheets' curves in the section, `section` its (name, value);

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from gsp.analysis import Analysis
 from gsp.attempts import attempt
+from gsp.canard_orbits import CanardOrbits
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
@@ -22,14 +23,25 @@ from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
-from gsp.charts.relaxation import mixed_mode, singular_orbit
+from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
+from gsp.charts.runs import periodic_orbit, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, png, save
 from gsp.charts.switching import switches
 from gsp.charts.work_curves import work_precision
-from gsp.continuation import CriticalSheet
+from gsp.comparison import Comparison
+from gsp.continuation import CriticalCurve, CriticalSheet
+from gsp.ensemble import Ensemble
 from gsp.errors import DeclarationError
+from gsp.failures import FailureMap
+from gsp.methods import MethodTable
+from gsp.mixed_modes import MixedMode
+from gsp.periodic import OrbitFamily, PeriodicOrbit
+from gsp.relaxation import SingularOrbit
+from gsp.simulation import Simulation
+from gsp.trajectory import Trajectory
+from gsp.work_curves import WorkPrecision
 
 __all__ = [
     "applicable",
@@ -44,6 +56,7 @@ __all__ = [
     "critical_sheet",
     "delayed_exit",
     "distance",
+    "draw",
     "eigenvalues",
     "error_against_epsilon",
     "failure_map",
@@ -56,8 +69,10 @@ __all__ = [
     "method_errors",
     "mixed_mode",
     "path",
+    "periodic_orbit",
     "phase_portrait",
     "png",
+    "relaxation",
     "save",
     "shape",
     "singular_orbit",
@@ -66,8 +81,47 @@ __all__ = [
     "surroundings",
     "switches",
     "time_series",
+    "trajectory",
     "work_precision",
 ]
+
+
+def _spread(ensemble: Ensemble, axes: Axes | None = None) -> Axes:
+    return spread(ensemble, axes, name=ensemble.flow.states[0].name)
+
+
+# The chart of each kind of result.
+_CHARTS: Mapping[type, Callable[..., Axes]] = {
+    Analysis: phase_portrait,
+    CanardOrbits: canard_section,
+    Comparison: error_against_epsilon,
+    CriticalCurve: critical_curve,
+    CriticalSheet: critical_sheet,
+    Ensemble: _spread,
+    FailureMap: failure_map,
+    MethodTable: method_errors,
+    MixedMode: mixed_mode,
+    OrbitFamily: canard_explosion,
+    PeriodicOrbit: periodic_orbit,
+    Simulation: switches,
+    SingularOrbit: singular_orbit,
+    Trajectory: trajectory,
+    WorkPrecision: work_precision,
+}
+
+
+def draw(result: object, axes: Axes | None = None) -> Axes:
+    """The chart of a result, whatever kind it is; what `result.plot()` calls.
+
+    Raises `DeclarationError` for an object that has no chart.
+    """
+    for kind in type(result).__mro__:
+        if kind in _CHARTS:
+            return _CHARTS[kind](result, axes)
+    raise DeclarationError(
+        f"there is no chart of a {type(result).__name__}. "
+        f"Those are of {', '.join(sorted(kind.__name__ for kind in _CHARTS))}."
+    )
 
 
 def surroundings(analysis: Analysis) -> Axes:
@@ -88,12 +142,23 @@ def _failures(analysis: Analysis) -> Axes:
     return failure_map(analysis.failures, stacked=True)
 
 
+def _phenomenon(analysis: Analysis) -> Axes:
+    found = analysis.phenomenon
+    return mixed_mode(found) if isinstance(found, MixedMode) else relaxation(analysis)
+
+
 def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     """The charts that say something about this analysis, by name, in the order of a report.
 
     One that needs what the analysis has lost is among them: drawing it raises the reason.
     """
-    charts: dict[str, Callable[[Analysis], Axes]] = {"phase_portrait": phase_portrait}
+    charts: dict[str, Callable[[Analysis], Axes]] = {}
+    # The whole phenomenon first.
+    if analysis.scene.path is not None:
+        charts["path"] = path
+    if "phenomenon" in analysis.lost or analysis.phenomenon is not None:
+        charts["phenomenon"] = _phenomenon
+    charts["phase_portrait"] = phase_portrait
     if attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True:
         charts["eigenvalues"] = eigenvalues
     if "boundary" in analysis.lost or analysis.surroundings is not None:
@@ -107,11 +172,7 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
         charts["distance"] = distance
     charts["error_against_epsilon"] = lambda result: error_against_epsilon(result.comparison)
     charts["time_series"] = time_series
-    if analysis.scene.path is None:
-        charts["convergence"] = convergence
+    charts["convergence"] = convergence
     if analysis.failures is not None:
         charts["failure_map"] = _failures
-    if analysis.scene.path is not None:
-        # The path has a section of its own, the last.
-        charts |= {"path": path, "convergence": convergence}
     return charts

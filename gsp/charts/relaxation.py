@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 
+from gsp.analysis import Analysis
 from gsp.charts.passage import critical_lines
 from gsp.charts.sampling import dense_run, margins
 from gsp.charts.style import (
@@ -27,6 +28,7 @@ from gsp.errors import DeclarationError
 from gsp.mixed_modes import MixedMode
 from gsp.periodic import PeriodicOrbit
 from gsp.relaxation import SingularOrbit, SlowPiece
+from gsp.trajectory import Trajectory
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
@@ -122,6 +124,39 @@ def _drop(axes: Axes, piece: SlowPiece, across: str, up: str, colour: str, *, la
             label="landing point" if labelled else None,
         )
     return line
+
+
+@chart(height=4.0)
+def relaxation(analysis: Analysis, axes: Axes) -> None:
+    """The full system through the folds, in the plane of the slow and the first fast variable, over M0.
+
+    With the singular orbit below it where that closes: its slow pieces, its jumps and where they land.
+
+    Raises `DeclarationError` where the analysis has no such run.
+    """
+    run = analysis.phenomenon
+    if not isinstance(run, Trajectory):
+        raise DeclarationError(
+            f"no run of {analysis.scene.name or 'this scene'} swings over folds of one slow variable. "
+            "Draw `phase_portrait` instead."
+        )
+    system, found = analysis.placement.system, analysis.boundary.orbit
+    across, up = system.x[0].name, system.y[0].name
+    dense = dense_run(run)
+    line = np.stack([dense[across], dense[up]])
+    limits = [margins(row, 0.08) for row in line]
+    if found is not None and found.closes:
+        singular_orbit(found, axes)
+        for i, drawn in enumerate((axes.get_xlim(), axes.get_ylim())):
+            limits[i] = min(limits[i][0], drawn[0]), max(limits[i][1], drawn[1])
+    elif len(system.y) == 1:
+        critical_lines(system, axes, limits[0], limits[1], colour=GREY, width=1.3)
+    axes.plot(*line, color=VERMILION, lw=1.0, zorder=6, label=f"full run, {at_epsilon(analysis.scene.epsilon)}")
+    axes.plot(*line[:, :1], "o", color=VERMILION, mec="white", mew=0.8, ms=6.5, zorder=8, label="start")
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    name_axes(axes, across, up)
+    legend(axes, columns=3)
 
 
 @chart(height=3.3)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, Concatenate, ParamSpec, cast
@@ -66,6 +67,8 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
                     figure = Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=0.08))
                     FigureCanvasAgg(figure)
                     axes = cast(Axes, figure.add_subplot(projection="3d" if solid(result) else None))
+                    # What a notebook shows of an object that is the value of a cell.
+                    axes._repr_png_ = partial(png, axes)  # pyright: ignore[reportAttributeAccessIssue]
                 elif solid(result) != (axes.name == "3d"):
                     wanted = "three-dimensional" if solid(result) else "plane"
                     raise DeclarationError(
@@ -124,7 +127,8 @@ def check_chart_name(path: str | Path) -> Path:
 
 def mathematics(name: str) -> str:
     """`name` as mathematics, omega as the letter; plain text where matplotlib cannot set SymPy's LaTeX."""
-    text = f"${sp.latex(sp.Symbol(name))}$"
+    # A name of several letters is upright: slanted it would read as a product.
+    text = re.sub(r"^\$([A-Za-z]{2,})", r"$\\mathrm{\1}", f"${sp.latex(sp.Symbol(name))}$")
     try:
         MathTextParser("path").parse(text)
     except ValueError:

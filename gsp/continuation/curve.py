@@ -11,6 +11,7 @@ from gsp.continuation.arclength import Controls, Counters
 from gsp.continuation.ending import Ending
 from gsp.continuation.layer_problem import LayerProblem
 from gsp.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, nearest
 from gsp.region import Interval
 
@@ -117,7 +118,7 @@ class NamedCurve:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticalCurve(NamedCurve):
+class CriticalCurve(NamedCurve, Drawn):
     """A curve of M0, g(x, y, 0) = 0, through its folds.
 
     `points` (m, n) have the columns `names`, and `curve["v"]` is one of them; `eigenvalues` (m, n_fast) are those

@@ -26,6 +26,7 @@ from gsp.continuation.layer_problem import (
 from gsp.continuation.simplices import Grid, Mesh, march
 from gsp.continuation.singularity import identity, singular_near
 from gsp.continuation.special_points import ZERO_EIGENVALUE
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, nearest
 from gsp.flow import Point
 from gsp.region import Interval
@@ -50,7 +51,7 @@ class SheetStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticalSheet:
+class CriticalSheet(Drawn):
     """A connected sheet of M0 in a box, as triangles.
 
     `points` (m, n) have the columns `names`, and `sheet["x"]` is one of them; `triangles` (k, 3) are rows of it,

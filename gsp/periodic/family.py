@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from gsp.continuation import Ending
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, nearest
 from gsp.flow import Flow
 from gsp.periodic.explosion import Explosion, explosions
@@ -55,7 +56,7 @@ class FamilyStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OrbitFamily:
+class OrbitFamily(Drawn):
     """Periodic orbits along one parameter, in the order of continuation.
 
     `orbits` (m of them) are the orbits; `family["a"]` (m,) the values of the parameter, `period` (m,),

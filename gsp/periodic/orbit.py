@@ -11,6 +11,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.arguments import shown
+from gsp.drawn import Drawn
 from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.flow import Flow
 from gsp.lowering import compile_flow
@@ -30,7 +31,7 @@ class OrbitStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeriodicOrbit:
+class PeriodicOrbit(Drawn):
     """A closed orbit u(s), s in [0, 1), of `flow` at `epsilon` and `parameters`, all of them by name.
 
     `period` is in the flow's time. `orbit["x"]` are values (m,) of a state or an observable at the phases `phases`

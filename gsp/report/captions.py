@@ -11,6 +11,7 @@ from gsp.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
 from gsp.claims import HORIZON
 from gsp.continuation import CriticalCurve, CriticalSheet
+from gsp.mixed_modes import MixedMode
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 
@@ -59,6 +60,32 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
             " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
         ).format(name, places)
     return text
+
+
+def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
+    found, system = analysis.phenomenon, analysis.placement.system
+    at = Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
+    if isinstance(found, MixedMode):
+        pattern = Markup("").join(
+            Markup("{}<sup>{}</sup> ").format(large, small) for large, small in found.pattern
+        )
+        swings = Markup("The pattern {}repeats. ").format(pattern) if found.pattern else Markup("")
+        return Markup(
+            "What the full system does at {}: {} over time, past the folds again and again. {}Triangles are large "
+            "swings, from sheet to sheet; dots are small ones near the folds. The reduction holds between the jumps."
+        ).format(at, setter.inline(sp.Symbol(found.name)), swings)
+    orbit = analysis.boundary.orbit
+    below = (
+        Markup(
+            " Below it the singular orbit, the limit at {} = 0: slow pieces (blue) and jumps from the folds."
+        ).format(_epsilon(analysis, setter))
+        if orbit is not None and orbit.closes
+        else Markup("")
+    )
+    return Markup(
+        "What the full system does at {}, in the plane of {} and {}: it follows the critical manifold to a fold, "
+        "jumps, and comes back.{} The reduction holds on the slow pieces; the rest of this report is about one of them."
+    ).format(at, setter.inline(system.x[0]), setter.inline(system.y[0]), below)
 
 
 def _path(analysis: Analysis, setter: Typesetter) -> Markup:
@@ -184,6 +211,7 @@ def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 _CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
+    "phenomenon": _phenomenon,
     "phase_portrait": _phase_portrait,
     "path": _path,
     "convergence": _convergence,

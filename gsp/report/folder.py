@@ -26,6 +26,7 @@ from gsp.report.page import render
 HTML, JSON = "report.html", "report.json"
 # Every name that a report may ever use; files of other names in the folder are never touched.
 FIGURES = (
+    "phenomenon",
     "phase_portrait",
     "critical_manifold",
     "path",

@@ -12,6 +12,7 @@ from markupsafe import Markup
 from gsp.analysis import Analysis
 from gsp.attempts import Missing, attempt
 from gsp.charts import has_constant_eigenvalues
+from gsp.declaration import exact
 from gsp.hyperbolicity import Kind
 from gsp.report import mathml
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
@@ -85,8 +86,8 @@ class Page:
         return Markup(", ").join(self.inline(s) for s in symbols)
 
     def named_value(self, symbol: sp.Symbol, value: Any) -> Markup:
-        exact = value if isinstance(value, sp.Basic) else numeral(float(value))
-        return self.inline(self.set.equation(self.set.row(symbol), exact))
+        shown = numeral(float(value)) if not isinstance(value, sp.Basic) or _is_decimal(value) else value
+        return self.inline(self.set.equation(self.set.row(symbol), shown))
 
     def by_power(self, rate: sp.Expr) -> sp.Expr | str:
         """A rate that is a polynomial in epsilon, sorted by its powers as the series are."""
@@ -388,3 +389,8 @@ def _degree(rate: sp.Expr, epsilon: sp.Symbol) -> int:
         if expanded.has(epsilon) and expanded.is_polynomial(epsilon)
         else 0
     )
+
+
+def _is_decimal(value: sp.Basic) -> bool:
+    """Whether a number was typed as a decimal of at most six digits: 0.3, and not 1/3 or 2."""
+    return isinstance(value, sp.Rational) and not value.is_Integer and exact(f"{float(value):.6g}") == value
