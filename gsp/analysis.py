@@ -284,7 +284,7 @@ def _phenomenon(placement: Placement, ends: Boundary | Missing) -> Trajectory | 
     t0, t1 = scene.span
     for longer in LONGER:
         span = (t0, t0 + longer * (t1 - t0))
-        run = integrate(
+        run = trajectory_of(
             system,
             start=placement.start,
             span=span,
