@@ -353,5 +353,5 @@ def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):
 
 
 def test_what_is_reported_is_an_analysis(tmp_path) -> None:
-    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got NoneType"):
+    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got None"):
         write_report(None, tmp_path / "out")
