@@ -15,9 +15,9 @@ import numpy as np
 from problems import sleigh
 
 import gsp
+from gsp.comparison.work_curves import work_precision
+from gsp.comparison.work_runs import ModelKind
 from gsp.models import load
-from gsp.work_curves import work_precision
-from gsp.work_runs import ModelKind
 
 COLD = """
 import time

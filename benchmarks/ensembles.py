@@ -16,11 +16,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gsp.ensemble import integrate_many
-from gsp.lowering import compile_flow, parameter_vector
+from gsp.comparison.work_curves import machine
+from gsp.integration.ensemble import integrate_many
+from gsp.integration.trajectory import integrate
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.models import load
-from gsp.trajectory import integrate
-from gsp.work_curves import machine
 
 MEMBERS = 10_000
 LOOPED = 300

@@ -22,9 +22,9 @@ import numpy as np
 from problems import PROBLEMS, RING, Problem
 
 import gsp
-from gsp.lowering import parameter_vector
+from gsp.comparison.work_curves import machine
+from gsp.lowering.compiled_flow import parameter_vector
 from gsp.peers import PEERS, Peer
-from gsp.work_curves import machine
 
 Solver = Callable[[float, np.ndarray], np.ndarray]
 

@@ -28,8 +28,8 @@ from page import render, targets
 from problems import PROBLEMS, RING
 
 import gsp
+from gsp.comparison.work_curves import machine
 from gsp.peers import PEERS
-from gsp.work_curves import machine
 
 DOCS = Path(__file__).parent.parent / "docs"
 # Digits kept of a figure: clocks are not better.

@@ -10,7 +10,7 @@ import time
 
 import gsp
 import gsp.models
-from gsp.placement import place
+from gsp.scenes.placement import place
 
 CASES = (
     ("chaplygin_sleigh", 10, 0.3),

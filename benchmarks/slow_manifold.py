@@ -14,13 +14,13 @@ from functools import partial
 import numpy as np
 import sympy as sp
 
-from gsp.critical import solve_critical
-from gsp.manifold import solve_manifold
+from gsp.critical.critical_manifold import solve_critical
 from gsp.models import load
-from gsp.placement import place
-from gsp.series import expand
-from gsp.slow_points import zero_derivative
-from gsp.system import SlowFastSystem
+from gsp.scenes.placement import place
+from gsp.slow.series import expand
+from gsp.slow.slow_points import zero_derivative
+from gsp.slow.solved_manifold import solve_manifold
+from gsp.systems.system import SlowFastSystem
 
 ORDERS = (2, 4, 6, 8, 10, 12)
 POINTS = 10_000

@@ -21,10 +21,10 @@ import click
 
 from gsp import __version__
 from gsp.errors import DeclarationError, GspError, OutputError, printable
-from gsp.interrupts import noticing
+from gsp.results.interrupts import noticing
 
 if TYPE_CHECKING:
-    from gsp.scene import Scene
+    from gsp.scenes.scene import Scene
 
 # EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
 DEFECT = 70
@@ -133,7 +133,7 @@ def _compiling_told() -> Iterator[None]:
 
 def _asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, intervals: tuple[str, ...]) -> Scene:
     from gsp.readers.toml import read_number
-    from gsp.settings import ask_again
+    from gsp.scenes.settings import ask_again
 
     def pairs(option: str, texts: tuple[str, ...], form: str) -> Iterator[tuple[str, str]]:
         for text in texts:
@@ -180,7 +180,7 @@ def models(as_json: bool) -> None:
 @_json_option
 def split(scene: Scene, as_json: bool) -> None:
     """Find the slow and the fast variables of MODEL, and say how."""
-    from gsp.placement import place_splitting
+    from gsp.scenes.placement import place_splitting
 
     splitting, system = place_splitting(scene)
     if as_json:
@@ -214,10 +214,10 @@ def split(scene: Scene, as_json: bool) -> None:
 @_json_option
 def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> None:
     """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
-    from gsp.placement import place
-    from gsp.raw import carry_back
-    from gsp.series import READABLE
-    from gsp.series import expand as expand_branch
+    from gsp.scenes.placement import place
+    from gsp.slow.raw_series import carry_back
+    from gsp.slow.series import READABLE
+    from gsp.slow.series import expand as expand_branch
 
     placement = place(scene)
     whole = expand_branch(placement.branch, order=order, symbolic=not values)
@@ -270,8 +270,8 @@ def check(scene: Scene, as_json: bool) -> None:
 
     Exit status 0 when every condition holds at the samples, 1 when one fails.
     """
-    from gsp.hyperbolicity import classify
-    from gsp.placement import place
+    from gsp.hyperbolicity.hyperbolicity import classify
+    from gsp.scenes.placement import place
 
     placement = place(scene)
     verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
@@ -293,9 +293,9 @@ def folds(scene: Scene, as_json: bool) -> None:
     In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
     coefficients of v' = b dx + a v^2 along the null direction.
     """
-    from gsp.boundary import never_folds, not_followed, surroundings
-    from gsp.continuation import CriticalCurve
-    from gsp.placement import place
+    from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
+    from gsp.critical.continuation import CriticalCurve
+    from gsp.scenes.placement import place
 
     placement = place(scene)
     found = surroundings(placement)
@@ -339,7 +339,7 @@ def folds(scene: Scene, as_json: bool) -> None:
 @_json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
-    from gsp.methods import method_table
+    from gsp.comparison.classical_table import method_table
 
     orders = _orders(order)
     table = method_table(scene) if orders is None else method_table(scene, orders=orders)
@@ -381,7 +381,7 @@ def chart(
     found: Any
     with _progress("runs") as advance:
         if failures:
-            from gsp.failures import failure_map
+            from gsp.comparison.failures import failure_map
 
             found = (
                 failure_map(scene, progress=advance)
@@ -389,7 +389,7 @@ def chart(
                 else failure_map(scene, orders=orders, progress=advance)
             )
         else:
-            from gsp.work_curves import work_precision
+            from gsp.comparison.work_curves import work_precision
 
             found = (
                 work_precision(scene, progress=advance)
@@ -418,7 +418,7 @@ def chart(
 @_json_option
 def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bool) -> None:
     """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
-    from gsp.choice import choose as choose_model
+    from gsp.choice.choice import choose as choose_model
 
     orders = _orders(order)
     choice = (
@@ -448,7 +448,7 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
     check_folder(folder)
     with _progress("") as show:
-        from gsp.analysis import STAGES, analyse
+        from gsp.analysis.analysis import STAGES, analyse
         from gsp.report import write_report
 
         stages = (*STAGES, "report")

@@ -109,7 +109,7 @@ def run(system: str, verb: str, *options: str) -> Ending:
 
 def main(arguments: list[str]) -> int:
     """Run what `arguments` name, systems and verbs in any order; the number of complaints, at most 1."""
-    import gsp.analysis
+    import gsp.analysis.analysis
     import gsp.report  # noqa: F401  Loaded here, once, for all children.
 
     verbs = [word for word in arguments if word in VERBS] or list(VERBS)

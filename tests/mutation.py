@@ -1,13 +1,14 @@
 """Deliberate faults: how many of a random sample of one-token changes the tests of a module see.
 
-    python tests/mutation.py gsp/comparison.py --tests tests/test_comparison.py tests/test_faults.py --sample 20
+    python tests/mutation.py gsp/comparison.py --tests tests/comparison/test_comparison.py tests/test_faults.py
+    --sample 20
 
 Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed, `if`
-negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or take
-more than `--limit` seconds. The copy keeps numba's cache but that of the kernels when a kernel changes: a kernel does
-not see that another one which it calls has changed. That is why no tool that changes files in place, or that forks
-within one process, can be used here. What survives is printed; a survivor is either a missing test or no fault at all
-(an equivalent program, a message, a limit of patience), which a reader has to judge.
+negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or
+take more than `--limit` seconds. The copy keeps numba's cache but that of the kernels when a kernel changes: a kernel
+does not see that another one which it calls has changed. That is why no tool that changes files in place, or that
+forks within one process, can be used here. What survives is printed; a survivor is either a missing test or no fault
+at all (an equivalent program, a message, a limit of patience), which a reader has to judge.
 """
 
 from __future__ import annotations

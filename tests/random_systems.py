@@ -8,8 +8,8 @@ import sys
 
 import sympy as sp
 
-from gsp.scene import Scene
-from gsp.system import SlowFastSystem
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem
 
 EPSILON = sp.Symbol("epsilon")
 
@@ -56,8 +56,8 @@ def random_scene(seed: int) -> Scene:
 def checked(seed: int) -> str:
     """What `gsp check` does with the scene: the verdict, or the refusal by its own error."""
     from gsp.errors import GspError
-    from gsp.hyperbolicity import classify
-    from gsp.placement import place
+    from gsp.hyperbolicity.hyperbolicity import classify
+    from gsp.scenes.placement import place
 
     scene = random_scene(seed)
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.system import SlowFastSystem
+from gsp.systems.system import SlowFastSystem
 
 epsilon = sp.Symbol("epsilon")
 x, y, z = sp.symbols("x y z")

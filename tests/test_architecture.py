@@ -205,7 +205,7 @@ def test_a_run_of_a_declared_field_imports_nothing_of_series() -> None:
     code = (
         "import sys, sympy, gsp; x = sympy.Symbol('x');"
         "gsp.integrate(gsp.VectorField({x: -x}, epsilon=None), start={'x': 1}, span=(0, 1));"
-        "print(sorted({'gsp.series', 'gsp.reduced', 'gsp.endings'} & set(sys.modules)))"
+        "print(sorted({'gsp.slow.series', 'gsp.integration.reduced_flow', 'gsp.integration.reduction_end.endings'} & set(sys.modules)))"
     )
     environment = {key: value for key, value in os.environ.items() if key != "GSP_EAGER"}
     done = subprocess.run(

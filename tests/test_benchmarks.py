@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from gsp.trajectory import integrate
+from gsp.integration.trajectory import integrate
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

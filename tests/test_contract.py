@@ -16,8 +16,8 @@ import sympy as sp
 
 import gsp
 from gsp import models
-from gsp.canard_orbits import Canard
 from gsp.errors import GspError
+from gsp.orbits.canard_orbits import Canard
 from tests import systems
 
 epsilon, x, y, z, a = sp.symbols("epsilon x y z a")
@@ -469,7 +469,7 @@ def test_a_noun_of_ours_is_answered_with_the_verbs_that_come_first(verb: str, no
 
 
 def test_every_verb_that_a_message_names_is_there() -> None:
-    from gsp.arguments import _SOURCES, _STEPS
+    from gsp.systems.arguments import _SOURCES, _STEPS
 
     texts = [*_SOURCES.values(), *(text for steps in _STEPS.values() for text in steps.values())]
     called = {name for text in texts for name in re.findall(r"(?<![.\w])([a-z_]+)\(", text)}

@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import candidates, models
-from gsp.comparison import CHECK, ROUNDING, _error, compare
-from gsp.critical import solve_critical
+from gsp import models
+from gsp.choice.choice import candidates
+from gsp.choice.prediction import AHEAD, Failure, Prediction
+from gsp.comparison.comparison import CHECK, ROUNDING, _error, compare
+from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import ModelFileError, Status
-from gsp.events import Event, compile_events
+from gsp.integration.events import Event, compile_events
+from gsp.integration.reduced_flow import restrict
 from gsp.kernels import ledger, radau, step_control
 from gsp.kernels import rodas5p_tableau as rodas
-from gsp.prediction import AHEAD, Failure, Prediction
 from gsp.readers.expressions import CONSTANTS, parse_expression
 from gsp.readers.toml import _symbols
-from gsp.reduced import restrict
 from gsp.report import folder as reports
 from gsp.report.mathml import operator
-from gsp.series import expand
-from gsp.system import SlowFastSystem, VectorField
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, q, epsilon = sp.symbols("x y q epsilon")
 SYMBOLS = {"x": x}
@@ -118,7 +119,7 @@ def test_errors_are_relative_to_the_largest_value_of_each_quantity() -> None:
 
 
 def test_the_floor_of_a_comparison_is_what_a_looser_reference_errs_by(monkeypatch) -> None:
-    import gsp.comparison as module
+    import gsp.comparison.comparison as module
 
     runs, own = [], module._run
 

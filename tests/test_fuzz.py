@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gsp.errors import DeclarationError, GspError
-from gsp.flow import check_epsilon
-from gsp.region import check_region
+from gsp.systems.flow import check_epsilon
+from gsp.systems.region import check_region
 from tests.fuzz.inputs import CASES, TEMPLATES, inputs
 from tests.fuzz.run import check, read
 

@@ -17,10 +17,10 @@ import sympy as sp
 from scipy.optimize import brentq
 
 from gsp import load
-from gsp.boundary import surroundings
-from gsp.continuation import SpecialKind
-from gsp.placement import place
-from gsp.series import expand
+from gsp.analysis.fold_surroundings import surroundings
+from gsp.critical.continuation import SpecialKind
+from gsp.scenes.placement import place
+from gsp.slow.series import expand
 from tests.literature import FOLDER, Ending, systems
 
 # Slow coordinates of the files that give a raw field: what each raw state is in new ones, slow ones by their

@@ -13,7 +13,7 @@ import pytest
 from gsp import cli as command
 from gsp import compare, load, models
 from gsp.errors import ModelFileError, OutputError, printable
-from gsp.tables import write_file, write_rows
+from gsp.results.files import write_file, write_rows
 
 MODEL = """
 title = {title}

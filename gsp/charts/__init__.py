@@ -10,9 +10,8 @@ from collections.abc import Callable, Mapping
 
 from matplotlib.axes import Axes
 
-from gsp.analysis import Analysis
-from gsp.attempts import attempt
-from gsp.canard_orbits import CanardOrbits
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.attempts import attempt
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
@@ -30,18 +29,19 @@ from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, png, save
 from gsp.charts.switching import switches
 from gsp.charts.work_curves import work_precision
-from gsp.comparison import Comparison
-from gsp.continuation import CriticalCurve, CriticalSheet
-from gsp.ensemble import Ensemble
+from gsp.choice.simulation import Simulation
+from gsp.comparison.classical_table import MethodTable
+from gsp.comparison.comparison import Comparison
+from gsp.comparison.failures import FailureMap
+from gsp.comparison.work_curves import WorkPrecision
+from gsp.critical.continuation import CriticalCurve, CriticalSheet
 from gsp.errors import DeclarationError
-from gsp.failures import FailureMap
-from gsp.methods import MethodTable
-from gsp.mixed_modes import MixedMode
-from gsp.periodic import OrbitFamily, PeriodicOrbit
-from gsp.relaxation import SingularOrbit
-from gsp.simulation import Simulation
-from gsp.trajectory import Trajectory
-from gsp.work_curves import WorkPrecision
+from gsp.integration.ensemble import Ensemble
+from gsp.integration.trajectory import Trajectory
+from gsp.orbits.canard_orbits import CanardOrbits
+from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.singular.mixed_modes import MixedMode
+from gsp.singular.relaxation import SingularOrbit
 
 __all__ = [
     "applicable",

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, plain
-from gsp.comparison import CLEARANCE, Comparison
+from gsp.comparison.comparison import CLEARANCE, Comparison
 
 
 @chart(height=4.3)

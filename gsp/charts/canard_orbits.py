@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gsp.canard_orbits import CanardKind, CanardOrbits
 from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, mathematics, name_axes
+from gsp.orbits.canard_orbits import CanardKind, CanardOrbits
 
 # Canards that get a label and a colour of their own, from the outermost inwards.
 LABELLED = 6

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.style import BLUE, INK, chart, legend, mathematics
-from gsp.ensemble import Ensemble
 from gsp.errors import DeclarationError
+from gsp.integration.ensemble import Ensemble
 
 # Members drawn one by one, spread evenly over their indices.
 DRAWN = 24

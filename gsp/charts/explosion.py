@@ -25,11 +25,11 @@ from gsp.charts.style import (
     name_axes,
 )
 from gsp.errors import DeclarationError
-from gsp.periodic import CycleKind, OrbitFamily
-from gsp.periodic.family import stability_runs
-from gsp.singularities import CanardValue
-from gsp.singularities.canard_points import CanardError
-from gsp.system import SlowFastSystem
+from gsp.orbits.periodic import CycleKind, OrbitFamily
+from gsp.orbits.periodic.family import stability_runs
+from gsp.singular.singularities import CanardValue
+from gsp.singular.singularities.canard_points import CanardError
+from gsp.systems.system import SlowFastSystem
 
 # Small to large, all the way from the Hopf point to relaxation.
 GROWING = LinearSegmentedColormap.from_list("growing", [BLUE, GREEN, AMBER, VERMILION, PURPLE])

@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
-from gsp.claims import EXPLICIT, MANIFOLD, NEWTON
-from gsp.failures import FailureMap
+from gsp.comparison.failures import FailureMap
+from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
 
 # Light to dark as more orders are needed.
 ORDER_COLOURS = ("#FBE3C8", "#F2B27A", "#E07B39", "#B4501B", "#7A2E00", "#4A1C00")

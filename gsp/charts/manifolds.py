@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gsp.analysis import Analysis
+from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import (
     GRID,
     LINE,
@@ -39,7 +39,7 @@ from gsp.charts.style import (
     name_axes,
 )
 from gsp.errors import DeclarationError
-from gsp.trajectory import Trajectory
+from gsp.integration.trajectory import Trajectory
 
 # Runs that start off the manifold are drawn for this many times 1/gap of fast time: e^-20 is 2e-9.
 LAYER = 20.0

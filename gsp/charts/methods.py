@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 
 from gsp.charts.sampling import margins
 from gsp.charts.style import BLUE, GREEN, INK, MARKERS, SERIES, VERMILION, chart, legend, mathematics
-from gsp.layers import CompositeSolution
-from gsp.methods import MethodTable
-from gsp.trajectory import Trajectory
+from gsp.comparison.classical_table import MethodTable
+from gsp.fibres.composite_solution import CompositeSolution
+from gsp.integration.trajectory import Trajectory
 
 LINES = ("-", "--", ":", "-.")
 # A composite is sampled at so many times, half of them in the layer.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from gsp.analysis import Analysis
+from gsp.algebra.differentiation import derivative
+from gsp.analysis.analysis import Analysis
 from gsp.charts.manifolds import slow_line
 from gsp.charts.sampling import (
     LINE,
@@ -49,7 +50,6 @@ from gsp.charts.style import (
     orbit,
     plane_axes,
 )
-from gsp.differentiation import derivative
 
 # Differences below this are the tolerance of the pictured runs, not the limit's error.
 NOTHING = 1e-6

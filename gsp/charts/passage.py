@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.laurent import laurent
 from gsp.charts.style import (
     BLUE,
     GREEN,
@@ -23,11 +25,9 @@ from gsp.charts.style import (
     mathematics,
     name_axes,
 )
-from gsp.differentiation import derivative
-from gsp.laurent import laurent
-from gsp.lowering import compile_flow, compile_function
-from gsp.passage import FoldExit, FoldPassage, MeasuredDelay
-from gsp.system import SlowFastSystem
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.singular.passage import FoldExit, FoldPassage, MeasuredDelay
+from gsp.systems.system import SlowFastSystem
 
 # Grid points along each axis for the line g = 0.
 LINE = 301

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 
-from gsp.analysis import Analysis
+from gsp.analysis.analysis import Analysis
 from gsp.charts.passage import critical_lines
 from gsp.charts.sampling import dense_run, margins
 from gsp.charts.style import (
@@ -25,10 +25,10 @@ from gsp.charts.style import (
     name_axes,
 )
 from gsp.errors import DeclarationError
-from gsp.mixed_modes import MixedMode
-from gsp.periodic import PeriodicOrbit
-from gsp.relaxation import SingularOrbit, SlowPiece
-from gsp.trajectory import Trajectory
+from gsp.integration.trajectory import Trajectory
+from gsp.orbits.periodic import PeriodicOrbit
+from gsp.singular.mixed_modes import MixedMode
+from gsp.singular.relaxation import SingularOrbit, SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])

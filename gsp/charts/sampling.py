@@ -8,13 +8,13 @@ from typing import cast
 import numpy as np
 import sympy as sp
 
-from gsp.analysis import Analysis
+from gsp.analysis.analysis import Analysis
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
-from gsp.flow import Flow
-from gsp.lowering import compile_function, parameter_vector
-from gsp.system import SlowFastSystem
-from gsp.trajectory import Trajectory
-from gsp.truncation import errors, past
+from gsp.integration.trajectory import Trajectory
+from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.slow.truncation import errors, past
+from gsp.systems.flow import Flow
+from gsp.systems.system import SlowFastSystem
 
 # Points of a line, and of a grid along each axis.
 LINE, GRID = 400, 41

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gsp.analysis import Analysis
+from gsp.analysis.analysis import Analysis
 from gsp.charts.sampling import GRID, LINE, box_points, margins, on_branch
 from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, name_axes
 

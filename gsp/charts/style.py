@@ -22,7 +22,7 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path as Outline
 
 from gsp.errors import DeclarationError, OutputError
-from gsp.tables import write_file
+from gsp.results.files import write_file
 
 # Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
 BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"

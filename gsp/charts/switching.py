@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from gsp.candidates import ModelKind
 from gsp.charts.sampling import margins
 from gsp.charts.style import AMBER, BLUE, GREY, INK, VERMILION, chart, legend, mathematics, name_axes
+from gsp.choice.candidates import ModelKind
+from gsp.choice.simulation import Simulation
 from gsp.errors import DeclarationError, GspError
-from gsp.placement import place
-from gsp.simulation import Simulation
+from gsp.scenes.placement import place
 
 # The full system lies over the reduced flow: its pieces are short.
 LOOKS = {

@@ -11,9 +11,9 @@ The record starts afresh at each call; a step starts at the row before it. `stop
 start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
 else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, and what
-`gsp.machine_code` wrote of the method for this flow, or 0, when loops do the same for any flow. A method may keep more
-in a longer `memory`, as `radau_block.memory_size` says for the Radau methods. Python starts a single run through the
-method's function in `launch`, which makes these arguments of fewer; `ensemble` calls the methods themselves.
+`gsp.lowering.steps` wrote of the method for this flow, or 0, when loops do the same for any flow. A method may keep
+more in a longer `memory`, as `radau_block.memory_size` says for the Radau methods. Python starts a single run through
+the method's function in `launch`, which makes these arguments of fewer; `ensemble` calls the methods themselves.
 """
 
 from __future__ import annotations

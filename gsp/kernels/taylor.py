@@ -1,6 +1,6 @@
 """Taylor series of high order, for flows that are not stiff or barely so: one expansion a step, no stage.
 
-The series come from code written for one flow, `gsp.machine_code.taylor`; there are no loops for any flow. The step
+The series come from code written for one flow, `gsp.lowering.steps.taylor`; there are no loops for any flow. The step
 is where the last two terms meet the tolerance (Jorba and Zou 2005, section 3.2), and the end of each is checked against
 the field: a series may pause, as that of 1/(1 + t^30) does, and its last terms then say nothing. An expansion to
 order K counts as K calls of the field, which is about its cost.

@@ -1,7 +1,7 @@
 """Exact algebra of mechanics: matrices over functions of positions, in which cos^2 + sin^2 = 1 is always used.
 
 Sines and cosines of sums are written by those of single angles, so that every expression becomes a polynomial
-in them over few denominators; `gsp.ring` does the arithmetic. Nothing is simplified, only reduced.
+in them over few denominators; `gsp.algebra.ring` does the arithmetic. Nothing is simplified, only reduced.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.chart import dot, invert
-from gsp.functions import are_rational
-from gsp.lowering import compile_function
-from gsp.ring import Element, LocalisedRing, read
+from gsp.algebra.functions import are_rational
+from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.lowering.compiled_flow import compile_function
+from gsp.slow.coordinates import dot, invert
 
 Matrix = list[list[Element]]
 

@@ -10,17 +10,17 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.ring import Element
 from gsp.errors import DeclarationError
-from gsp.flow import Values
+from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, entries, numbers
 from gsp.mechanics.distribution import Flag, flag
 from gsp.mechanics.frame import MovingFrame, moving_frame
 from gsp.mechanics.hamel import HamelEquations, hamel, split_positions
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import read_constraints
-from gsp.ring import Element
-from gsp.system import VectorField
-from gsp.trajectory import Trajectory
+from gsp.systems.flow import Values
+from gsp.systems.system import VectorField
 
 Constraints = Sequence[sp.Expr] | Mapping[sp.Symbol, sp.Expr]
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.chart import dot
+from gsp.algebra.ring import Element
 from gsp.mechanics.algebra import Algebra, entries, generic_points, numbers
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import rank
-from gsp.ring import Element
+from gsp.slow.coordinates import dot
 
 VectorElements = list[Element]
 

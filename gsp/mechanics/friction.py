@@ -11,25 +11,25 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.critical import solve_critical
+from gsp.algebra.ring import Element
+from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
-from gsp.flow import Point, Values
+from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, Matrix, entries
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import Damping, read_damping
 from gsp.mechanics.frame import MovingFrame, moving_frame
+from gsp.mechanics.frame_starts import frame_values, new_region
 from gsp.mechanics.hamel import HamelEquations, hamel, split_positions
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.slow_momenta import SlowMomenta, geometric_splitting, slow_momenta
-from gsp.mechanics.staging import frame_values, new_region
 from gsp.mechanics.velocity_forms import read_constraints
-from gsp.region import Interval, check_region
-from gsp.ring import Element
-from gsp.scene import Scene
-from gsp.series import expand
-from gsp.splitting import Splitting
-from gsp.system import SlowFastSystem, VectorField
-from gsp.trajectory import Trajectory
+from gsp.scenes.scene import Scene
+from gsp.slow.series import expand
+from gsp.splitting.splitting import Splitting
+from gsp.systems.flow import Point, Values
+from gsp.systems.region import Interval, check_region
+from gsp.systems.system import SlowFastSystem, VectorField
 
 
 @dataclass(frozen=True, eq=False, repr=False)

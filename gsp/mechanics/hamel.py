@@ -12,11 +12,11 @@ from functools import cached_property
 
 import sympy as sp
 
+from gsp.algebra.ring import Element
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, transpose
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
-from gsp.ring import Element
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,11 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from gsp.differentiation import derivative
+from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, HyperbolicityError, nearest
-from gsp.flow import Values
 from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
-from gsp.system import VectorField
+from gsp.systems.flow import Values
+from gsp.systems.system import VectorField
 
 # Relative size of the smallest singular value below which a matrix of numbers counts as singular.
 SINGULAR = 1e-11

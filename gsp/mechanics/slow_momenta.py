@@ -14,11 +14,11 @@ from typing import Any
 
 import sympy as sp
 
+from gsp.algebra.ring import Element
 from gsp.mechanics.algebra import Algebra, Matrix
 from gsp.mechanics.hamel import HamelEquations
-from gsp.ring import Element
-from gsp.splitting import Splitting
-from gsp.system import SlowFastSystem, VectorField
+from gsp.splitting.splitting import Splitting
+from gsp.systems.system import SlowFastSystem, VectorField
 
 
 @dataclass(frozen=True)

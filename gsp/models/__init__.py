@@ -12,7 +12,7 @@ from gsp.errors import GspError, nearest
 
 if TYPE_CHECKING:
     from gsp.mechanics import FrictionSystem, LagrangianSystem
-    from gsp.scene import Scene
+    from gsp.scenes.scene import Scene
 
 _SCENES = {
     "chaplygin_sleigh": ("nonholonomic", "Chaplygin sleigh: no slip as the limit of strong friction"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sympy as sp
 
 from gsp.models import title
-from gsp.scene import Scene
-from gsp.system import SlowFastSystem
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem
 
 
 def linear() -> Scene:

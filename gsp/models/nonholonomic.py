@@ -5,8 +5,8 @@ from __future__ import annotations
 import sympy as sp
 
 from gsp.models import title
-from gsp.scene import Scene
-from gsp.system import VectorField
+from gsp.scenes.scene import Scene
+from gsp.systems.system import VectorField
 
 
 def chaplygin_sleigh() -> Scene:

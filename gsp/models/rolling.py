@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
 from gsp.models import title
-from gsp.scene import Scene
+from gsp.scenes.scene import Scene
 
 x, y, phi, theta, psi = sp.symbols("x y phi theta psi")
 xdot, ydot, phidot, thetadot, psidot = sp.symbols("xdot ydot phidot thetadot psidot")

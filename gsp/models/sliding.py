@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
 from gsp.models import title
-from gsp.scene import Scene
+from gsp.scenes.scene import Scene
 
 x, y, z, phi = sp.symbols("x y z phi")
 xdot, ydot, zdot, phidot = sp.symbols("xdot ydot zdot phidot")

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.flow import Flow
-from gsp.kernels.lsoda import lsoda_callback
 from gsp.peers.forward import Forward
+from gsp.peers.lsoda import lsoda_callback
 from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
 from gsp.peers.translation import Language, translate
+from gsp.systems.flow import Flow
 
 
 @dataclass(frozen=True)

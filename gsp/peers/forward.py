@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.differentiation import derivative
+from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError
-from gsp.flow import Flow
-from gsp.lowering import CompiledFunction, compile_flow, compile_function
+from gsp.lowering.compiled_flow import CompiledFunction, compile_flow, compile_function
+from gsp.systems.flow import Flow
 
 # Decimal digits that a double put into an expression keeps: enough to come out again as the same double.
 _DIGITS = 25

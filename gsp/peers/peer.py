@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from gsp.flow import Flow
+from gsp.systems.flow import Flow
 
 # No run of a peer takes more steps; one that would is a failure of its own.
 MAX_STEPS = 1_000_000

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.flow import Flow
 from gsp.kernels.evaluate import evaluate
-from gsp.lowering import compile_flow
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.peers.peer import Peer, PeerRun, Solve
+from gsp.systems.flow import Flow
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.flow import Flow
 from gsp.kernels.evaluate import evaluate
 from gsp.peers.forward import Forward
 from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
+from gsp.systems.flow import Flow
 
 
 @dataclass(frozen=True)

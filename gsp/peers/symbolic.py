@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.flow import Flow
 from gsp.peers.forward import Forward
 from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
 from gsp.peers.translation import Language, translate
+from gsp.systems.flow import Flow
 
 # Steps of the explicit and of the slow one: more only delay the news that they fail.
 _FEW_STEPS = 20_000

@@ -16,7 +16,7 @@ from gsp.errors import UnsupportedFunctionError
 Value = Any
 """What the package calculates with: a node of its graph, an array being traced, a text."""
 
-# As in `gsp.lowering`: up to here powers are products.
+# As in `gsp.lowering.compiled_flow`: up to here powers are products.
 _LARGEST_UNROLLED_POWER = 16
 
 

@@ -48,12 +48,12 @@ from pathlib import Path
 
 import sympy as sp
 
-from gsp.arguments import shown
 from gsp.errors import DeclarationError, ModelFileError, nearest, printable
 from gsp.readers.expressions import RESERVED, parse_expression
 from gsp.readers.tokens import parse_number
-from gsp.scene import Scene
-from gsp.system import SlowFastSystem, VectorField
+from gsp.scenes.scene import Scene
+from gsp.systems.arguments import shown
+from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
 STATES = 64

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 import sympy as sp
 from markupsafe import Markup
 
-from gsp.analysis import Analysis
+from gsp.analysis.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
-from gsp.claims import HORIZON
-from gsp.continuation import CriticalCurve, CriticalSheet
-from gsp.mixed_modes import MixedMode
+from gsp.comparison.survey import HORIZON
+from gsp.critical.continuation import CriticalCurve, CriticalSheet
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
+from gsp.singular.mixed_modes import MixedMode
 
 
 def caption(name: str, analysis: Analysis, setter: Typesetter) -> Markup:

@@ -11,14 +11,14 @@ import numpy as np
 import sympy as sp
 
 from gsp import charts
-from gsp.analysis import Analysis
-from gsp.attempts import Missing, attempt
-from gsp.boundary import FoldOutlook
-from gsp.choice import Choice
-from gsp.claims import Claim
-from gsp.hyperbolicity import Hyperbolicity
-from gsp.losses import Loss
-from gsp.trajectory import Trajectory
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.attempts import Missing, attempt
+from gsp.analysis.fold_surroundings import FoldOutlook
+from gsp.choice.choice import Choice
+from gsp.comparison.survey import Claim
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
+from gsp.hyperbolicity.losses import Loss
+from gsp.integration.trajectory import Trajectory
 
 
 def as_json(analysis: Analysis) -> dict[str, Any]:

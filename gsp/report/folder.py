@@ -15,13 +15,13 @@ from contextlib import suppress
 from pathlib import Path
 
 from gsp import charts
-from gsp.analysis import Analysis
-from gsp.arguments import check_noun, check_progress, shown
-from gsp.attempts import Missing, attempt
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.attempts import Missing, attempt
 from gsp.errors import OutputError
-from gsp.interrupts import undisturbed
 from gsp.report.content import as_json
 from gsp.report.page import render
+from gsp.results.interrupts import undisturbed
+from gsp.systems.arguments import check_noun, check_progress, shown
 
 HTML, JSON = "report.html", "report.json"
 # Every name that a report may ever use; files of other names in the folder are never touched.

@@ -12,8 +12,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from gsp.analysis import Analysis
-from gsp.attempts import Missing, attempt
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.attempts import Missing, attempt
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words

@@ -8,13 +8,13 @@ from typing import Any
 import sympy as sp
 from markupsafe import Markup
 
-from gsp.analysis import Analysis
-from gsp.boundary import FoldOutlook
-from gsp.claims import HORIZON
-from gsp.failures import FailureMap
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.fold_surroundings import FoldOutlook
+from gsp.comparison.failures import FailureMap
+from gsp.comparison.survey import HORIZON
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import first_sentence, number, words
-from gsp.singularities import FoldedSingularity
+from gsp.singular.singularities import FoldedSingularity
 
 
 def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:

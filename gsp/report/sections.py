@@ -9,17 +9,17 @@ from typing import Any
 import sympy as sp
 from markupsafe import Markup
 
-from gsp.analysis import Analysis
-from gsp.attempts import Missing, attempt
+from gsp.analysis.analysis import Analysis
+from gsp.analysis.attempts import Missing, attempt
 from gsp.charts import has_constant_eigenvalues
-from gsp.declaration import exact
-from gsp.hyperbolicity import Kind
+from gsp.choice.verdict import named
+from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.report import mathml
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
 from gsp.report.reach import failures, reach
 from gsp.report.wording import fitted, number, span, words
-from gsp.system import SlowFastSystem
-from gsp.verdict import named
+from gsp.systems.declaration import exact
+from gsp.systems.system import SlowFastSystem
 
 # A slope this far below what a field promises is a failure of the field, not of the measurement.
 SLOPE_TOLERANCE = 0.25

@@ -6,10 +6,10 @@ import warnings
 from pathlib import Path
 
 from gsp.errors import GspError
-from gsp.hyperbolicity import classify
-from gsp.placement import place
+from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.readers import load
-from gsp.scene import Scene
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
 
 
 def read(text: str, folder: Path) -> Scene | GspError:

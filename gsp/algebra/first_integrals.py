@@ -1,0 +1,212 @@
+"""First integrals of a layer problem z' = L(z): functions phi with grad phi . L = 0.
+
+They are the slow coordinates of a two-scale field. Three searches, in this order: linear, polynomial of degree 2
+and 3 (both by exact linear algebra over the field of parameters), and what one quadrature gives.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import sympy as sp
+from sympy.polys.matrices import DomainMatrix
+
+from gsp.algebra.factorisation import factor_list, lowest_terms
+from gsp.algebra.laurent import vanishes
+
+# Polynomial ansatz up to this degree, and at most this many unknown coefficients.
+MAX_DEGREE = 3
+MAX_UNKNOWNS = 400
+# Longer quotients are not integrated.
+MAX_OPERATIONS = 60
+ELEMENTARY = (
+    *(sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan),
+    *(sp.sinh, sp.cosh, sp.tanh, sp.asinh, sp.acosh, sp.atanh, sp.erf),
+)
+
+
+def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, wanted: int) -> list[sp.Expr]:
+    """Up to `wanted` functionally independent first integrals of z' = `layer`, simplest first.
+
+    Returns fewer when the searches find no more.
+    """
+    direction = _without_common_factor(layer, states)
+    found = _linear(direction, states)
+    for degree in range(2, MAX_DEGREE + 1):
+        if len(found) >= wanted:
+            break
+        for candidate in _polynomial(direction, states, degree):
+            if len(found) < wanted and _is_independent(found, candidate, states):
+                found.append(candidate)
+    if len(found) < wanted:
+        for candidate in _quadratures(direction, states):
+            if len(found) < wanted and _is_independent(found, candidate, states):
+                found.append(candidate)
+    return found[:wanted]
+
+
+def _without_common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """The layer field divided by what all its components share: orbits, hence integrals, stay the same."""
+    common = common_factor(layer, states)
+    return [lowest_terms(component / common) if component != 0 else sp.Integer(0) for component in layer]
+
+
+def common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Expr:
+    """Greatest common divisor of the components over their common denominator, free of constant factors."""
+    rows = [dict(factor_list(component)[1]) for component in layer if component != 0]
+    shared = {f: min(row.get(f, 0) for row in rows) for f in rows[0]}
+    return sp.Mul(*[f**k for f, k in shared.items() if f.has(*states)])
+
+
+def _numerators(expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
+    fractions = [sp.fraction(sp.together(e)) for e in expressions]
+    denominator = sp.Integer(1)
+    for _, d in fractions:
+        denominator = sp.lcm(denominator, d)
+    return [sp.cancel(n * denominator / d) for n, d in fractions]
+
+
+def _coefficient_rows(expressions: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[dict]:
+    """Each expression as {monomial: coefficient}, monomials in the states and in functions of them."""
+    numerators = [sp.expand(e) for e in _numerators(expressions)]
+    functions = {p for e in numerators for p in e.atoms(sp.Function, sp.Pow) if p.has(*states)}
+    # Functions of the states count as further unknowns, independent of the states themselves.
+    stand_in = {p: sp.Dummy() for p in functions if not (p.is_Pow and p.exp.is_Integer and p.exp > 0)}
+    gens = (*states, *stand_in.values())
+    return [dict(sp.Poly(e.xreplace(stand_in), *gens).terms()) if e != 0 else {} for e in numerators]
+
+
+def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:
+    """Primitive vectors c with sum_i c_i row_i = 0, entries polynomial in the parameters."""
+    monomials = sorted({m for row in rows for m in row}, key=str)
+    if not monomials:
+        return [[sp.Integer(int(i == j)) for j in range(len(rows))] for i in range(len(rows))]
+    matrix = sp.Matrix([[row.get(m, 0) for row in rows] for m in monomials])
+    null = DomainMatrix.from_Matrix(matrix).to_field().nullspace().to_Matrix()
+    return [_primitive(list(null.row(i))) for i in range(null.rows)]
+
+
+def _primitive(vector: list[sp.Expr]) -> list[sp.Expr]:
+    fractions = [sp.fraction(sp.cancel(v)) for v in vector]
+    scale = sp.Integer(1)
+    for _, d in fractions:
+        scale = sp.lcm(scale, d)
+    cleared = [sp.cancel(v * scale) for v in vector]
+    divisor = sp.Integer(0)
+    for v in cleared:
+        divisor = sp.gcd(divisor, v)
+    cleared = [sp.cancel(v / divisor) for v in cleared]
+    leading = next(v for v in cleared if v != 0)
+    return [-v for v in cleared] if leading.could_extract_minus_sign() else cleared
+
+
+def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    vectors = _left_null_space(_coefficient_rows(direction, states))
+    integrals = [sp.Add(*[c * z for c, z in zip(vector, states)]) for vector in vectors]
+    # Single states first, then in the order of the first state they contain.
+    return sorted(integrals, key=lambda phi: [i for i, z in enumerate(states) if phi.has(z)])
+
+
+def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degree: int) -> list[sp.Expr]:
+    if not all(component.is_rational_function(*states) for component in direction):
+        return []
+    monomials = [
+        sp.Mul(*choice)
+        for d in range(degree, 0, -1)
+        for choice in itertools.combinations_with_replacement(states, d)
+    ]
+    if len(monomials) > MAX_UNKNOWNS:
+        return []
+    numerators = _numerators(direction)
+    rates = [sp.expand(sum(sp.diff(m, z) * n for z, n in zip(states, numerators))) for m in monomials]
+    rows = [dict(sp.Poly(rate, *states).terms()) if rate != 0 else {} for rate in rates]
+    vectors = _left_null_space(rows)
+    integrals = [sp.Add(*[c * m for c, m in zip(vector, monomials)]) for vector in vectors]
+    return sorted(integrals, key=lambda phi: (sp.Poly(phi, *states).total_degree(), sp.count_ops(phi)))
+
+
+def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """Integrals of dz_i/dz_j = N_i/N_j where it is separable, or linear in z_i; other states must be constant.
+
+    Those without a logarithm come first: z exp(-t) is an integral everywhere, log(z) - t for z > 0 only.
+    """
+    moving = [z for z, component in zip(states, direction) if component != 0]
+    rates = dict(zip(states, direction))
+    found: list[sp.Expr] = []
+    for z, t in itertools.permutations(moving, 2):
+        ratio: Any = sp.factor(sp.cancel(rates[z] / rates[t]))
+        if ratio.has(*[s for s in moving if s not in (z, t)]) or sp.count_ops(ratio) > MAX_OPERATIONS:
+            continue
+        for candidate in (_linear_equation(ratio, z, t), _separable(ratio, z, t)):
+            if candidate is None or candidate in found:
+                continue
+            if vanishes(sp.Add(*[sp.diff(candidate, s) * rates[s] for s in moving])):
+                found.append(candidate)
+    return sorted(found, key=lambda phi: (phi.has(sp.log), sp.count_ops(phi)))
+
+
+def _separable(ratio: sp.Expr, z: sp.Symbol, t: sp.Symbol) -> sp.Expr | None:
+    of_z, rest = [], []
+    for factor in sp.Mul.make_args(ratio):
+        if factor.has(z) and factor.has(t):
+            return None
+        (of_z if factor.has(z) else rest).append(factor)
+    left, right = _antiderivative(1 / sp.Mul(*of_z), z), _antiderivative(sp.Mul(*rest), t)
+    return None if left is None or right is None else left - right
+
+
+def _linear_equation(ratio: sp.Expr, z: sp.Symbol, t: sp.Symbol) -> sp.Expr | None:
+    slope = sp.diff(ratio, z)
+    if slope.has(z):
+        return None
+    exponent = _antiderivative(slope, t)
+    if exponent is None:
+        return None
+    factor = sp.simplify(sp.exp(-exponent))
+    offset = _antiderivative(sp.cancel(ratio - slope * z) * factor, t)
+    return None if offset is None else sp.factor_terms(sp.expand(z * factor - offset))
+
+
+def _antiderivative(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
+    """An elementary antiderivative by textbook rules, or None.
+
+    SymPy's general `integrate` can take minutes to fail. Other symbols count as positive meanwhile, so that no
+    case distinctions arise; the caller checks what comes back.
+    """
+    from sympy.integrals.manualintegrate import manualintegrate
+
+    if not _is_tractable(expression, t):
+        return None
+    stand_in = {s: sp.Dummy(s.name, positive=True) for s in expression.free_symbols if s != t}
+    back = {dummy: s for s, dummy in stand_in.items()}
+    result = manualintegrate(expression.xreplace(stand_in), t).xreplace(back)
+    if result.has(sp.Integral, sp.Piecewise, sp.RootSum, sp.I) or not _is_elementary(result):
+        return None
+    return result
+
+
+def _is_tractable(expression: sp.Expr, t: sp.Symbol) -> bool:
+    """False for quotients whose denominators have factors of degree 2 with parameters, or higher: no useful formula."""
+    for factor in sp.Mul.make_args(sp.factor(sp.denom(sp.together(expression)))):
+        base = factor.as_base_exp()[0]
+        if not base.has(t) or not base.is_polynomial(t):
+            continue
+        degree = sp.degree(base, t)
+        if degree > 2 or (degree == 2 and base.free_symbols != {t}):
+            return False
+    return True
+
+
+def _is_elementary(expression: sp.Expr) -> bool:
+    return all(isinstance(piece, ELEMENTARY) for piece in expression.atoms(sp.Function))
+
+
+def _is_independent(known: list[sp.Expr], candidate: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
+    """Whether the gradients are linearly independent at a generic point (exact primes for every symbol)."""
+    functions = [*known, candidate]
+    symbols = sorted(set().union(*(f.free_symbols for f in functions)) | set(states), key=str)
+    point = {s: sp.Rational(sp.prime(i + 3), sp.prime(i + 5)) for i, s in enumerate(symbols)}
+    gradient = sp.Matrix([[sp.diff(f, z).subs(point) for z in states] for f in functions])
+    return gradient.rank() == len(functions)

@@ -1,0 +1,234 @@
+"""Power series in epsilon over the exact ring, one order at a time.
+
+A `SeriesProgram` holds expressions as a straight-line program. Its inputs are series whose coefficients become
+known one after another; `extend` computes the coefficient of the next order in every node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy as sp
+
+from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
+from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.errors import UnsupportedFunctionError
+
+
+class Node:
+    """One intermediate series of a `SeriesProgram`; supports + - * like the elements of the ring."""
+
+    __slots__ = ("coefficients", "index", "kind", "operands", "program")
+
+    def __init__(self, program: SeriesProgram, index: int, kind: str, operands: tuple) -> None:
+        self.program = program
+        self.index = index
+        self.kind = kind
+        self.operands = operands
+        self.coefficients: list[Element] = []
+
+    def __add__(self, other: Node | int) -> Node:
+        return self.program.add(self, self.program.lift(other))
+
+    def __mul__(self, other: Node | int | sp.Rational) -> Node:
+        return self.program.multiply(self, self.program.lift(other))
+
+    def __neg__(self) -> Node:
+        return self.program.multiply(self, self.program.lift(-1))
+
+    def inverse(self) -> Node:
+        """The series of 1/u."""
+        return self.program.node("inverse", self)
+
+    def apply(self, name: str, exponent: Node | None = None) -> Node:
+        """The series of an elementary function of u."""
+        return self.program.function(name, self, exponent)
+
+
+class SeriesProgram:
+    """Expressions in series inputs, the ring's own symbols, and epsilon.
+
+    `inputs` maps symbols to lists of ring elements (coefficient of epsilon^k at place k) that the caller owns
+    and extends; every other symbol is a constant of the ring or found in `constants`.
+    """
+
+    def __init__(
+        self,
+        ring: LocalisedRing,
+        *,
+        epsilon: sp.Symbol,
+        inputs: Mapping[sp.Symbol, list[Element]],
+        constants: Mapping[sp.Symbol, Element],
+    ) -> None:
+        self.ring = ring
+        self.epsilon = epsilon
+        self.inputs = inputs
+        self.constants = dict(constants)
+        self._nodes: list[Node] = []
+        self._known: dict[tuple, Node] = {}
+        self._read: dict[sp.Expr, Node] = {}
+
+    def compile(self, expression: sp.Expr) -> Node:
+        """The node of a SymPy expression."""
+        if expression in self._read:
+            return self._read[expression]
+        if not expression.has(self.epsilon, *self.inputs):
+            node = self._constant(read(expression, self.ring, self.constants))
+        elif expression == self.epsilon:
+            node = self.node("epsilon")
+        elif expression in self.inputs:
+            node = self.node("input", expression)
+        elif expression.is_Add:
+            parts_ = [self.compile(part) for part in expression.args]
+            node = parts_[0]
+            for part in parts_[1:]:
+                node = self.add(node, part)
+        elif expression.is_Mul:
+            free, bound = expression.as_independent(self.epsilon, *self.inputs, as_Add=False)
+            node = None if free == 1 else self.compile(free)
+            for factor in sp.Mul.make_args(bound):
+                other = self.compile(factor)
+                node = other if node is None else self.multiply(node, other)
+            assert node is not None
+        elif is_rational_node(expression):
+            node = self._integer_power(self.compile(expression.base), int(expression.exp))
+        else:
+            name, operands = parts(expression)
+            inner = [self.compile(operand) for operand in operands]
+            if name in COMPOSED:
+                node = composed(name, inner)
+            else:
+                node = self.function(name, inner[0], inner[1] if len(inner) > 1 else None)
+        self._read[expression] = node
+        return node
+
+    # -- building ----------------------------------------------------------------------------------
+
+    def node(self, kind: str, *operands) -> Node:
+        """A node of the given kind, made once per kind and operands."""
+        key = (kind, *(("n", o.index) if isinstance(o, Node) else o for o in operands))
+        if key not in self._known:
+            self._known[key] = self._append(kind, operands)
+        return self._known[key]
+
+    def lift(self, value: Node | int | sp.Rational) -> Node:
+        """`value` as a node; rational numbers become constants."""
+        return value if isinstance(value, Node) else self._constant(self.ring.constant(value))
+
+    def add(self, a: Node, b: Node) -> Node:
+        """The sum of two series."""
+        return self.node("add", *sorted((a, b), key=lambda n: n.index))
+
+    def multiply(self, a: Node, b: Node) -> Node:
+        """The product of two series; a constant factor is kept apart, it costs one product per order."""
+        if b.kind == "constant":
+            a, b = b, a
+        if a.kind == "constant":
+            return self.node("scale", a, b)
+        return self.node("multiply", *sorted((a, b), key=lambda n: n.index))
+
+    def function(self, name: str, u: Node, exponent: Node | None = None) -> Node:
+        """v = F(u) by its differential equation, F one of the elementary functions."""
+        if name in CONSTANTS:
+            return self._constant(self.ring.zero.apply(name))
+        if exponent is not None and exponent.kind != "constant":
+            return self.function("exp", self.multiply(exponent, self.function("log", u)))
+        key = (name, u.index, exponent.index if exponent else None)
+        if key in self._known:
+            return self._known[key]
+        node = self._append("function", (name, u, exponent))
+        self._known[key] = node
+        if exponent is not None:
+            rate = self.multiply(exponent, self.multiply(node, u.inverse()))
+        elif RULES[name].rate is None:
+            rate = self.lift(0)
+        else:
+            rate = RULES[name].rate(node, u)  # pyright: ignore[reportOptionalCall]
+        node.operands = (name, u, exponent, rate)
+        return node
+
+    def _append(self, kind: str, operands: tuple) -> Node:
+        node = Node(self, len(self._nodes), kind, operands)
+        self._nodes.append(node)
+        return node
+
+    def _constant(self, element: Element) -> Node:
+        node = self.node("constant", *element.key)
+        node.operands = (element,)
+        return node
+
+    def _integer_power(self, base: Node, exponent: int) -> Node:
+        if exponent < 0:
+            base, exponent = base.inverse(), -exponent
+        # By squaring, so that a high power costs few products per order.
+        result: Node | None = None
+        while exponent:
+            if exponent & 1:
+                result = base if result is None else self.multiply(result, base)
+            exponent >>= 1
+            if exponent:
+                base = self.multiply(base, base)
+        assert result is not None
+        return result
+
+    # -- running -----------------------------------------------------------------------------------
+
+    def extend(self, k: int) -> None:
+        """Compute, or compute again, the coefficient of epsilon^k in every node."""
+        for node in self._nodes:
+            value = self._coefficient(node, k)
+            if len(node.coefficients) > k:
+                node.coefficients[k] = value
+            else:
+                node.coefficients.append(value)
+
+    def _coefficient(self, node: Node, k: int) -> Element:
+        ring = self.ring
+        kind, operands = node.kind, node.operands
+        if kind == "constant":
+            return operands[0] if k == 0 else ring.zero
+        if kind == "epsilon":
+            return ring.one if k == 1 else ring.zero
+        if kind == "input":
+            return self.inputs[operands[0]][k]
+        if kind == "add":
+            return operands[0].coefficients[k] + operands[1].coefficients[k]
+        if kind == "scale":
+            return operands[0].coefficients[0] * operands[1].coefficients[k]
+        if kind == "multiply":
+            return convolve(operands[0].coefficients, operands[1].coefficients, k, ring)
+        if kind == "inverse":
+            u = operands[0].coefficients
+            if k == 0:
+                return u[0].inverse()
+            v = node.coefficients
+            return -(v[0] * _sum([u[j] * v[k - j] for j in range(1, k + 1)], ring)).reduced()
+        name, u, exponent, rate = operands
+        if k == 0:
+            arguments = () if exponent is None else (exponent.coefficients[0],)
+            return u.coefficients[0].apply(name, *arguments)
+        if name == "sign" and u.coefficients[0].is_zero and not u.coefficients[k].is_zero:
+            raise UnsupportedFunctionError(
+                "the switching function of Abs, sign, Max, Min or Heaviside is zero on the whole branch at epsilon = 0 "
+                "and not beyond: the slow manifold has no power series across that kink. Declare the smooth field of "
+                "one side, or take solve_manifold."
+            )
+        # k v_k = sum_(j=1..k) j u_j rate_(k-j): v' = rate u'; the rate is needed through order k - 1 only.
+        terms = [u.coefficients[j] * rate.coefficients[k - j] * j for j in range(1, k + 1)]
+        return (_sum(terms, ring) * (ring.constant(sp.Rational(1, k)))).reduced()
+
+
+def convolve(a: Sequence[Element], b: Sequence[Element], k: int, ring: LocalisedRing) -> Element:
+    """sum_(i+j=k) a_i b_j."""
+    if a is b:
+        total = _sum([a[i] * a[k - i] * 2 for i in range((k + 1) // 2)], ring)
+        return total + a[k // 2] * a[k // 2] if k % 2 == 0 else total
+    return _sum([a[i] * b[k - i] for i in range(k + 1)], ring)
+
+
+def _sum(terms: Sequence[Element], ring: LocalisedRing) -> Element:
+    total = ring.zero
+    for term in terms:
+        if not term.is_zero:
+            total = total + term
+    return total

@@ -1,0 +1,467 @@
+"""Exact algebra: a polynomial ring localised at a few denominators, with derivations.
+
+Elements are N / (D_1^e_1 ... D_k^e_k) with N in QQ[generators] and the D_i irreducible. The D_i are few and
+known (the factors of det g_y and of the denominators in f and g), so sums and products need no greatest
+common divisor; a common factor is divided out only when asked for. Functions such as exp(u) are adjoined as
+generators E with their derivative D E = E D u.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import flint
+import sympy as sp
+
+from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
+from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
+from gsp.errors import HyperbolicityError
+
+# Numerators longer than this are shown expanded: factoring them costs more than it explains.
+FACTOR_LIMIT = 400
+# Room for this many functions at first, doubled when it is used up; every generator lengthens all monomials.
+FIRST_ROOM = 4
+
+
+class Element:
+    """N / D^e in a `LocalisedRing`; supports + - * with elements and integers."""
+
+    __slots__ = ("_numerator", "exponents", "ring")
+
+    def __init__(self, ring: LocalisedRing, numerator: flint.fmpq_mpoly, exponents: tuple[int, ...]) -> None:
+        self.ring = ring
+        self._numerator = numerator
+        self.exponents = exponents
+
+    @property
+    def numerator(self) -> flint.fmpq_mpoly:
+        """N, in the generators that the ring has by now."""
+        if self._numerator.context() is not self.ring.context:
+            self._numerator = self._numerator.project_to_context(self.ring.context)
+        return self._numerator
+
+    def __add__(self, other: Element | int) -> Element:
+        if isinstance(other, int):
+            other = self.ring.constant(other)
+        if self.exponents == other.exponents:
+            return Element(self.ring, self.numerator + other.numerator, self.exponents)
+        common = _maximum(self.exponents, other.exponents)
+        return Element(self.ring, self._over(common) + other._over(common), common)
+
+    def __neg__(self) -> Element:
+        return Element(self.ring, -self.numerator, self.exponents)
+
+    def __sub__(self, other: Element) -> Element:
+        return self + (-other)
+
+    def __mul__(self, other: Element | int | flint.fmpq | sp.Rational) -> Element:
+        if isinstance(other, Element):
+            exponents = _sum(self.exponents, other.exponents)
+            return Element(self.ring, self.numerator * other.numerator, exponents)
+        if isinstance(other, sp.Rational):
+            return self * self.ring.constant(other)
+        return Element(self.ring, self.numerator * other, self.exponents)
+
+    __rmul__ = __mul__
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the numerator is the zero polynomial."""
+        return self.numerator == 0
+
+    def _over(self, exponents: tuple[int, ...]) -> flint.fmpq_mpoly:
+        numerator = self.numerator
+        own = self.exponents
+        for i, exponent in enumerate(exponents):
+            missing = exponent - (own[i] if i < len(own) else 0)
+            if missing:
+                numerator = numerator * self.ring.denominator_power(i, missing)
+        return numerator
+
+    @property
+    def key(self) -> tuple:
+        """A hashable identity of this representation."""
+        return (str(self.numerator), self.exponents)
+
+    def apply(self, name: str, exponent: Element | None = None) -> Element:
+        """The elementary function `name` of this element, adjoined to the ring; "pow" takes an exponent."""
+        if name == "sign":
+            return self._sign()
+        if name == "pow":
+            assert exponent is not None
+            if not self.ring.is_constant(exponent):
+                return (exponent * self.apply("log")).apply("exp")
+            number = _number(exponent.reduced())
+            if number is None:
+                return self.ring.adjoin(name, self.reduced(), exponent.reduced())
+            # x^(3/2) is a power of the generator sqrt(x), so that the two are not independent.
+            if number.q == 1:
+                return power(self, int(number.p))
+            if number.q == 2:
+                return power(self.apply("sqrt"), int(number.p))
+            unit = self.ring.constant(sp.Rational(1, int(number.q)))
+            return power(self.ring.adjoin(name, self.reduced(), unit), int(number.p))
+        if self.is_zero and name in RULES and RULES[name].at_zero is not None:
+            return self.ring.constant(RULES[name].at_zero)
+        return self.ring.adjoin(name, self.ring.zero if name in CONSTANTS else self.reduced())
+
+    def _sign(self) -> Element:
+        """sign(u), made once for u, its multiples and -u."""
+        own = self.reduced()
+        if own.is_zero:
+            # SymPy's sign(0). A series whose argument then leaves 0 is refused by `SeriesProgram`.
+            return own
+        leading = own.numerator.leading_coefficient()
+        one = self.ring.one if leading > 0 else -self.ring.one
+        if _number(own) is not None:
+            return one
+        return one * self.ring.adjoin("sign", own * (1 / flint.fmpq(leading)))
+
+    def reduced(self) -> Element:
+        """The same element with every common factor of numerator and denominator divided out."""
+        numerator, exponents = self.numerator, list(self.exponents)
+        for relation in self.ring.relations:
+            numerator = numerator % relation
+        if numerator == 0:
+            return self.ring.zero
+        for i in range(len(exponents)):
+            while exponents[i]:
+                quotient, remainder = divmod(numerator, self.ring.denominators[i])
+                if remainder != 0:
+                    break
+                numerator, exponents[i] = quotient, exponents[i] - 1
+        return Element(self.ring, numerator, tuple(exponents))
+
+    def inverse(self) -> Element:
+        """1 / self; the irreducible factors of the numerator become denominators of the ring."""
+        ring, own = self.ring, self.reduced()
+        if own.is_zero:
+            raise HyperbolicityError("division by an expression that vanishes identically on the branch.")
+        content, factors = own.numerator.factor()
+        exponents: list[int] = []
+        rationalised = ring.one
+        for factor, multiplicity in factors:
+            leading = factor.leading_coefficient()
+            content = content * leading**multiplicity
+            monic = factor * (1 / flint.fmpq(leading))
+            root = next((reciprocal for v, reciprocal in ring.roots if v == monic), None)
+            if root is not None:
+                rationalised = rationalised * power(root(), multiplicity)
+                continue
+            i = ring.denominator_index(monic)
+            exponents += [0] * (len(ring.denominators) - len(exponents))
+            exponents[i] += multiplicity
+        numerator = ring.one.numerator * (1 / flint.fmpq(content))
+        for i, exponent in enumerate(own.exponents):
+            if exponent:
+                numerator = numerator * ring.denominator_power(i, exponent)
+        return (Element(ring, numerator, tuple(exponents)) * rationalised).reduced()
+
+
+class LocalisedRing:
+    """QQ[coordinates, parameters, adjoined functions] localised at irreducible denominators.
+
+    `functions` says that functions are to be adjoined (`gsp.algebra.functions.are_rational` tells); how many need not
+    be known. `derivations` is the number of derivations; they are zero on `constants`, and the image of a coordinate
+    under each is given by `set_derivative`.
+    """
+
+    def __init__(
+        self,
+        coordinates: Sequence[sp.Symbol],
+        *,
+        constants: Sequence[sp.Symbol] = (),
+        functions: bool = False,
+        derivations: int = 0,
+    ) -> None:
+        symbols = (*coordinates, *constants)
+        # Lexicographic with the adjoined functions first when there are any: division by a relation such as
+        # s^2 + c^2 - 1 or q^2 - u then lowers the power of s or q, whatever the degree of u.
+        self._ordering = flint.Ordering.lex if functions else flint.Ordering.degrevlex
+        self._names = [f"g{i}" for i in range(len(symbols))]
+        self._room = 0
+        self._meaning: list[sp.Expr] = list(symbols)
+        self.relations: list[flint.fmpq_mpoly] = []
+        self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], Element]]] = []
+        # sign(u) and u, which are shown as |u| where they are multiplied.
+        self._distances: list[tuple[flint.fmpq_mpoly, flint.fmpq_mpoly]] = []
+        self._adjoined_count = 0
+        self.denominators: list[flint.fmpq_mpoly] = []
+        self._powers: list[list[flint.fmpq_mpoly]] = []
+        # Generators are counted from the back, as negative numbers: room for more is made at the front.
+        self._index = {symbol: i - len(symbols) for i, symbol in enumerate(symbols)}
+        self._adjoined: dict[tuple, Element] = {}
+        self.derivations = derivations
+        self._derivatives: list[dict[int, Element]] = [{} for _ in range(derivations)]
+        self._pending: dict[int, tuple[str, Element, Element | None]] = {}
+        self._constant = {self._index[symbol] for symbol in constants}
+        self._make_room(FIRST_ROOM if functions else 0)
+        self.zero = Element(self, self.context.constant(0), ())
+        self.one = Element(self, self.context.constant(1), ())
+
+    def _make_room(self, more: int) -> None:
+        """Let `more` functions be adjoined; elements follow when they are next used."""
+        # What is adjoined later comes first in the ordering, so that in q^2 - u the power of q leads even when u
+        # contains functions itself. The names stay, and with them the keys of elements.
+        first = self._room
+        self._names = [f"a{i}" for i in reversed(range(first, first + more))] + self._names
+        self._meaning = [sp.nan] * more + self._meaning
+        self._room += more
+        self.context = flint.fmpq_mpoly_ctx.get(self._names, self._ordering)
+        self._gens = self.context.gens()
+
+        def moved(polynomial: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
+            return polynomial.project_to_context(self.context)
+
+        self.relations = [moved(p) for p in self.relations]
+        self.roots = [(moved(v), reciprocal) for v, reciprocal in self.roots]
+        self._distances = [(moved(sign), moved(u)) for sign, u in self._distances]
+        self.denominators = [moved(p) for p in self.denominators]
+        self._powers = [[moved(p) for p in powers] for powers in self._powers]
+
+    # -- denominators ------------------------------------------------------------------------------
+
+    def denominator_index(self, factor: flint.fmpq_mpoly) -> int:
+        """Index of the monic irreducible `factor` among the denominators, appended when it is new."""
+        for i, known in enumerate(self.denominators):
+            if known == factor:
+                return i
+        self.denominators.append(factor)
+        self._powers.append([self.one.numerator, factor])
+        return len(self.denominators) - 1
+
+    def denominator_power(self, i: int, exponent: int) -> flint.fmpq_mpoly:
+        """D_i to a power, remembered."""
+        powers = self._powers[i]
+        while len(powers) <= exponent:
+            powers.append(powers[-1] * powers[1])
+        return powers[exponent]
+
+    # -- generators and derivations ----------------------------------------------------------------
+
+    def generator(self, symbol: sp.Symbol) -> Element:
+        """The element of a declared symbol."""
+        return Element(self, self._gens[self._index[symbol]], ())
+
+    def knows(self, symbol: sp.Symbol) -> bool:
+        """Whether `symbol` is a generator."""
+        return symbol in self._index
+
+    def constant(self, value: sp.Rational | int) -> Element:
+        """A rational number as an element."""
+        rational = sp.Rational(value)
+        number = flint.fmpq(int(rational.p), int(rational.q))
+        return Element(self, self.context.constant(1) * number, ())
+
+    def set_derivative(self, symbol: sp.Symbol, j: int, image: Element) -> None:
+        """Let derivation j map the generator of `symbol` to `image`; the default is 0."""
+        self._derivatives[j][self._index[symbol]] = image
+
+    def derive(self, a: Element, j: int) -> Element:
+        """Derivation j of an element: D(N/D^e) = (D N)/D^e - sum_i e_i N (D D_i)/(D_i D^e)."""
+        result = self._derive_polynomial(a.numerator, j)
+        result = Element(self, result.numerator, _sum(result.exponents, a.exponents))
+        for i, exponent in enumerate(a.exponents):
+            if exponent:
+                inner = self._derive_polynomial(self.denominators[i], j)
+                if not inner.is_zero:
+                    one = tuple(int(k == i) for k in range(i + 1))
+                    exponents = _sum(_sum(a.exponents, inner.exponents), one)
+                    result = result - Element(self, a.numerator * inner.numerator * exponent, exponents)
+        return result
+
+    def _derive_polynomial(self, polynomial: flint.fmpq_mpoly, j: int) -> Element:
+        total = self.zero
+        degrees = polynomial.degrees()
+        for i in [i for i in self._pending if degrees[i] > 0]:
+            if i in self._pending:
+                self._settle(i)
+        if polynomial.context() is not self.context:
+            polynomial = polynomial.project_to_context(self.context)
+            degrees = polynomial.degrees()
+        for i, image in self._derivatives[j].items():
+            if degrees[i] <= 0:
+                continue
+            partial = polynomial.derivative(i)
+            if partial != 0:
+                total = total + Element(self, partial * image.numerator, image.exponents)
+        return total
+
+    # -- adjoined functions ------------------------------------------------------------------------
+
+    def adjoin(self, name: str, u: Element, exponent: Element | None = None) -> Element:
+        """The generator for the function `name` of `u` (u^exponent for "pow"), made once per argument."""
+        identity = (name, *u.key, *(exponent.key if exponent else ()))
+        if identity in self._adjoined:
+            return self._adjoined[identity]
+        if name == "exp" and ("exp", *(-u).key) in self._adjoined:
+            return self._adjoined["exp", *(-u).key].inverse()
+        if self._adjoined_count == self._room:
+            self._make_room(max(self._room, FIRST_ROOM))
+        self._adjoined_count += 1
+        i = -len(self._index) - self._adjoined_count
+        argument = self.to_sympy(u)
+        if name in CONSTANTS:
+            self._meaning[i] = CONSTANTS[name]
+        elif exponent is not None:
+            self._meaning[i] = argument ** self.to_sympy(exponent)
+        else:
+            self._meaning[i] = getattr(sp, name)(argument)
+        element = Element(self, self._gens[i], ())
+        self._adjoined[identity] = element
+        self._relate(name, element, u, exponent)
+        if name in CONSTANTS or self.is_constant(u):
+            self._constant.add(i)
+        else:
+            # Its derivative waits until it is asked for: sine and cosine refer to one another, and the
+            # derivatives of implicit coordinates are found from expressions that contain such functions.
+            self._pending[i] = (name, u, exponent)
+        return element
+
+    def _relate(self, name: str, element: Element, u: Element, exponent: Element | None) -> None:
+        """Record the algebraic relations that keep representations short: q^n = u, s^2 + c^2 = 1, sign^2 = 1."""
+        v = element.numerator
+        if name == "sign":
+            self.relations.append(v * v - 1)
+            self.roots.append((v, lambda: element))
+            if not any(u.exponents):
+                self._distances.append((v, u.numerator))
+            return
+        for sine, cosine, sign in (("sin", "cos", 1), ("sinh", "cosh", -1)):
+            if name in (sine, cosine) and {(sine, *u.key), (cosine, *u.key)} <= set(self._adjoined):
+                s, c = self._adjoined[sine, *u.key].numerator, self._adjoined[cosine, *u.key].numerator
+                self.relations.append(c * c + sign * s * s - 1)
+        number = None if exponent is None else _number(exponent)
+        degree = 2 if name == "sqrt" else (int(number.q) if number is not None else 0)
+        # Roots of fractions are left alone: clearing the denominator under a root can change its sign.
+        if degree and not any(u.exponents):
+            self.relations.append(v**degree - u.numerator)
+            self.roots.append((v, lambda: power(element, degree - 1) * u.inverse()))
+
+    def is_constant(self, a: Element) -> bool:
+        """Whether every derivation vanishes on `a` because it contains constants only."""
+        return self._in_constants(a.numerator) and all(
+            self._in_constants(self.denominators[i]) for i, exponent in enumerate(a.exponents) if exponent
+        )
+
+    def _in_constants(self, polynomial: flint.fmpq_mpoly) -> bool:
+        degrees = polynomial.degrees()
+        return all(i - len(degrees) in self._constant for i, degree in enumerate(degrees) if degree > 0)
+
+    def _settle(self, i: int) -> None:
+        """Form the derivatives of an adjoined function: D F(u) = rate(F, u) D u."""
+        name, u, exponent = self._pending.pop(i)
+        rate = RULES[name].rate if exponent is None else (lambda v, u: exponent * v * u.inverse())
+        if rate is None:
+            return
+        slope = rate(Element(self, self._gens[i], ()), u)
+        for j in range(self.derivations):
+            self._derivatives[j][i] = (slope * self.derive(u, j)).reduced()
+
+    # -- back to SymPy -----------------------------------------------------------------------------
+
+    def to_sympy(self, a: Element, *, factored: bool = True) -> sp.Expr:
+        """The element as a SymPy expression, numerator factored when short, denominators as powers."""
+        if a.is_zero:
+            return sp.Integer(0)
+        scale = sp.Integer(1)
+        if factored and len(a.numerator) <= FACTOR_LIMIT:
+            content, factors = a.numerator.factor()
+            scale = rational(content)
+            powers = [(p, int(k)) for p, k in factors]
+            distances = []
+            for sign, u in self._distances:
+                present = [p for p, _ in powers]
+                other = next((p for p in present if p == u or p == -u), None)
+                if sign in present and other is not None:
+                    powers = [(p, k - int(p in (sign, other))) for p, k in powers]
+                    scale = scale if other == u else -scale
+                    distances.append(sp.Abs(polynomial_expression(u, self._meaning)))
+            numerator = sp.Mul(*distances, *[polynomial_expression(p, self._meaning) ** k for p, k in powers])
+        else:
+            numerator = polynomial_expression(a.numerator, self._meaning)
+        denominator = []
+        for i, exponent in enumerate(a.exponents):
+            if exponent:
+                # Integer coefficients read better: 1/(x + 1/2) is shown as 2/(2 x + 1).
+                primitive, lift = primitive_multiple(self.denominators[i])
+                denominator.append(polynomial_expression(primitive, self._meaning) ** (-exponent))
+                scale = scale * lift**exponent
+        return scale * sp.Mul(numerator, *denominator)
+
+    def horner(self, a: Element) -> sp.Expr:
+        """The element for evaluation: numerator in Horner form, denominators kept factored."""
+        numerator = horner_expression(a.numerator, self._meaning)
+        powers = [
+            polynomial_expression(self.denominators[i], self._meaning) ** (-exponent)
+            for i, exponent in enumerate(a.exponents)
+            if exponent
+        ]
+        return sp.Mul(numerator, *powers)
+
+
+def read(
+    expression: sp.Expr, ring: LocalisedRing, environment: dict[sp.Symbol, Element], cache: dict | None = None
+) -> Element:
+    """The element of a SymPy expression, symbols looked up in `environment` first, then in the ring."""
+    cache = {} if cache is None else cache
+    if expression in cache:
+        return cache[expression]
+    if isinstance(expression, sp.Symbol):
+        value = environment[expression] if expression in environment else ring.generator(expression)
+    elif expression.is_Rational:
+        value = ring.constant(expression)
+    elif expression.is_Add:
+        value = ring.zero
+        for part in expression.args:
+            value = value + read(part, ring, environment, cache)
+    elif expression.is_Mul:
+        value = ring.one
+        for part in expression.args:
+            value = value * read(part, ring, environment, cache)
+    elif is_rational_node(expression):
+        value = power(read(expression.base, ring, environment, cache), int(expression.exp))
+    else:
+        name, operands = parts(expression)
+        inner = [read(operand, ring, environment, cache) for operand in operands]
+        if name in COMPOSED:
+            value = composed(name, inner)
+        else:
+            value = inner[0].apply(name, *inner[1:]) if inner else ring.zero.apply(name)
+    cache[expression] = value
+    return value
+
+
+def power(a: Element, exponent: int) -> Element:
+    """An integer power of an element."""
+    if exponent < 0:
+        return power(a.inverse(), -exponent)
+    result = a.ring.one
+    for _ in range(exponent):
+        result = result * a
+    return result
+
+
+def _number(a: Element) -> flint.fmpq | None:
+    """The rational number that `a` is, or None."""
+    if a.is_zero:
+        return flint.fmpq(0)
+    if any(a.exponents) or not a.numerator.is_constant():
+        return None
+    return flint.fmpq(a.numerator.leading_coefficient())
+
+
+def _maximum(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
+    if len(a) < len(b):
+        a, b = b, a
+    return tuple(max(x, b[i]) if i < len(b) else x for i, x in enumerate(a))
+
+
+def _sum(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
+    if not a:
+        return b
+    if not b:
+        return a
+    if len(a) < len(b):
+        a, b = b, a
+    return tuple(x + b[i] if i < len(b) else x for i, x in enumerate(a))

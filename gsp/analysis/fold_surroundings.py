@@ -1,0 +1,213 @@
+"""Where the reduction of a scene ends: the folds around its region, what they lead to, and the orbit they close.
+
+Everything here is read off the critical manifold; no full run is made. A stage that does not apply to what is there
+leaves a reason instead of a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from gsp.critical.branch import Branch
+from gsp.critical.continuation import (
+    CriticalCurve,
+    CriticalSheet,
+    SpecialKind,
+    continue_critical,
+    critical_sheet,
+)
+from gsp.critical.continuation.curve import uninterrupted
+from gsp.errors import GspError
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
+from gsp.scenes.placement import Placement
+from gsp.singular.passage import FoldPassage, PassageError, fold_passage
+from gsp.singular.relaxation import SingularOrbit, singular_orbit
+from gsp.singular.singularities import CanardValue, FoldedSingularity, canard_value, folded_singularities
+from gsp.singular.singularities.canard_points import CanardError
+from gsp.systems.region import Interval
+
+# The critical manifold is followed in a box wider than the region by so many of its widths on every side.
+WIDENED = 1.5
+# Slow pieces of a singular orbit: orbits that close do so within a few, or creep to it like a contraction.
+PIECES = 60
+# A canard point is that of the scene when it lies this near to the fold and to the declared parameter.
+HERE = 1e-6
+# Functions that are smooth wherever they are finite: a graph of them has no folds.
+SMOOTH = (sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoldOutlook:
+    """A fold: its `point` by name and the `passage` through it, or None for the `reason`.
+
+    Where the slow flow does not cross it, `canard` is the canard value of the system's parameter when there is just
+    one and it has a canard point right here; else None.
+    """
+
+    point: Mapping[str, float]
+    passage: FoldPassage | None
+    canard: CanardValue | None
+    reason: str
+
+    def __repr__(self) -> str:
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
+        return (
+            f"FoldOutlook({place}: {'passage' if self.passage else 'canard point' if self.canard else 'none'})"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Boundary:
+    """What is known of the end of a reduction.
+
+    `surroundings` is the critical manifold through its folds in a box around the region, for branches that may fold
+    over one or two slow variables, else None. `folds` are those of a curve, `folded` the folded singularities on a
+    sheet (empty for the `folded_reason`, if any), `orbit` the singular orbit from the scene's start (None for the
+    `orbit_reason`, or when there is no fold), and `period` the three coefficients of its period when it closes.
+    """
+
+    surroundings: CriticalCurve | CriticalSheet | None
+    folds: tuple[FoldOutlook, ...] = ()
+    folded: tuple[FoldedSingularity, ...] = ()
+    folded_reason: str = ""
+    orbit: SingularOrbit | None = None
+    orbit_reason: str = ""
+    period: tuple[float, float, float] | None = None
+
+    @property
+    def has_folds(self) -> bool:
+        """Whether any fold was found around the region."""
+        found = self.surroundings
+        return bool(found.folds) if isinstance(found, CriticalSheet) else bool(self.folds)
+
+    def __repr__(self) -> str:
+        if not self.has_folds:
+            return "Boundary(no folds)"
+        found = self.surroundings
+        count = len(found.folds) if isinstance(found, CriticalSheet) else len(self.folds)
+        what = "fold curve" if isinstance(found, CriticalSheet) else "fold"
+        return f"Boundary({count} {what}{'s' * (count > 1)}, {len(self.folded)} folded singularities, {self.orbit!r})"
+
+
+def boundary_of(placement: Placement, hyperbolicity: Hyperbolicity) -> Boundary:
+    """The boundary of a scene's reduction; raises what following the critical manifold raises.
+
+    >>> from gsp.scenes.placement import place
+    >>> placement = place(models.load("van_der_pol"))
+    >>> boundary_of(placement, classify(placement.branch, region=placement.region))
+    Boundary(1 fold, 0 folded singularities, SingularOrbit(3 slow pieces, closed, 2 drops))
+    """
+    box = _box(placement)
+    around = surroundings(placement)
+    found = Boundary(around)
+    if isinstance(around, CriticalCurve):
+        places = [point.point for point in around.special if point.kind is SpecialKind.FOLD]
+        found = Boundary(around, folds=tuple(_outlook(placement, place) for place in places))
+    if not found.has_folds:
+        return found
+    folded, folded_reason = _folded(placement, box)
+    orbit, period, orbit_reason = _orbit(placement, hyperbolicity)
+    return Boundary(around, found.folds, folded, folded_reason, orbit, orbit_reason, period)
+
+
+def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
+    """M0 through its folds in a box around the region; None where `not_followed` says why."""
+    system, branch = placement.system, placement.branch
+    if not_followed(placement):
+        return None
+    bounds = _box(placement)
+    x = np.array([[placement.start[s.name] for s in system.x]])
+    values = np.concatenate([x[0], branch.points(x)[0]])
+    start = {s.name: float(value) for s, value in zip(system.states, values)}
+    if len(system.x) == 1:
+        return uninterrupted(continue_critical(system, start=start, bounds=bounds))
+    return critical_sheet(system, start=start, bounds=bounds)
+
+
+def not_followed(placement: Placement) -> str:
+    """Why M0 is not followed through folds around the region, as a sentence; empty where it is."""
+    system, branch = placement.system, placement.branch
+    name = placement.scene.name or "the scene"
+    if never_folds(branch):
+        return f"the branch of {name} is the graph {branch} without roots: it has no folds."
+    if len(system.x) > 2:
+        return (
+            f"folds are followed over one or two slow variables. Got {len(system.x)} in {name}. "
+            "Use gsp.continue_critical with free=... to follow them along one of the variables."
+        )
+    unbounded = [y.name for y in system.y if y.name not in placement.region]
+    if len(system.x) == 2 and unbounded:
+        return (
+            f"over two slow variables folds are followed in a box. Got no bounds on {', '.join(unbounded)} in the "
+            f"region of {name}. Bound the fast variables there."
+        )
+    return ""
+
+
+def never_folds(branch: Branch) -> bool:
+    """Whether h_0 is an expression that is smooth wherever it is finite: without roots and inverse functions."""
+    if branch.graph is None:
+        return False
+    for h in branch.graph.values():
+        for part in sp.preorder_traversal(h):
+            if part.is_Pow and part.base is not sp.E and part.free_symbols and not part.exp.is_integer:
+                return False
+            if part.is_Function and not isinstance(part, SMOOTH):
+                return False
+    return True
+
+
+def _box(placement: Placement) -> dict[str, Interval]:
+    return {
+        name: (low - WIDENED * (high - low), high + WIDENED * (high - low))
+        for name, (low, high) in placement.region.items()
+    }
+
+
+def _outlook(placement: Placement, fold: Mapping[str, float]) -> FoldOutlook:
+    try:
+        return FoldOutlook(fold, fold_passage(placement.system, fold), None, "")
+    except PassageError as error:
+        return FoldOutlook(fold, None, _canard(placement, fold), str(error))
+
+
+def _canard(placement: Placement, fold: Mapping[str, float]) -> CanardValue | None:
+    """The canard value when the fold is a canard point as declared, and only one parameter can be meant."""
+    system = placement.system
+    if len(system.y) != 1 or len(system.parameters) != 1:
+        return None
+    ((parameter, declared),) = system.parameters.items()
+    here = {**fold, parameter.name: float(declared)}
+    try:
+        found = canard_value(system, parameter=parameter, order=1, near=here)
+    except CanardError:
+        return None
+    near = all(
+        abs(float(found.point[name]) - value) <= HERE * (1.0 + abs(value)) for name, value in here.items()
+    )
+    return found if near else None
+
+
+def _folded(placement: Placement, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], str]:
+    if len(placement.system.x) != 2 or len(placement.system.y) != 1:
+        return (), ""
+    try:
+        return folded_singularities(placement.system, region=box), ""
+    except GspError as error:
+        return (), str(error)
+
+
+def _orbit(
+    placement: Placement, hyperbolicity: Hyperbolicity
+) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, str]:
+    if hyperbolicity.kind is not Kind.ATTRACTING:
+        return None, None, f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it"
+    try:
+        orbit = singular_orbit(placement.branch, placement.start, max_pieces=PIECES)
+        return orbit, orbit.coefficients, ""
+    except GspError as error:
+        return None, None, str(error)

@@ -1,0 +1,265 @@
+"""The models that a scene could be run with: what each is predicted to be wrong by, and what it costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee_surface
+from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure
+from gsp.errors import GspError
+from gsp.integration.methods import Method, begins_with_series, choose_method, fast_times, program_of
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.scenes.scene import Scene
+from gsp.systems.flow import Flow
+from gsp.systems.region import Interval
+
+# Share of the tolerance left to the integrator; a model has the rest.
+INTEGRATION = 0.1
+# A layer that takes more of the span than this leaves nothing to reduce.
+LARGEST_LAYER = 0.5
+# The full system is measured on this share of the span behind its layer, in two halves. Its layer is over when its
+# integrator does not see it any more, or at the largest share above.
+PIECE = 0.15
+# Errors over the span are looked at on so many times.
+GRID_POINTS = 97
+# Seconds are the least of so many runs.
+RUNS = 5
+MAX_STEPS = 1_000_000
+
+
+class ModelKind(StrEnum):
+    """What can be run for a scene."""
+
+    REDUCED = "reduced"
+    SOLVED = "solved"
+    FULL = "full"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model: its predicted relative error over the span, and what a run over the span costs.
+
+    `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance
+    and stays valid. `seconds`, `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it
+    goes, of the full system extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
+    `valid` says whether the model serves the whole span, and if not, `why_not`. The predicted error of the full system
+    is that of its integrator. A model that was not looked at has nan.
+    """
+
+    kind: ModelKind
+    order: int | None
+    predicted: float
+    holds_until: float
+    seconds: float
+    preparation: float
+    steps: float
+    field_calls: float
+    valid: bool
+    why_not: str = ""
+
+    @property
+    def label(self) -> str:
+        """Kind and order."""
+        return str(self.kind) if self.order is None else f"{self.kind} {self.order}"
+
+
+def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Candidate:
+    """The reduced flow of `order`: predicted, and timed."""
+    prediction = outlook.prediction
+    first, last = scene.span
+    if order not in outlook.flows or order + AHEAD not in outlook.flows:
+        nothing = float("nan")
+        return Candidate(
+            *(ModelKind.REDUCED, order, nothing, first, nothing, nothing, nothing, nothing, False),
+            why_not=f"not looked at: the series through order {order + AHEAD}, which tells its error, is too long",
+        )
+    after = first + outlook.layer
+    limit = (1.0 - INTEGRATION) * scene.tolerance
+    predicted, holds, why = float("inf"), first, ""
+    if outlook.layer > LARGEST_LAYER * (last - first):
+        length = last - first
+        part = "the whole span" if outlook.layer >= length else "more than half of the span"
+        why = f"the initial layer takes {part}: {outlook.layer:.3g} of {length:.3g}"
+    else:
+        holds, failure = prediction.holds_until(order, limit, after=after, last=last)
+        # Infinite where a run has ended; then the reason says more.
+        predicted = float(outlook.errors(order, np.linspace(after, last, GRID_POINTS)).max())
+        if failure is Failure.END:
+            why = f"{failure} at t = {holds:.4g}: {prediction.runs[order].status.meaning}"
+        elif failure is not None:
+            why = f"{failure} at t = {holds:.4g}"
+        elif predicted > limit:
+            why = f"{Failure.ERROR}"
+    # Beyond a fold it would chatter; a run of no length has no cost.
+    whole = prediction.runs[order].status.ok
+    end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
+    if not end > first:
+        nothing = float("nan")
+        why = why or f"it ends where it begins: {prediction.runs[order].status.meaning}"
+        return Candidate(
+            *(
+                ModelKind.REDUCED,
+                order,
+                predicted,
+                holds,
+                nothing,
+                outlook.preparation[order],
+                nothing,
+                nothing,
+            ),
+            valid=False,
+            why_not=why,
+        )
+    seconds, run = _timed(
+        lambda: run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
+    )
+    share = (end - first) / (last - first)
+    return Candidate(
+        ModelKind.REDUCED,
+        order,
+        predicted,
+        holds,
+        seconds / share,
+        outlook.preparation[order],
+        run.stats.steps / share,
+        run.stats.field_calls / share,
+        not why,
+        why,
+    )
+
+
+def solved_candidate(
+    outlook: Outlook, reduced: Sequence[Candidate], scene: Scene, rtol: float
+) -> tuple[Candidate, SurfaceOutlook | None]:
+    """The flow on the solved manifold: tried when no reduced flow is exact enough, for it takes seconds to solve."""
+
+    def left_out(why: str) -> tuple[Candidate, None]:
+        nothing = float("nan")
+        return Candidate(
+            ModelKind.SOLVED, None, nothing, scene.span[0], nothing, nothing, nothing, nothing, False, why
+        ), None
+
+    serving = next((c for c in reduced if c.valid), None)
+    if serving is not None:
+        return left_out(f"not solved: {serving.label} is exact enough")
+    if not any(
+        c.why_not.startswith((Failure.ERROR, Failure.ORDER)) and np.isfinite(c.predicted) for c in reduced
+    ):
+        return left_out("not solved: no reduced flow shows where, to the end of the span")
+    try:
+        surface = foresee_surface(scene, outlook)
+    except GspError as error:
+        return left_out(str(error))
+    after, last = scene.span[0] + outlook.layer, scene.span[1]
+    times = np.linspace(after, last, GRID_POINTS)
+    predicted = float(surface.errors(times).max())
+    seconds, run = _timed(lambda: run_model(surface.flow, surface.start, scene, scene.span, rtol))
+    why = ""
+    if not run.status.ok:
+        why = f"{Failure.END} at t = {run.t[-1]:.4g}: {run.status.meaning}"
+    elif not surface.inside(times).all():
+        why = "the run leaves the piece of the manifold that was solved"
+    elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
+        why = f"{Failure.ERROR}"
+    candidate = Candidate(
+        ModelKind.SOLVED,
+        None,
+        predicted,
+        scene.span[0] if why else last,
+        seconds,
+        outlook.shared + surface.preparation,
+        float(run.stats.steps),
+        float(run.stats.field_calls),
+        not why,
+        why,
+    )
+    return candidate, surface
+
+
+def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Candidate, Interval]:
+    """The full system, its cost extrapolated from the layer and a piece of the span behind it."""
+    first, last = scene.span
+    begun = time.perf_counter()
+    compiled = compile_flow(flow)
+    _ = compiled.field, compiled.jacobian
+    # Over a short piece the default could be another method than over the span, with steps of another kind.
+    method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
+    p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
+    times = fast_times(compiled, p, y, first, last)
+    if flow.is_stiff and begins_with_series(compiled, max(rtol, SMALLEST_RTOL), times):
+        method = Method.TAYLOR
+    # The code of a step is built here, once.
+    program_of(compiled, method, max(rtol, SMALLEST_RTOL))
+    preparation = time.perf_counter() - begun
+    over = first + min(layer, LARGEST_LAYER * (last - first))
+    middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))
+    seconds, run = _timed(lambda: run_model(flow, start, scene, (first, end), rtol, method=method))
+    shorter, half = _timed(lambda: run_model(flow, start, scene, (first, middle), rtol, method=method))
+    if not run.status.ok:
+        # What it would cost to the end is not known.
+        nothing = float("nan")
+        candidate = Candidate(
+            *(ModelKind.FULL, None, rtol, float(run.t[-1]), nothing, preparation, nothing, nothing, False),
+            why_not=run.message,
+        )
+        return candidate, (first, end)
+    done = run.stats.steps
+    more = _density(run.t, middle) * (last - end)
+    # The cost of a call is not paid again, that of a step is.
+    extra = max(done - half.stats.steps, 1)
+    each = float(np.clip((seconds - shorter) / extra, 0.1 * seconds / done, seconds / done))
+    total = done + more
+    candidate = Candidate(
+        ModelKind.FULL,
+        None,
+        rtol,
+        last,
+        seconds + each * more,
+        preparation,
+        total,
+        run.stats.field_calls * total / done,
+        True,
+    )
+    return candidate, (first, end)
+
+
+def _density(times: np.ndarray, middle: float) -> float:
+    """Steps per unit of time from `middle` on; the last one, which was cut at the end, counts for its share."""
+    lengths = np.diff(times)
+    if len(lengths) > 1:
+        lengths[-1] = max(lengths[-1], lengths[-2])
+    begins, ends = times[:-1], times[1:]
+    counted = np.clip((ends - np.maximum(begins, middle)) / lengths, 0.0, 1.0)
+    return float(counted.sum()) / (times[-1] - middle)
+
+
+def run_model(
+    flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None, method: Method | None = None
+) -> Trajectory:
+    return trajectory_of(
+        flow,
+        start=start,
+        span=span,
+        epsilon=None if flow.epsilon is None else scene.epsilon,
+        rtol=max(rtol, SMALLEST_RTOL),
+        atol=1e-2 * max(rtol, SMALLEST_RTOL),
+        at=at,
+        method=method,
+        max_steps=MAX_STEPS,
+    )
+
+
+def _timed(run: Callable[[], Trajectory]) -> tuple[float, Trajectory]:
+    best, found = float("inf"), None
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        found = run()
+        best = min(best, time.perf_counter() - begun)
+    assert found is not None
+    return best, found

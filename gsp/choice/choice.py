@@ -1,0 +1,300 @@
+"""Model no more than a scene needs: the cheapest of the reduced flows and the full system that meets a tolerance.
+
+The error of every reduced flow is predicted without running the full system over the span (see `prediction`); costs are
+measured, that of the full system on a piece. Then the choice is run against the full system on that piece, so that what
+was predicted can be seen beside what was measured. Where reducing saves too little the full system is run. All of
+it is measured once, and shown wherever the choice is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.choice.candidates import (
+    INTEGRATION,
+    PIECE,
+    Candidate,
+    ModelKind,
+    full_candidate,
+    reduced_candidate,
+    run_model,
+    solved_candidate,
+)
+from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee
+from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
+from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown
+from gsp.errors import DeclarationError, GspError
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.scenes.scene import Scene
+from gsp.slow.solved_manifold import SampledManifold
+from gsp.systems.arguments import check_flag, check_noun
+from gsp.systems.flow import Flow, check_orders
+from gsp.systems.region import Interval
+
+# Errors on the piece are measured at so many times.
+PIECE_POINTS = 33
+# Reducing has to save a tenth, or it is not worth a second model: quasi-steady states saved 5 % where flames were
+# computed, less than they cost in accuracy. Models within a tenth of one another cost the same.
+WORTH_IT = 0.9
+AS_FAR = 0.9
+# A reduced flow that holds for less than this share of the span does not pay for being switched on and off.
+SMALLEST_SHARE = 0.05
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice:
+    """What to run for a scene at one `epsilon` and `tolerance`, and why.
+
+    Errors are the largest of |difference| over the `names` (the slow variables in standard form, and the fast ones if
+    asked for), each relative to its largest value on the span, from the end of the initial `layer` (slow time) on.
+    `predicted` is the model's over the span; on the `piece` (t0, t1) it is `predicted_on_piece`, and `measured` there
+    against a full run. `speed_up` is full over chosen seconds. `partial` is the reduced flow that serves longest when
+    none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
+    answer to "may I reduce?", the same wherever it is shown.
+    """
+
+    scene: Scene
+    epsilon: float
+    tolerance: float
+    names: tuple[str, ...]
+    model: Candidate
+    candidates: tuple[Candidate, ...]
+    partial: Candidate | None
+    manifold: SampledManifold | None
+    layer: float
+    piece: Interval
+    predicted_on_piece: float
+    measured: float
+    speed_up: float
+    verdict: Verdict
+
+    @property
+    def predicted(self) -> float:
+        """The chosen model's predicted error over the span."""
+        return self.model.predicted
+
+    @property
+    def reason(self) -> str:
+        """Why, in the verdict's sentences."""
+        return self.verdict.sentences
+
+    def as_rows(self) -> list[dict[str, object]]:
+        """One dictionary per candidate, of numbers and text, for JSON or CSV."""
+        return [
+            {
+                "model": c.label,
+                "kind": str(c.kind),
+                "order": c.order,
+                "chosen": c is self.model,
+                "predicted": c.predicted,
+                "holds_until": c.holds_until,
+                "seconds": c.seconds,
+                "preparation": c.preparation,
+                "steps": c.steps,
+                "field_calls": c.field_calls,
+                "valid": c.valid,
+                "why_not": c.why_not,
+            }
+            for c in self.candidates
+        ]
+
+    def __repr__(self) -> str:
+        return (
+            f"Choice({self.scene.name or 'scene'}: {self.model.label}, predicted {self.predicted:.2g}, "
+            f"measured {self.measured:.2g}, speed-up {self.speed_up:.2g})"
+        )
+
+    def __str__(self) -> str:
+        lines = [
+            str(self.verdict),
+            f"  run: {named(self.model)}",
+            f"  epsilon = {self.epsilon:g}, tolerance {self.tolerance:g} on {', '.join(self.names)}, "
+            f"layer over after {self.layer:.3g}",
+            f"  {'':2}{'model':<10} {'predicted':>9}  {'run':>9}  {'steps':>7}  {'prepare':>8}",
+        ]
+        for c in self.candidates:
+            mark = "->" if c is self.model else ""
+            steps = "" if np.isnan(c.steps) else format(c.steps, ".0f")
+            row = (
+                f"  {mark:2}{c.label:<10} {_shown(c.predicted):>9}  {seconds_shown(c.seconds):>9}  {steps:>7}  "
+            )
+            lines.append(f"{row}{seconds_shown(c.preparation):>8}  {c.why_not}".rstrip())
+        lines.append(
+            f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
+            f"measured {_shown(self.measured)}"
+        )
+        return "\n".join(lines)
+
+
+def choose(
+    scene: Scene,
+    *,
+    orders: Sequence[int] = (0, 1, 2, 3),
+    tolerance: float | None = None,
+    epsilon: float | None = None,
+    fast: bool = False,
+    solve: bool = True,
+) -> Choice:
+    """The cheapest model of a scene that meets its tolerance, as a `Choice`.
+
+    The candidates are the reduced flows of `orders`, started at the base point of the fast fibre through the scene's
+    start, the flow on the solved manifold where none of these is exact enough (with `solve`, for it takes up to
+    seconds), and the full system, all integrated with a tenth of `tolerance` (default the scene's, as is `epsilon`).
+    With `fast` the errors of the fast variables count as well, outside the layer: within it a reduced flow has no value
+    for them, see `composite`. A reduced flow is valid while the branch attracts along it, the normal rate dominates
+    the tangential one, the region is not left, and the series is at or below its best order.
+
+    A scene that cannot be reduced at all is answered with the full system and the reason. Raises `DeclarationError` for
+    arguments that are not well formed.
+
+    >>> from gsp import models
+    >>> choose(models.load("linear"), orders=(0,), tolerance=1e-3).candidates[0].valid
+    True
+    """
+    scene = _asked(scene, tolerance, epsilon)
+    check_flag(fast, what="fast")
+    check_flag(solve, what="solve")
+    wanted = tuple(sorted(set(check_orders(orders))))
+    _check_start(scene)
+    rtol = INTEGRATION * scene.tolerance
+    try:
+        outlook: Outlook | None = foresee(scene, wanted, fast=fast)
+        obstacle = ""
+    except GspError as error:
+        outlook, obstacle = None, str(error)
+    flow, start = (
+        (scene.system, scene.start) if outlook is None else (outlook.placement.system, outlook.placement.start)
+    )
+    layer = outlook.layer if outlook else 0.0
+    fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
+    full, piece = full_candidate(flow, start, scene, max(layer, fast_time * np.log(1.0 / rtol)), rtol)
+    reduced = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []
+    surface = None
+    if outlook and solve:
+        solved, surface = solved_candidate(outlook, reduced, scene, rtol)
+        reduced.append(solved)
+    model, partial = select(full, reduced, scene.span)
+    verdict = judge(
+        Evidence(
+            scene=scene,
+            candidates=(*reduced, full),
+            model=model,
+            partial=partial,
+            layer=layer,
+            obstacle=obstacle,
+            place=_end_of(partial, outlook),
+        )
+    )
+    names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
+    expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
+    return Choice(
+        scene=scene,
+        epsilon=scene.epsilon,
+        tolerance=scene.tolerance,
+        names=names,
+        model=model,
+        candidates=(*reduced, full),
+        partial=partial,
+        manifold=surface.manifold if surface is not None and model.kind is ModelKind.SOLVED else None,
+        layer=layer,
+        piece=piece,
+        predicted_on_piece=expected,
+        measured=measured,
+        speed_up=full.seconds / model.seconds,
+        verdict=verdict,
+    )
+
+
+def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tuple[Candidate, Candidate | None]:
+    """(model, the reduced one that serves part of the span), given every candidate's cost."""
+    valid = [c for c in reduced if c.valid]
+    if valid:
+        cheapest = min(c.seconds for c in valid)
+        # Sorted by order: of equals the simplest.
+        best = next(c for c in valid if WORTH_IT * c.seconds <= cheapest)
+        return (full if full.valid and best.seconds > WORTH_IT * full.seconds else best), None
+    flows = [c for c in reduced if c.order is not None]
+    if not flows:
+        return full, None
+    furthest = max(c.holds_until for c in flows)
+    # Of those that go about as far the most exact.
+    longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
+    served = (longest.holds_until - span[0]) / (span[1] - span[0])
+    return full, longest if served >= SMALLEST_SHARE else None
+
+
+def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, float]:
+    """Where in the slow variables the partial model holds last."""
+    if partial is None or outlook is None or partial.order is None:
+        return {}
+    run = outlook.prediction.runs[partial.order]
+    last = run.sample(min(partial.holds_until, float(run.t[-1])))
+    return {s.name: float(last[s.name][0]) for s in outlook.placement.system.x}
+
+
+def _measured(
+    model: Candidate,
+    outlook: Outlook | None,
+    surface: SurfaceOutlook | None,
+    flow: Flow,
+    start,
+    scene: Scene,
+    names: Sequence[str],
+    layer: float,
+    piece: Interval,
+    rtol: float,
+) -> tuple[float, float]:
+    """(predicted, measured) error of the model on the piece, the layer left out."""
+    # Only the full system is chosen where the layer takes most of the piece.
+    begin = piece[0] + min(layer, (1.0 - PIECE) * (piece[1] - piece[0]))
+    grid = np.linspace(begin, piece[1], PIECE_POINTS)
+    reference = run_model(flow, start, scene, piece, max(CLEARER * scene.tolerance, SMALLEST_RTOL), at=grid)
+    if model.kind is ModelKind.FULL or outlook is None:
+        own = run_model(flow, start, scene, piece, rtol, at=grid)
+        predicted = rtol
+        scale = {name: float(np.abs(reference[name]).max()) or 1.0 for name in names}
+    elif model.kind is ModelKind.SOLVED:
+        assert surface is not None
+        own = run_model(surface.flow, surface.start, scene, piece, rtol, at=grid)
+        predicted = float(surface.errors(grid).max())
+        scale = outlook.prediction.scale
+    else:
+        order = model.order
+        assert order is not None
+        own = run_model(outlook.flows[order], outlook.starts[order], scene, piece, rtol, at=grid)
+        predicted = float(outlook.errors(order, grid).max())
+        scale = outlook.prediction.scale
+    if not (own.status.ok and reference.status.ok):
+        return predicted, float("nan")
+    measured = max(float(np.abs(own[name] - reference[name]).max()) / scale[name] for name in names)
+    return predicted, measured
+
+
+def _asked(scene: Scene, tolerance: float | None, epsilon: float | None) -> Scene:
+    check_noun(scene, Scene, verb="choose")
+    if tolerance is None and epsilon is None:
+        return scene
+    return replace(
+        scene,
+        tolerance=scene.tolerance if tolerance is None else tolerance,
+        epsilon=scene.epsilon if epsilon is None else epsilon,
+    )
+
+
+def _check_start(scene: Scene) -> None:
+    flow, start = scene.system, scene.system.initial(scene.start)
+    rates = compile_flow(flow).rates(np.array([start]), parameter_vector(flow, scene.epsilon))[0]
+    bad = [s.name for s, rate in zip(flow.states, rates) if not np.isfinite(rate)]
+    if bad:
+        place = ", ".join(f"{s.name} = {value:g}" for s, value in zip(flow.states, start))
+        raise DeclarationError(
+            f"the field is not finite at the scene's start: the rate of {', '.join(bad)} is not. Got {place}. "
+            "Move the start into the field's domain."
+        )
+
+
+def _shown(error: float) -> str:
+    return f"{error:.1e}" if np.isfinite(error) else ""

@@ -1,0 +1,201 @@
+"""A scene seen ahead: where reduced runs start, how long the layer lasts, and what the runs will be wrong by."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.choice.prediction import AHEAD, CLEARER, SMALLEST_RTOL, Prediction, predict
+from gsp.critical.branch import Branch
+from gsp.errors import HyperbolicityError
+from gsp.fibres.base_points import BasePoint, project
+from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
+from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.surface_flow import SurfaceFlow, flow_on
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.scenes.placement import Placement, place
+from gsp.scenes.scene import Scene
+from gsp.slow.series import SeriesManifold, expand
+from gsp.slow.solved_manifold import SampledManifold, solve_manifold
+
+# The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
+# times 1/gap (exp(-60) is far below rounding), at so many places.
+LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
+# A reduced flow with longer coefficients takes seconds to compile, and runs no faster than the full system.
+LONGEST = 600
+# A solved manifold is this much more exact than the tolerance, and covers the reduced run and this share of its range
+# on every side.
+EXACTER, MARGIN = 0.1, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction."""
+
+    placement: Placement
+    series: SeriesManifold
+    inner: InnerExpansion
+    flows: Mapping[int, ReducedFlow]
+    starts: Mapping[int, Mapping[str, float]]
+    layer: float
+    prediction: Prediction
+    shared: float
+    preparation: Mapping[int, float]
+
+    def errors(self, order: int, times: np.ndarray) -> np.ndarray:
+        """Predicted relative error (m,) at `times` (m,), with what is left of the initial layer."""
+        scale, first = self.prediction.scale, self.prediction.first
+        left = layer_left(self.inner, (times - first) / self.prediction.epsilon, self.prediction.epsilon, scale)
+        return self.prediction.errors(order, times) + left
+
+
+def foresee(scene: Scene, orders: Sequence[int], *, fast: bool = False) -> Outlook:
+    """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced.
+
+    It is for those of `orders` whose series, and that of the next two, is short enough to run.
+    """
+    begun = time.perf_counter()
+    placement = place(scene)
+    # A start names its sheet, which is found sooner than by following one from a seed.
+    series = _readied(replace(placement.branch, seed=None), min(orders) + AHEAD, max(orders) + AHEAD)
+    highest = series.order
+    orders = [n for n in orders if n + AHEAD <= highest]
+    inner = expand_inner(
+        placement.branch,
+        {**placement.start, **scene.reconstruction_start},
+        order=highest,
+        fast_order=highest - 1,
+        reconstruction=scene.reconstruction,
+    )
+    shared = time.perf_counter() - begun
+    if inner.direction < 0:
+        raise HyperbolicityError(f"the branch {placement.branch} repels, and orbits leave it.")
+    flows, preparation = {}, {}
+    for k in sorted({n + ahead for n in orders for ahead in range(AHEAD + 1)}):
+        begun = time.perf_counter()
+        flows[k] = restrict(series, order=k)
+        _ = compile_flow(flows[k]).field
+        preparation[k] = shared + time.perf_counter() - begun
+    starts = {k: _start(placement, inner, scene.epsilon, k) for k in flows}
+    names = tuple(s.name for s in (placement.system.states if fast else placement.system.x))
+    prediction = predict(
+        series,
+        starts,
+        flows=flows,
+        orders=orders,
+        span=scene.span,
+        epsilon=scene.epsilon,
+        tolerance=scene.tolerance,
+        region=placement.region,
+        names=names,
+    )
+    tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
+    left = layer_left(inner, tau, scene.epsilon, prediction.scale)
+    felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
+    layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
+    return Outlook(placement, series, inner, flows, starts, layer, prediction, shared, preparation)
+
+
+def _start(placement: Placement, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
+    """Base point through epsilon^order, with the point of M0 over it where that chooses the sheet."""
+    system, branch = placement.system, placement.branch
+    x = base_start(inner, epsilon, order, names=[s.name for s in system.x])
+    if branch.is_explicit:
+        return x
+    y = branch.points(np.array([list(x.values())]))[0]
+    return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
+
+
+def _readied(branch: Branch, first: int, last: int) -> SeriesManifold:
+    """The series through `last`, or as far as a reduced flow of it can be compiled in a reasonable time."""
+    series = expand(branch, order=first, symbolic=False)
+    if max(series.sizes) > LONGEST:
+        raise HyperbolicityError(
+            f"its series is too long to run: through order {first} it has coefficients of {max(series.sizes)} terms, "
+            f"more than {LONGEST}."
+        )
+    for order in range(first + 1, last + 1):
+        longer = expand(branch, order=order, symbolic=False)
+        if longer.sizes[order] > LONGEST:
+            break
+        series = longer
+    return series
+
+
+def base_start(inner: InnerExpansion, epsilon: float, order: int, *, names: Sequence[str]) -> dict[str, float]:
+    """The base point through epsilon^order, in the quantities `names`."""
+    base = inner.base
+    return {n: sum(float(c) * epsilon**i for i, c in enumerate(base[n][: order + 1])) for n in names}
+
+
+def layer_left(
+    inner: InnerExpansion, tau: np.ndarray, epsilon: float, scale: Mapping[str, float]
+) -> np.ndarray:
+    """What is left of the layer at fast times `tau` (m,): the largest over the names of `scale`, relative to it."""
+    left = inner.layer(tau, epsilon, order=max(inner.order - 1, 0))
+    return np.max([np.abs(left[name]) / size for name, size in scale.items()], axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceOutlook:
+    """The flow on a solved manifold, its start, and two runs that tell its error.
+
+    `shifted` has every fast variable off by the manifold's estimated error, and starts off by the base point's: a bound
+    rather than an estimate, for neither error has one sign.
+    """
+
+    manifold: SampledManifold
+    flow: SurfaceFlow
+    start: BasePoint
+    run: Trajectory
+    shifted: Trajectory
+    outlook: Outlook
+    preparation: float
+
+    def errors(self, times: np.ndarray) -> np.ndarray:
+        """Predicted relative error (m,) at `times` (m,), infinite where a run has ended."""
+        outlook = self.outlook
+        first, epsilon, scale = outlook.prediction.first, self.manifold.epsilon, outlook.prediction.scale
+        result = np.full(len(times), np.inf)
+        alive = times <= min(float(self.run.t[-1]), float(self.shifted.t[-1]))
+        own, other = self.run.sample(times[alive]), self.shifted.sample(times[alive])
+        result[alive] = np.max([np.abs(own[n] - other[n]) / size for n, size in scale.items()], axis=0)
+        return result + layer_left(outlook.inner, (times - first) / epsilon, epsilon, scale)
+
+    def inside(self, times: np.ndarray) -> np.ndarray:
+        """Where (m,) the run is on the solved piece."""
+        run = self.run.sample(times)
+        bounds = self.manifold.region.items()
+        return np.all([(run[n] >= low) & (run[n] <= high) for n, (low, high) in bounds], axis=0)
+
+
+def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
+    """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
+    begun = time.perf_counter()
+    branch, prediction = outlook.placement.branch, outlook.prediction
+    guide = prediction.runs[max(prediction.runs)]
+    region = {}
+    for s in outlook.placement.system.x:
+        low, high = float(guide[s.name].min()), float(guide[s.name].max())
+        margin = MARGIN * ((high - low) or 1.0)
+        region[s.name] = (low - margin, high + margin)
+    manifold = solve_manifold(
+        branch, region=region, epsilon=scene.epsilon, tolerance=max(EXACTER * scene.tolerance, SMALLEST_RTOL)
+    )
+    if manifold.surface is None:
+        raise HyperbolicityError(manifold.message)
+    flow = flow_on(manifold)
+    _ = compile_flow(flow).field
+    start = project(manifold, outlook.placement.start, epsilon=scene.epsilon, numeric=True)
+    preparation = time.perf_counter() - begun
+    rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
+    off = {name: value + start.error for name, value in start.items()}
+    run, shifted = (
+        trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=1e-2 * rtol)
+        for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimate), off))
+    )
+    return SurfaceOutlook(manifold, flow, start, run, shifted, outlook, preparation)

@@ -1,0 +1,140 @@
+"""One solution made of runs of several models: its pieces, the changes between them, and the work that they took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
+from gsp.choice.prediction import SMALLEST_RTOL
+from gsp.errors import Status
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.scenes.placement import Placement
+from gsp.scenes.scene import Scene
+from gsp.systems.flow import Flow
+from gsp.systems.region import Interval
+from gsp.systems.system import VectorField
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A change of model at `time`, in `state` (every name), from one model to another, and why."""
+
+    time: float
+    state: Mapping[str, float]
+    leaving: str
+    entering: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"t = {self.time:<10.6g} {self.leaving} -> {self.entering}: {self.why}"
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One model's part: its `kind`, its `order` when it is a reduced flow, and its `run` from `begin` to `end`."""
+
+    kind: ModelKind
+    order: int | None
+    begin: float
+    end: float
+    run: Trajectory
+
+    @property
+    def label(self) -> str:
+        """Kind and order."""
+        return str(self.kind) if self.order is None else f"{self.kind} {self.order}"
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """The ends of its steps, `begin` and `end` among them."""
+        inside = self.run.t[(self.run.t > self.begin) & (self.run.t < self.end)]
+        return np.unique(np.concatenate([[self.begin], inside, [self.end]]))
+
+
+def full_flow(scene: Scene, placement: Placement | None) -> Flow:
+    """The full system in the coordinates of the standard form, reconstruction included; as declared without one."""
+    if placement is None:
+        return scene.full_flow
+    system = placement.system
+    observables = dict(system.observables)
+    driven = {s: sp.sympify(r, strict=True).xreplace(observables) for s, r in scene.reconstruction.items()}
+    return VectorField(
+        {**dict(zip(system.states, system.rates)), **driven},
+        epsilon=system.epsilon,
+        parameters=system.parameters,
+        observables=system.observables,
+        name=system.name,
+    )
+
+
+@dataclass(eq=False)
+class Run:
+    """A run in the making: pieces are appended while time goes on, and `full` is the flow to fall back to."""
+
+    scene: Scene
+    placement: Placement | None
+    full: Flow
+    pieces: list[Piece] = field(default_factory=list)
+    switches: list[Switch] = field(default_factory=list)
+    steps: int = 0
+    field_calls: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The states of the full system, reconstruction variables behind them."""
+        return tuple(s.name for s in self.full.states)
+
+    @property
+    def status(self) -> Status:
+        """SUCCESS, or how the full system ended."""
+        ended = bool(self.pieces) and self.pieces[-1].kind is ModelKind.FULL
+        return self.pieces[-1].run.status if ended else Status.SUCCESS
+
+    @property
+    def start(self) -> dict[str, float]:
+        """The scene's start, by the names of the full flow."""
+        own = self.scene.start if self.placement is None else self.placement.start
+        return {**own, **self.scene.reconstruction_start}
+
+    def finish_in_full(self, state: Mapping[str, float], t: float) -> None:
+        """The full system from `state` to the end of the span."""
+        run = self.integrate(state, (t, self.scene.span[1]))
+        self.append(ModelKind.FULL, None, t, float(run.t[-1]), run)
+
+    def integrate(self, state: Mapping[str, float], span: Interval) -> Trajectory:
+        """The full system over `span`, at the integrator's share of the tolerance."""
+        rtol = max(INTEGRATION * self.scene.tolerance, SMALLEST_RTOL)
+        run = trajectory_of(
+            self.full,
+            start=state,
+            span=span,
+            epsilon=self.scene.epsilon,
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            max_steps=MAX_STEPS,
+        )
+        self.count(run)
+        return run
+
+    def count(self, *runs: Trajectory) -> None:
+        """Add the work of `runs`."""
+        self.steps += sum(run.stats.steps for run in runs)
+        self.field_calls += sum(run.stats.field_calls for run in runs)
+
+    def append(self, kind: ModelKind, order: int | None, begin: float, end: float, run: Trajectory) -> None:
+        """One more piece; the full system goes on in the piece it has."""
+        self.pieces.append(Piece(kind, order, begin, end, run))
+
+    def switch(self, t: float, state: Mapping[str, float], leaving: str, entering: str, why: str) -> None:
+        """One more change of model."""
+        self.switches.append(Switch(t, dict(state), leaving, entering, why))
+
+    def sampled(self, run: Trajectory, t: float) -> dict[str, float]:
+        """Every name at one time of a run of any model."""
+        there = run.sample(t)
+        return {name: float(there[name][0]) for name in self.names}

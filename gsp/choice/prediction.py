@@ -1,0 +1,207 @@
+"""What a reduced run will be wrong by, and for how long it holds, told without the full system.
+
+The order-N run x_N obeys x_N' = f_0 + ... + epsilon^N f_N from the base point through epsilon^N. Its error e = x_N - x
+satisfies e' = D f_red e - epsilon^(N+1) f_(N+1) + O(epsilon^(N+2)), e(t0) = -epsilon^(N+1) b_(N+1) + ..., which is, to
+leading order, the equation of x_N - x_(N+1). So the difference of two reduced runs is an asymptotically exact estimate:
+the residual of the invariance equation over the gap, carried along by the slow variational equation, with the error of
+the start's fast fibre in it. A bound by Gronwall's lemma would always hold, and be of no use on spans of a few times
+1/|D f_red|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from gsp.critical.sampling import Sampler
+from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.slow.series import SeriesManifold
+from gsp.systems.region import Interval
+
+# A term that happens to vanish says nothing, so the runs of the next two orders are looked at.
+AHEAD = 2
+# Times at which a run is looked at, and how often the place where it fails is narrowed down as finely again.
+CHECKS, REFINEMENTS = 65, 2
+# A run this much outside the region, relative to its width, is rounding.
+OUTSIDE = 1e-9
+# The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
+CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
+
+# At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
+MAX_STEPS = 20_000
+
+
+class Failure(StrEnum):
+    """Why a reduced run is not to be followed any further."""
+
+    GAP = "the gap is lost"
+    RATE = "the normal rate no longer dominates"
+    REGION = "the region is left"
+    ORDER = "the series is past its best order"
+    ERROR = "the predicted error passes the tolerance"
+    END = "the reduced run ends"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction:
+    """Reduced `runs` by order over one span, and what they say about one another.
+
+    `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to.
+    """
+
+    series: SeriesManifold
+    epsilon: float
+    runs: Mapping[int, Trajectory]
+    names: tuple[str, ...]
+    region: Mapping[str, Interval]
+    least_scale: Mapping[str, float]
+    sampler: Sampler
+
+    def covered(self, order: int) -> float:
+        """The time that the run of this order reaches."""
+        return float(self.runs[order].t[-1])
+
+    @property
+    def first(self) -> float:
+        """Where the runs begin."""
+        return float(self.runs[min(self.runs)].t[0])
+
+    @cached_property
+    def scale(self) -> dict[str, float]:
+        """Largest |value| of each quantity along the run of the lowest order, 1 for one that stays 0."""
+        run = self.runs[min(self.runs)]
+        sizes = {name: float(np.abs(run[name]).max()) for name in self.names}
+        return {name: max(size, self.least_scale.get(name, 0.0)) or 1.0 for name, size in sizes.items()}
+
+    def errors(self, order: int, times: np.ndarray) -> np.ndarray:
+        """Predicted relative error (m,) of the run of this order at `times` (m,), infinite where runs have ended."""
+        result = np.full(len(times), np.inf)
+        compared = [self.runs[k] for k in range(order, order + AHEAD + 1)]
+        alive = times <= min(float(run.t[-1]) for run in compared)
+        if not alive.any():
+            return result
+        own, *others = (run.sample(times[alive]) for run in compared)
+        worst = np.zeros(int(alive.sum()))
+        for name in self.names:
+            for other in others:
+                worst = np.maximum(worst, np.abs(own[name] - other[name]) / self.scale[name])
+        result[alive] = np.where(np.isfinite(worst), worst, np.inf)
+        return result
+
+    def failures(self, order: int, times: np.ndarray, limit: float) -> list[Failure | None]:
+        """Why the run of this order does not hold at each of `times`; None where it does."""
+        found: list[Failure | None] = [Failure.END] * len(times)
+        alive = np.flatnonzero(times <= self.covered(order))
+        if not alive.size:
+            return found
+        z, slow, terms = self._places(self.runs[order], times[alive])
+        with np.errstate(all="ignore"):
+            eigenvalues = self.sampler.eigenvalues(z)
+            gap = -np.nan_to_num(np.real(eigenvalues), nan=np.inf).max(axis=1)
+            ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
+        inside = self.sampler.inside(slow, self.region)
+        past = self._past_best(order, terms)
+        # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
+        past |= times[alive] > min(self.covered(k) for k in range(order, order + AHEAD + 1))
+        errors = self.errors(order, times[alive])
+        for i, place in enumerate(alive):
+            found[place] = (
+                Failure.GAP
+                if not gap[i] > 0.0
+                else Failure.RATE
+                if ratio[i] < 1.0
+                else Failure.REGION
+                if not inside[i]
+                else Failure.ORDER
+                if past[i]
+                else Failure.ERROR
+                if not errors[i] <= limit
+                else None
+            )
+        return found
+
+    def holds_until(
+        self, order: int, limit: float, *, after: float, last: float
+    ) -> tuple[float, Failure | None]:
+        """The time up to which the run of this order holds, and why no longer; `last` and None when to the end.
+
+        Looked at on a grid, narrowed down where it fails. The error counts from `after` on.
+        """
+        low, high = after, min(last, self.covered(order))
+        if high <= after:
+            return after, Failure.END
+        why: Failure | None = None
+        for _ in range(1 + REFINEMENTS):
+            times = np.linspace(low, high, CHECKS)
+            found = self.failures(order, times, limit)
+            first = next((i for i, failure in enumerate(found) if failure is not None), None)
+            if first is None:
+                return (last, None) if high == last else (high, Failure.END)
+            why = found[first]
+            if first == 0:
+                break
+            low, high = float(times[first - 1]), float(times[first])
+        return low, why
+
+    def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
+        """Where the `terms` (m, k, n_fast) left out have begun to grow again."""
+        sizes = np.linalg.norm(terms, axis=2)
+        # The first two terms left out at each order, as in the errors.
+        left = np.maximum(sizes[:, 1 : order + AHEAD], sizes[:, 2 : order + AHEAD + 1])
+        return left[:, order] > left.min(axis=1)
+
+    def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(x, y) (m, n) on M0 under the run at `times`, (x, y) on M_epsilon, and the terms of the series there."""
+        sampled = run.sample(times)
+        system = self.series.branch.system
+        x, fast = (np.stack([sampled[s.name] for s in part], axis=1) for part in (system.x, system.y))
+        coordinates = np.array(sampled.y[: len(self.series.coordinates)].T, order="C")
+        with np.errstate(all="ignore"):
+            terms = self.series.terms_at(coordinates, self.epsilon)
+        return np.hstack([x, terms[:, 0]]), np.hstack([x, fast]), terms
+
+
+def predict(
+    series: SeriesManifold,
+    starts: Mapping[int, Mapping[str, float]],
+    *,
+    flows: Mapping[int, ReducedFlow] | None = None,
+    orders: Sequence[int],
+    span: Interval,
+    epsilon: float,
+    tolerance: float,
+    region: Mapping[str, Interval],
+    names: Sequence[str],
+    least_scale: Mapping[str, float] | None = None,
+    sampler: Sampler | None = None,
+) -> Prediction:
+    """Reduced runs of `orders` and the next two, order k from `starts[k]`, and what to expect of them.
+
+    The series reaches order max(orders) + 2. Nothing of the full system is run.
+    """
+    needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1)})
+    rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
+    runs = {
+        k: trajectory_of(
+            restrict(series, order=k) if flows is None else flows[k],
+            start=starts[k],
+            span=span,
+            epsilon=epsilon,
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            max_steps=MAX_STEPS,
+        )
+        for k in needed
+    }
+    widened = {
+        name: (low - OUTSIDE * (high - low), high + OUTSIDE * (high - low))
+        for name, (low, high) in region.items()
+    }
+    return Prediction(
+        series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch)
+    )

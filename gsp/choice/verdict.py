@@ -1,0 +1,169 @@
+"""May a scene be reduced: one answer, made once from the candidates, that every card, page and table shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from gsp.choice.candidates import INTEGRATION, LARGEST_LAYER, Candidate, ModelKind
+from gsp.choice.prediction import Failure
+from gsp.scenes.scene import Scene
+
+# A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
+SMALLEST_SHARE = 0.01
+# Less than this share of the span, behind the layer, is no part worth naming.
+SMALLEST_PART = 0.05
+# A named epsilon is this share of the one at which the predicted error would just do.
+MARGIN = 0.8
+
+
+class Answer(StrEnum):
+    """Whether a scene may be reduced."""
+
+    YES = "yes"
+    NO_GAIN = "yes, but it does not pay"
+    IN_PART = "for part of the span"
+    NO = "no"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a scene may be reduced: the `answer`, and sentences on `accuracy`, on `speed` and on what would help.
+
+    Accuracy decides whether one may; speed whether it pays. `speed` and `remedy` may be empty.
+    """
+
+    answer: Answer
+    accuracy: str
+    speed: str = ""
+    remedy: str = ""
+
+    @property
+    def sentences(self) -> str:
+        """Accuracy, speed and what would help, one after the other."""
+        return " ".join(filter(None, (self.accuracy, self.speed, self.remedy)))
+
+    def __str__(self) -> str:
+        return f"May I reduce? {self.answer.capitalize()}: {self.sentences}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a verdict rests on: every candidate, the full system last, the `layer` in slow time, and the scene.
+
+    `obstacle` says why there are no reduced candidates; `place` is where in the slow variables the `partial` one ends.
+    """
+
+    scene: Scene
+    candidates: Sequence[Candidate]
+    model: Candidate
+    partial: Candidate | None = None
+    layer: float = 0.0
+    obstacle: str = ""
+    place: Mapping[str, float] = field(default_factory=dict)
+
+
+def judge(evidence: Evidence) -> Verdict:
+    """The verdict on a scene for the model that was chosen."""
+    *reduced, full = evidence.candidates
+    scene, model, partial = evidence.scene, evidence.model, evidence.partial
+    wanted = (
+        f"a relative error of {scene.tolerance:g} over t = {scene.span[0]:.4g} to {scene.span[1]:.4g} "
+        f"at epsilon = {scene.epsilon:g}"
+    )
+    if not reduced:
+        why = _sentence(f"it cannot be reduced here: {evidence.obstacle}")
+        return Verdict(Answer.NO, why, "" if full.valid else f"The full system {full.why_not}.")
+    serving = next((c for c in reduced if c.valid), None)
+    if serving is not None:
+        pays = model.kind is not ModelKind.FULL
+        shown = model if pays else serving
+        return Verdict(
+            Answer.YES if pays else Answer.NO_GAIN,
+            f"{named(shown)} keeps to {wanted}; it is predicted to be off by {shown.predicted:.1e}.",
+            _speed(shown, full, pays=pays),
+            "" if pays else "Reduce for the formula; to compute a run take the full system.",
+        )
+    nearest = partial or _nearest(reduced)
+    accuracy = f"no reduced model keeps to {wanted}: {named(nearest)} comes nearest, but {nearest.why_not}."
+    served = nearest.holds_until - scene.span[0] - evidence.layer
+    if partial is None or served < SMALLEST_PART * (scene.span[1] - scene.span[0]):
+        return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
+    place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
+    until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")
+    accuracy = f"{accuracy} It serves until {until}."
+    return Verdict(
+        Answer.IN_PART,
+        accuracy,
+        "simulate() runs it so far, and the full system elsewhere.",
+        _remedy(nearest, evidence),
+    )
+
+
+def named(candidate: Candidate) -> str:
+    """A candidate in a sentence."""
+    if candidate.kind is ModelKind.SOLVED:
+        return "the flow on the solved manifold"
+    return "the full system" if candidate.order is None else f"the reduced flow of order {candidate.order}"
+
+
+def seconds_shown(seconds: float) -> str:
+    """Seconds of a run as they are set in text and tables; empty when they are not known."""
+    if not np.isfinite(seconds):
+        return ""
+    return f"{1e6 * seconds:.3g} us" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"
+
+
+def _speed(shown: Candidate, full: Candidate, *, pays: bool) -> str:
+    if not full.valid:
+        return f"It alone was seen to reach the end: the full system {full.why_not}."
+    ratio = full.seconds / shown.seconds
+    times = f"{seconds_shown(shown.seconds)} a run against {seconds_shown(full.seconds)} of the full system"
+    if not pays:
+        return f"It {'saves too little time' if ratio > 1.0 else 'takes longer'}: {times}."
+    runs = max(1.0, np.ceil((shown.preparation - full.preparation) / (full.seconds - shown.seconds)))
+    return (
+        f"It is {ratio:.2g} times as fast, {times}; its preparation pays after {runs:.0f} run"
+        f"{'s' if runs > 1 else ''}."
+    )
+
+
+def _nearest(reduced: Sequence[Candidate]) -> Candidate:
+    """Of the reduced flows that hold longest, the one that is predicted to be least wrong."""
+    flows = [c for c in reduced if c.order is not None]
+    furthest = max(c.holds_until for c in flows)
+    reaching = [c for c in flows if c.holds_until >= furthest]
+    return min(reaching, key=lambda c: np.inf if np.isnan(c.predicted) else c.predicted)
+
+
+def _remedy(nearest: Candidate, evidence: Evidence) -> str:
+    """What would help, in one sentence."""
+    scene = evidence.scene
+    length = scene.span[1] - scene.span[0]
+    if evidence.layer > LARGEST_LAYER * length:
+        enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
+        return f"A smaller epsilon, about {enough:.1g}, or a longer span would leave the initial layer behind."
+    why = nearest.why_not
+    if why.startswith(Failure.REGION):
+        return "A larger region or a shorter span would help."
+    if why.startswith((Failure.GAP, Failure.END)):
+        return "A span that ends before that place, or a start behind it, would help."
+    enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
+    if enough >= SMALLEST_SHARE * scene.epsilon:
+        return f"A smaller epsilon, about {enough:.1g}, is expected to do, or a larger tolerance."
+    return "A smaller epsilon or a larger tolerance would help."
+
+
+def _enough(candidate: Candidate, scene: Scene) -> float:
+    """The epsilon at which an error that falls like epsilon^(order + 1) meets the tolerance; 0 where none is told."""
+    if candidate.order is None or not np.isfinite(candidate.predicted) or candidate.valid:
+        return 0.0
+    limit = (1.0 - INTEGRATION) * scene.tolerance
+    return MARGIN * scene.epsilon * min(limit / candidate.predicted, 1.0) ** (1.0 / (candidate.order + 1))
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith(".") else f"{text}."

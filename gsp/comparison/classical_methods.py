@@ -1,0 +1,277 @@
+"""The classical approximations of a slow manifold, point by point: quasi-steady state, ILDM, CSP, Fraser-Roussel.
+
+Each but the first replaces the unknown slope in the invariance equation epsilon Dh f = g: it solves
+
+    g(x, y, epsilon) = epsilon S(x, y, epsilon) f(x, y, epsilon)
+
+for y, with its own S for Dh. They take any number of slow and fast variables and implicit branches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import factorial
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.critical.branch import Branch
+from gsp.errors import DeclarationError
+from gsp.lowering.compiled_flow import CompiledFunction, compile_function, parameter_vector
+from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
+from gsp.systems.system import SlowFastSystem
+
+STEPS = 80
+# A correction this small relative to 1 + |y| ends the iteration.
+CONVERGED = 4e-16
+# Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
+# resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
+# Coefficients below NOISE, relative to the largest value, are dropped before differentiating.
+LARGEST_DIMENSION, FIRST, RESOLVED, LOSS, MOST_POINTS = 3, 9, 1e-13, 100.0, 40_000
+NOISE = 2e-15
+
+
+@dataclass(frozen=True)
+class Points:
+    """`y` (m, n_fast), NaN where the method found nothing, and `evaluations` of the model per point.
+
+    One evaluation is one call for the rates, their Jacobian, or one derivative of it along the flow.
+    """
+
+    y: np.ndarray
+    evaluations: float
+
+
+class Model:
+    """The rates of a system at one epsilon, their Jacobian, and its derivatives along the flow, with a count."""
+
+    def __init__(self, system: SlowFastSystem, epsilon: float) -> None:
+        self.system = system
+        self.epsilon = epsilon
+        self.slow = len(system.x)
+        self.evaluations = 0
+        self._p = parameter_vector(system, epsilon)
+        self._code = _code(system)
+
+    def rates(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """f (m, n_slow) and g (m, n_fast)."""
+        self.evaluations += len(z)
+        values = self._code.rates(z, self._p)
+        return values[:, : self.slow], values[:, self.slow :]
+
+    def jacobians(self, z: np.ndarray, count: int = 1) -> list[np.ndarray]:
+        """J, J', J''/2, ... (m, n, n): Taylor coefficients along the flow of the Jacobian of z' = (f, g/epsilon)."""
+        self.evaluations += count * len(z)
+        n = len(self.system.states)
+        return [self._code.along(k)(z, self._p).reshape(-1, n, n) / float(factorial(k)) for k in range(count)]
+
+
+class _Code:
+    """Compiled rates and Lie derivatives of the Jacobian of one system."""
+
+    def __init__(self, system: SlowFastSystem) -> None:
+        self._system = system
+        self._expressions = [[derivative(rate, s) for rate in system.rates for s in system.states]]
+        self._compiled: dict[int, CompiledFunction] = {}
+
+    @cached_property
+    def rates(self) -> CompiledFunction:
+        return self._function([*self._system.f, *self._system.g])
+
+    def along(self, k: int) -> CompiledFunction:
+        """The k-th derivative of the Jacobian's entries along the flow."""
+        if k not in self._compiled:
+            system = self._system
+            while len(self._expressions) <= k:
+                last = self._expressions[-1]
+                self._expressions.append(
+                    [
+                        sp.Add(*[derivative(e, s) * rate for s, rate in zip(system.states, system.rates)])
+                        for e in last
+                    ]
+                )
+            self._compiled[k] = self._function(self._expressions[k])
+        return self._compiled[k]
+
+    def _function(self, outputs: list[sp.Expr]) -> CompiledFunction:
+        system = self._system
+        return compile_function(
+            outputs,
+            arguments=system.states,
+            epsilon=system.epsilon,
+            parameters=tuple(system.parameters),
+        )
+
+
+@lru_cache(maxsize=8)
+def _code(system: SlowFastSystem) -> _Code:
+    return _Code(system)
+
+
+def quasi_steady_state(branch: Branch, x: np.ndarray) -> Points:
+    """h_0(x): the fast variables at rest, g(x, y, 0) = 0. In error by O(epsilon)."""
+    return Points(branch.points(x), 1.0)
+
+
+def ildm(branch: Branch, x: np.ndarray, *, epsilon: float) -> Points:
+    """The intrinsic low-dimensional manifold: Q F(x, y) = 0, the rows of Q spanning the fast left eigenspace of DF.
+
+    U. Maas and S. B. Pope, Combustion and Flame 88 (1992) 239-264. In error by O(epsilon^2), with a coefficient
+    proportional to the curvature of M0 (H. G. Kaper and T. J. Kaper, Physica D 165 (2002) 66-93).
+    """
+    model = Model(branch.system, epsilon)
+    fast = len(branch.system.y)
+
+    def slope(z: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        values, vectors = np.linalg.eig(np.swapaxes(jacobian, 1, 2))
+        order = np.argsort(-np.abs(values), axis=1)[:, :fast]
+        rows = np.swapaxes(np.take_along_axis(vectors, order[:, None, :], axis=2), 1, 2)
+        # Scaled so that Q = (K, 1): the condition is then g = -epsilon K f.
+        return -np.linalg.solve(rows[:, :, model.slow :], rows[:, :, : model.slow]).real
+
+    return _solved(model, x, branch.points(x), slope)
+
+
+def csp(branch: Branch, x: np.ndarray, *, epsilon: float, refinements: int) -> Points:
+    """Computational singular perturbation with q two-sided refinements: the fast amplitudes B_f F(x, y) vanish.
+
+    S. H. Lam and D. A. Goussis, International Journal of Chemical Kinetics 26 (1994) 461-486. The CSP manifold of
+    order q agrees with M_epsilon through epsilon^q, so that its error is O(epsilon^(q+1)) (A. Zagaris, H. G. Kaper
+    and T. J. Kaper, Journal of Nonlinear Science 14 (2004) 59-91, theorem 3.1); q = 0 with the coordinate basis is g =
+    0. The refined basis is evaluated at the point itself; there it is at the manifold of order q - 1, which
+    changes terms of O(epsilon^(q+1)) only.
+    """
+    model = Model(branch.system, epsilon)
+
+    def slope(z: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        if refinements == 0:
+            return np.zeros((len(z), len(branch.system.y), model.slow))
+        taylor = [jacobian, *model.jacobians(z, refinements)[1:]] if refinements > 1 else [jacobian]
+        rows = _refined(taylor, model.slow, refinements)
+        return -np.linalg.solve(rows[:, :, model.slow :], rows[:, :, : model.slow])
+
+    return _solved(model, x, branch.points(x), slope)
+
+
+def fraser_roussel(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: int) -> Points:
+    """Functional iteration of the invariance equation: g(x, h_(k+1), epsilon) = epsilon Dh_k f(x, h_(k+1), epsilon).
+
+    S. J. Fraser, Journal of Chemical Physics 88 (1988) 4732-4738; M. R. Roussel and S. J. Fraser, ibid. 93 (1990)
+    1072-1081. From h_0 on M0 the k-th iterate is in error by O(epsilon^(k+1)) (Kaper and Kaper 2002). Derivatives are
+    those of Chebyshev interpolants on the box that contains the points, of one to three slow variables.
+    """
+    if x.shape[1] > LARGEST_DIMENSION:
+        raise DeclarationError(
+            f"fraser_roussel takes one to three slow variables. Got {x.shape[1]}: "
+            f"{', '.join(s.name for s in branch.system.x)}. Use csp or the zero-derivative principle."
+        )
+    if iterates == 0:
+        return quasi_steady_state(branch, x)
+    model = Model(branch.system, epsilon)
+    low, high = x.min(axis=0), x.max(axis=0)
+    flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
+    slopes = _iterated(branch, model, np.stack([low - flat, high + flat], axis=1), iterates - 1).derivative(x)
+    found = _solved(model, x, branch.points(x), lambda z, jacobian: slopes)
+    return Points(found.y, model.evaluations / len(x))
+
+
+def _iterated(branch: Branch, model: Model, box: np.ndarray, iterates: int) -> ChebyshevSurface:
+    """The interpolant of the iterate h_k, on a grid fine enough for all of them."""
+    sizes = [FIRST] * len(box)
+    while True:
+        grid = nodes(box, sizes).reshape(-1, len(box))
+        y = start = branch.points(grid)
+        finer = sizes
+        for k in range(iterates + 1):
+            surface = interpolate(box, y.reshape(*sizes, -1))
+            scale = float(np.abs(y).max()) or 1.0
+            rough = surface.tails() > RESOLVED * LOSS**k * scale
+            finer = [2 * n - 1 if r else n for n, r in zip(sizes, rough)]
+            if rough.any() and np.prod(finer) <= MOST_POINTS:
+                break
+            finer = sizes
+            surface = surface.chopped(NOISE * scale * max(sizes))
+            if k < iterates:
+                slopes = surface.derivative(grid)
+                y = _solved(model, grid, start, lambda z, jacobian, S=slopes: S).y
+        if finer == sizes:
+            return surface
+        sizes = finer
+
+
+def _refined(jacobian: list[np.ndarray], slow: int, refinements: int) -> np.ndarray:
+    """B_f (m, n_fast, n) after `refinements` steps from the coordinate basis, the Jacobian's Taylor series given.
+
+    Lambda = B J A + B' A;  U = Lambda_ff^-1 Lambda_fs,  L = Lambda_sf Lambda_ff^-1;
+    B <- (1 - L)(1 + U) B,  A <- A (1 - U)(1 + L). Each step needs B' and so takes one Taylor coefficient.
+    """
+    m, n, _ = jacobian[0].shape
+    identity = np.eye(n)
+    depth = len(jacobian)
+
+    def constant(matrix: np.ndarray) -> list[np.ndarray]:
+        return [np.broadcast_to(matrix, (m, *matrix.shape))] + [
+            np.zeros((m, *matrix.shape)) for _ in range(depth - 1)
+        ]
+
+    Bs, Bf = constant(identity[:slow]), constant(identity[slow:])
+    As, Af = constant(identity[:, :slow]), constant(identity[:, slow:])
+    for step in range(refinements):
+        # A refinement knows one derivative less than the one before.
+        keep = depth - step
+        mid_f = [a + b for a, b in zip(_product(Bf, jacobian, keep), _rate(Bf, keep))]
+        mid_s = [a + b for a, b in zip(_product(Bs, jacobian, keep), _rate(Bs, keep))]
+        inverse = _inverse(_product(mid_f, Af, keep))
+        U = _product(inverse, _product(mid_f, As, keep), keep)
+        L = _product(_product(mid_s, Af, keep), inverse, keep)
+        Bf = [b + c for b, c in zip(Bf, _product(U, Bs, keep))]
+        Bs = [b - c for b, c in zip(Bs, _product(L, Bf, keep))]
+        As = [a - c for a, c in zip(As, _product(Af, U, keep))]
+        Af = [a + c for a, c in zip(Af, _product(As, L, keep))]
+    return Bf[0]
+
+
+def _product(a: list[np.ndarray], b: list[np.ndarray], keep: int) -> list[np.ndarray]:
+    return [sum((a[i] @ b[k - i] for i in range(k + 1)), start=np.zeros(())) for k in range(keep)]
+
+
+def _rate(a: list[np.ndarray], keep: int) -> list[np.ndarray]:
+    """Taylor coefficients of a', one unknown one at the end left out as 0."""
+    return [(k + 1) * a[k + 1] if k + 1 < len(a) else np.zeros_like(a[0]) for k in range(keep)]
+
+
+def _inverse(a: list[np.ndarray]) -> list[np.ndarray]:
+    first = np.linalg.inv(a[0])
+    result = [first]
+    for k in range(1, len(a)):
+        result.append(-first @ sum((a[i] @ result[k - i] for i in range(1, k + 1)), start=np.zeros(())))
+    return result
+
+
+def _solved(
+    model: Model,
+    x: np.ndarray,
+    y: np.ndarray,
+    slope: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Points:
+    """g = epsilon S f for y by Newton's method with S held fixed in each step's derivative."""
+    slow, epsilon = model.slow, model.epsilon
+    y = y.copy()
+    for _ in range(STEPS):
+        z = np.hstack([x, y])
+        f, g = model.rates(z)
+        jacobian = model.jacobians(z)[0]
+        S = slope(z, jacobian)
+        defect = g - epsilon * np.einsum("mij,mj->mi", S, f)
+        matrix = epsilon * (jacobian[:, slow:, slow:] - S @ jacobian[:, :slow, slow:])
+        step = np.linalg.solve(matrix, defect[:, :, None])[:, :, 0]
+        y = y - step
+        size = np.abs(step).max(axis=1) / (1.0 + np.abs(y).max(axis=1))
+        if not (size > CONVERGED).any():
+            break
+    bad = ~(size < 1e-9)
+    y[bad] = np.nan
+    return Points(y, model.evaluations / len(x))

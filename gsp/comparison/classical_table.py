@@ -1,0 +1,322 @@
+"""The methods for slow manifolds side by side: error, measured order in epsilon, and cost.
+
+Quasi-steady state, ILDM, CSP, Fraser-Roussel, the zero-derivative principle, the series, and the solved manifold,
+at the same points against the same reference. The orders that theorems promise stand beside the measured ones.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from gsp.comparison.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
+from gsp.comparison.comparison import slope
+from gsp.critical.branch import Branch
+from gsp.errors import DeclarationError, Status, unknown_name
+from gsp.results.drawn import Drawn
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
+from gsp.slow.series import expand
+from gsp.slow.slow_points import zero_derivative
+from gsp.slow.solved_manifold import SampledManifold, solve_manifold
+from gsp.systems.arguments import check_noun, shown
+from gsp.systems.flow import as_points, check_epsilons, check_orders
+from gsp.systems.region import Interval
+
+# Points an axis when none are given, by the number of slow variables, and the share of the region left free at its
+# ends, where the slow manifold is not determined by what is inside.
+AXIS_POINTS = {1: 33, 2: 9, 3: 5}
+MARGIN = 0.05
+# The reference: tolerance of the solved manifold, and the error above which pointwise values replace it.
+TOLERANCE, TRUSTED = 1e-13, 1e-9
+# Costs are measured on at least this many points, as the best of so many runs.
+TIMED_POINTS, RUNS = 1000, 3
+
+# Methods that need a grid of the slow variables take at most this many of them.
+LARGEST_GRID = 3
+
+Evaluator = Callable[[np.ndarray], Points]
+
+
+@dataclass(frozen=True)
+class MethodRow:
+    """One method: `errors`, the largest at each epsilon, absolute; `fitted` and `expected` orders in epsilon.
+
+    `order` is its order parameter (refinements, iterates, m, n), None where it has none. `expected` is what a theorem
+    promises in general; `fitted` is nan where the errors are at rounding. `microseconds` per point after
+    a preparation of `preparation` seconds; `evaluations` of the model per point.
+    """
+
+    method: str
+    order: int | None
+    errors: tuple[float, ...]
+    fitted: float
+    expected: int | None
+    microseconds: float
+    evaluations: float
+    preparation: float
+
+    @property
+    def label(self) -> str:
+        """Method and order."""
+        return self.method if self.order is None else f"{self.method} {self.order}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodTable(Drawn):
+    """`rows` of methods over `epsilons` at `points` (m, n_slow); `floor[i]` is the reference's own error.
+
+    `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative
+    principle at its best order is from it: much more than its floor where that principle has reached its limit.
+    `omitted` names the methods that do not take as many slow variables.
+    """
+
+    scene: Scene
+    points: np.ndarray
+    epsilons: tuple[float, ...]
+    rows: tuple[MethodRow, ...]
+    floor: tuple[float, ...]
+    references: tuple[str, ...]
+    disagreement: tuple[float, ...]
+    omitted: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> MethodRow:
+        for row in self.rows:
+            if row.label == label:
+                return row
+        raise unknown_name(label, (row.label for row in self.rows))
+
+    def as_rows(self) -> list[dict[str, object]]:
+        """One dictionary per method, of numbers and text, for JSON or CSV."""
+        result = []
+        for row in self.rows:
+            entry = asdict(row) | {"label": row.label}
+            errors = entry.pop("errors")
+            result.append(entry | {f"error at {e:g}": value for e, value in zip(self.epsilons, errors)})
+        return result
+
+    def __repr__(self) -> str:
+        return f"MethodTable({self.scene.name}: {len(self.rows)} methods, {len(self.points)} points)"
+
+    def __str__(self) -> str:
+        width = max(len(row.label) for row in self.rows)
+        head = (
+            f"  {'method':<{width}}  order  theory  "
+            + "  ".join(f"{e:>8.3g}" for e in self.epsilons)
+            + "   us/point   calls   prepare"
+        )
+        lines = [f"largest error of h at {len(self.points)} points, by epsilon", head]
+        for row in self.rows:
+            expected = "" if row.expected is None else str(row.expected)
+            fitted = "" if np.isnan(row.fitted) else f"{row.fitted:.2f}"
+            lines.append(
+                f"  {row.label:<{width}}  {fitted:>5}  {expected:>6}  "
+                + "  ".join(f"{e:8.1e}" for e in row.errors)
+                + f"  {row.microseconds:9.3g}  {row.evaluations:6.1f}  {row.preparation:7.2g}s"
+            )
+        kinds = "; ".join(dict.fromkeys(self.references))
+        indent = " " * (width + 17)
+        lines.append(f"  reference: {kinds}")
+        for name, values in (("its error", self.floor), ("second route", self.disagreement)):
+            lines.append(f"  {name:<{len(indent) - 2}}" + "  ".join(f"{value:8.1e}" for value in values))
+        if self.omitted:
+            lines.append(f"  omitted, for more than {LARGEST_GRID} slow variables: {', '.join(self.omitted)}")
+        return "\n".join(lines)
+
+
+def method_table(
+    scene: Scene,
+    *,
+    points=None,
+    epsilons: Sequence[float] | None = None,
+    refinements: Sequence[int] = (0, 1, 2),
+    iterates: Sequence[int] = (1, 2, 3),
+    orders: Sequence[int] = (0, 1, 2, 3),
+) -> MethodTable:
+    """All methods on one scene's branch, at `points` (m, n_slow) or a grid in its region, over its ladder of epsilons.
+
+    CSP is refined as often as `refinements` says, Fraser-Roussel iterated as `iterates`; the zero-derivative
+    principle and the series go through `orders`. The reference is the solved manifold at a tight tolerance, its error
+    estimate checked against the zero-derivative principle; where it cannot be solved, the latter. Raises what the
+    stages raise.
+
+    >>> from gsp import models
+    >>> from gsp.comparison.classical_table import method_table
+    >>> table = method_table(models.load("michaelis_menten"), epsilons=(0.02, 0.01), orders=(0, 1))
+    >>> round(table["ILDM"].fitted), round(table["CSP 2"].fitted), round(table["series 1"].fitted)
+    (2, 3, 2)
+    """
+    check_noun(scene, Scene, verb="method_table")
+    given = {"refinements": refinements, "iterates": iterates, "orders": orders}
+    chosen = {name: check_orders(values, what=name, empty=True) for name, values in given.items()}
+    ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
+    if len(ladder) < 2:
+        raise DeclarationError(f"an order needs two epsilons or more. Got {ladder}. Try (0.02, 0.01, 0.005).")
+    placement = place(scene)
+    branch = placement.branch
+    if points is not None:
+        points = as_points(branch.system.x, points, what="points")[0]
+        if not (points.size and np.isfinite(points).all()):
+            raise DeclarationError(f"points are finite numbers, one point or more. Got {shown(points)}.")
+    box = {s.name: placement.region[s.name] for s in branch.system.x if s.name in placement.region}
+    x = _grid(branch, box) if points is None else points
+    gridded = len(branch.system.x) <= LARGEST_GRID
+    solved = {e: _solved(branch, x, e) for e in ladder} if gridded else {}
+    found = [_reference(branch, x, e, solved[e].manifold if gridded else None) for e in ladder]
+    reference, floor, sources, disagreement = zip(*found)
+    rows = []
+    for method in _methods(branch, solved, **chosen):
+        errors = []
+        for e, y in zip(ladder, reference):
+            found = method.prepare(e)(x).y
+            errors.append(float(np.abs(found - y).max()) if np.isfinite(found).all() else float("nan"))
+        cost, evaluations, preparation = _cost(method, x, ladder[-1])
+        rows.append(
+            MethodRow(
+                method=method.name,
+                order=method.order,
+                errors=tuple(errors),
+                fitted=float("nan") if method.expected is None else slope(ladder, errors, floor),
+                expected=method.expected,
+                microseconds=cost,
+                evaluations=evaluations,
+                preparation=preparation,
+            )
+        )
+    return MethodTable(
+        scene,
+        x,
+        ladder,
+        tuple(rows),
+        floor,
+        sources,
+        disagreement,
+        () if gridded else ("Fraser-Roussel", "solved"),
+    )
+
+
+@dataclass(frozen=True)
+class _Method:
+    """`prepare(epsilon)` gives the function of points; whatever it computes once counts as preparation."""
+
+    name: str
+    order: int | None
+    expected: int | None
+    prepare: Callable[[float], Evaluator]
+    preparation: float | None = None
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The solved manifold over the box of the points, and the seconds it took."""
+
+    manifold: SampledManifold
+    seconds: float
+
+    def evaluate(self, x: np.ndarray) -> Points:
+        return Points(self.manifold.evaluate(x), 0.0)
+
+
+def _methods(
+    branch: Branch, solved: Mapping[float, _Solved], *, refinements, iterates, orders
+) -> Iterator[_Method]:
+    def direct(function, **fixed):
+        return lambda epsilon: lambda x: function(branch, x, epsilon=epsilon, **fixed)
+
+    yield _Method("QSS", None, 1, lambda epsilon: lambda x: quasi_steady_state(branch, x))
+    yield _Method("ILDM", None, 2, direct(ildm))
+    for q in refinements:
+        yield _Method("CSP", q, q + 1, direct(csp, refinements=q))
+    for k in iterates if solved else ():
+        yield _Method("Fraser-Roussel", k, k + 1, direct(fraser_roussel, iterates=k))
+    for m in orders:
+        yield _Method("zero-derivative", m, m + 1, lambda epsilon, m=m: _zero_derivative(branch, epsilon, m))
+    for n in orders:
+        yield _Method("series", n, n + 1, lambda epsilon, n=n: _series(branch, epsilon, n))
+    if solved:
+        last = solved[min(solved)].seconds
+        yield _Method("solved", None, None, lambda epsilon: solved[epsilon].evaluate, last)
+
+
+def _zero_derivative(branch: Branch, epsilon: float, order: int) -> Evaluator:
+    def evaluate(x: np.ndarray) -> Points:
+        found = zero_derivative(branch, x, epsilon=epsilon, order=order)
+        return Points(found.y, found.jets / len(x))
+
+    return evaluate
+
+
+def _series(branch: Branch, epsilon: float, order: int) -> Evaluator:
+    series = expand(branch, order=order)
+    # What is wrong with it is measured here, so that its own check is not wanted.
+    return lambda x: Points(series.terms(x, epsilon).sum(axis=1), 1.0)
+
+
+def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _Solved:
+    begun = time.perf_counter()
+    manifold = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon)
+    return _Solved(manifold, time.perf_counter() - begun)
+
+
+def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
+    """The smallest box that contains the points, widened where it has no width."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
+    return {s.name: (float(a), float(b)) for s, a, b in zip(branch.system.x, low - flat, high + flat)}
+
+
+def _reference(
+    branch: Branch, x: np.ndarray, epsilon: float, loose: SampledManifold | None
+) -> tuple[np.ndarray, float, str, float]:
+    """h at the points, its error, where it is from, and the distance of the second route."""
+    least = 4 * np.finfo(float).eps
+    pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
+    what = "more than three slow variables take pointwise methods only"
+    if loose is not None:
+        what = loose.message
+    if loose is not None and loose.error_estimate <= TRUSTED:
+        # Solved to a tolerance near rounding it may end short of it; what counts is the error it estimates.
+        tight = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon, tolerance=TOLERANCE)
+        solved = min(loose, tight, key=lambda manifold: manifold.error_estimate)
+        y = solved.evaluate(x)
+        error = max(solved.error_estimate, least * (1.0 + float(np.abs(y).max())))
+        return y, error, "solved manifold", float(np.abs(pointwise.y - y).max())
+    if pointwise.status is not Status.SUCCESS:
+        raise DeclarationError(
+            f"there is no reference at epsilon = {epsilon:g}: {what}; {pointwise.message}. "
+            "Move the points, shrink the region or take smaller epsilons."
+        )
+    error = max(float(np.max(pointwise.error)), least * (1.0 + float(np.abs(pointwise.y).max())))
+    return pointwise.y, error, "zero-derivative principle", float("nan")
+
+
+def _cost(method: _Method, x: np.ndarray, epsilon: float) -> tuple[float, float, float]:
+    many = np.tile(x, (-(-TIMED_POINTS // len(x)), 1))
+    begun = time.perf_counter()
+    evaluate = method.prepare(epsilon)
+    prepared = time.perf_counter() - begun if method.preparation is None else method.preparation
+    evaluations = evaluate(x).evaluations
+    best = float("inf")
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        evaluate(many)
+        best = min(best, time.perf_counter() - begun)
+    return 1e6 * best / len(many), evaluations, prepared
+
+
+def _grid(branch: Branch, box) -> np.ndarray:
+    names = [s.name for s in branch.system.x]
+    missing = [name for name in names if name not in box]
+    if missing:
+        raise DeclarationError(
+            f"the region gives no interval for {', '.join(missing)}. Give points, or bound {', '.join(missing)}."
+        )
+    n = AXIS_POINTS.get(len(names), 3)
+    axes = [
+        np.linspace(low + MARGIN * (high - low), high - MARGIN * (high - low), n)
+        for low, high in (box[name] for name in names)
+    ]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(names))

@@ -1,0 +1,274 @@
+"""Comparison: reduced flows of several orders against full trajectories, over a ladder of epsilons.
+
+The full system starts on M_epsilon over the scene's slow start, so that no initial layer is crossed. A reduced
+field through order N is then in error by O(epsilon^(N+1)) on a time span that does not depend on epsilon.
+On a repelling branch both run backward in time.
+With a correction it starts anywhere, and the reduced runs at the base point of the fast fibre through that start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from gsp.critical.sampling import Sampler
+from gsp.errors import DeclarationError, HyperbolicityError, Status
+from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
+from gsp.integration.reduced_flow import restrict
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.results.drawn import Drawn
+from gsp.scenes.placement import Placement, place
+from gsp.scenes.scene import Scene
+from gsp.slow.series import SeriesManifold, expand
+from gsp.systems.arguments import check_noun, check_progress
+from gsp.systems.flow import check_epsilons, check_order, check_orders
+from gsp.systems.system import VectorField
+
+# The grid on which errors are measured, and the tolerances of the runs compared.
+GRID_POINTS = 49
+RTOL, ATOL = 1e-12, 1e-14
+# A second full run at this many times the tolerance shows how far the reference itself can be trusted: its error is
+# about proportional to the tolerance, so so many times smaller than the difference, and never below rounding.
+CHECK = 10.0
+ROUNDING = 4 * np.finfo(float).eps
+# Errors must stand this far above the reference's own error to enter a slope.
+CLEARANCE = 30.0
+# The slope is fitted to this many of the smallest epsilons that stand clear.
+FITTED = 3
+# With a correction errors are measured after (M + this) epsilon/gap ln(1/epsilon), M the highest power of epsilon
+# corrected for: what is left of the layer is then epsilon^2 times smaller than the smallest error expected.
+LAYER_MARGIN = 3
+# A run that leaves a manifold of saddle type ends somewhere; it is not followed for ever.
+MAX_STEPS = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Drawn):
+    """Errors of the reduced flows, measured.
+
+    `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable
+    relative to its largest value; `slopes[N]` is the fitted power of epsilon, nan when every error is at rounding
+    (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
+    epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
+    of the scene in `claims` and `claim_slopes`.
+    """
+
+    scene: Scene
+    epsilons: tuple[float, ...]
+    errors: Mapping[int, tuple[float, ...]]
+    slopes: Mapping[int, float]
+    expected: Mapping[int, int]
+    floor: tuple[float, ...]
+    statuses: Mapping[int, tuple[Status, ...]]
+    claims: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    claim_slopes: Mapping[str, float] = field(default_factory=dict)
+    correction: int | None = None
+
+    def is_exact(self, order: int) -> bool:
+        """Whether every error of this order is within the reference's own error."""
+        return all(e <= CLEARANCE * f for e, f in zip(self.errors[order], self.floor))
+
+    def __repr__(self) -> str:
+        slopes = ", ".join(f"{n}: {s:.3g}" for n, s in self.slopes.items())
+        return f"Comparison({self.scene.name}, slopes {{{slopes}}})"
+
+    def __str__(self) -> str:
+        head = "  order  slope  expected  " + "  ".join(f"{e:>9.3g}" for e in self.epsilons)
+        rows = [
+            f"  {n:5d}  {self.slopes[n]:5.2f}  {self.expected[n]:8d}  "
+            + "  ".join(f"{e:9.2e}" for e in self.errors[n])
+            for n in self.errors
+        ]
+        rows += [
+            f"  {name}: slope {self.claim_slopes[name]:.2f}  " + "  ".join(f"{e:9.2e}" for e in values)
+            for name, values in self.claims.items()
+        ]
+        start = "" if self.correction is None else f", start corrected through epsilon^{self.correction}"
+        return "\n".join([f"largest relative error of the reduced run, by epsilon{start}", head, *rows])
+
+
+def compare(
+    scene: Scene,
+    *,
+    orders: Sequence[int] = (0, 1, 2, 3),
+    epsilons: Sequence[float] | None = None,
+    correction: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Error of the reduced flow of each order against the full system, over the scene's ladder of epsilons.
+
+    Without `correction` both start on M_epsilon over the scene's slow start; on a repelling branch they run backward
+    in time, and on one of saddle type a full run leaves the manifold either way, which the errors show. With it
+    the full system starts at the scene's own start, off the manifold, and the reduced runs at the base point of the
+    fast fibre through it, through epsilon^`correction`; errors are measured outside the layer, from
+    (M + 3) epsilon/gap ln(1/epsilon) on, M = min(correction, highest order). With 0 only the slow coordinates are kept.
+
+    A run that stops early gives nan for its epsilon, and its `Status` is kept. Raises what the stages before
+    raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
+    point; `DeclarationError` when the layer takes more than half of the span.
+    """
+    check_noun(scene, Scene, verb="compare")
+    wanted = tuple(dict.fromkeys(check_orders(orders)))
+    ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
+    if not ladder:
+        raise DeclarationError("epsilons has no value. Give one or more, such as (0.02, 0.01).")
+    if correction is not None:
+        check_order(correction, what="correction")
+    check_progress(progress)
+    placement = place(scene)
+    # One order more than compared: an error in the start of the fast variable is felt one order later still.
+    series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
+    flows = {n: restrict(series, order=n) for n in wanted}
+    rivals = _rivals(scene, placement)
+    inner = None if correction is None else _inner(placement, correction)
+    direction = sense(placement)
+    errors: dict[int, list[float]] = {n: [] for n in wanted}
+    statuses: dict[int, list[Status]] = {n: [] for n in wanted}
+    claimed: dict[str, list[float]] = {name: [] for name in rivals}
+    floor: list[float] = []
+    for i, epsilon in enumerate(ladder):
+        if inner is None:
+            start = slow_start = on_manifold(series, placement.start, epsilon)
+            first = scene.span[0]
+            last = first + direction * (scene.span[1] - first)
+        else:
+            start = placement.start
+            slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
+            first = scene.span[0] + layer_time(inner, scene, epsilon, max(wanted))
+            last = scene.span[1]
+        grid = np.linspace(first, last, GRID_POINTS)
+        reference = _run(placement.system, start, scene, epsilon, grid)
+        check = _run(placement.system, start, scene, epsilon, grid, loosened=CHECK)
+        slow = [x.name for x in placement.system.x]
+        floor.append(max(_error(check, reference, slow) / CHECK, ROUNDING))
+        for n, flow in flows.items():
+            run = _run(flow, slow_start, scene, epsilon, grid)
+            errors[n].append(_error(run, reference, slow))
+            statuses[n].append(run.status if not run.status.ok else reference.status)
+        for name, rival in rivals.items():
+            names = [z.name for z in rival.states]
+            there = {z: float(reference[z][0]) for z in names}
+            run = _run(rival, there, scene, epsilon, grid, begin=first)
+            claimed[name].append(_error(run, reference, names))
+        if progress is not None:
+            progress((i + 1) / len(ladder))
+    return Comparison(
+        scene=scene,
+        epsilons=ladder,
+        errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
+        slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
+        expected=MappingProxyType({n: 1 + (n if correction is None else min(n, correction)) for n in wanted}),
+        floor=tuple(floor),
+        statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
+        claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
+        claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
+        correction=correction,
+    )
+
+
+def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: float) -> dict[str, float]:
+    """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
+    system = series.branch.system
+    x = {s.name: start[s.name] for s in system.x}
+    order = series.optimal_order(x, epsilon)
+    assert isinstance(order, int)
+    y = series.terms(x, epsilon)[: order + 1].sum(axis=0)
+    return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
+
+
+def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[float]) -> float:
+    """Least-squares power of epsilon over the smallest epsilons whose error stands clear of the reference's.
+
+    nan when fewer than two do.
+    """
+    clear = [
+        (e, error)
+        for e, error, low in sorted(zip(epsilons, errors, floor))
+        if np.isfinite(error) and error > CLEARANCE * low
+    ][:FITTED]
+    if len(clear) < 2:
+        return float("nan")
+    x, y = np.log([e for e, _ in clear]), np.log([error for _, error in clear])
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def sense(placement: Placement) -> int:
+    """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
+    x = np.array([[placement.start[s.name] for s in placement.system.x]])
+    y = placement.branch.points(x)
+    eigenvalues = Sampler(placement.branch).eigenvalues(np.hstack([x, y]))
+    return -1 if (np.real(eigenvalues) > 0).all() else 1
+
+
+def _inner(placement: Placement, correction: int) -> InnerExpansion:
+    inner = expand_inner(placement.branch, placement.start, order=correction, fast_order=max(correction - 1, 0))
+    if inner.direction < 0:
+        raise HyperbolicityError(
+            f"the branch {placement.branch} repels, so a run from off the slow manifold leaves it. "
+            "Use correction=None, which starts on the manifold."
+        )
+    return inner
+
+
+def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int) -> float:
+    """Slow time until the layer is out of the way of the errors measured."""
+    power = min(highest, inner.order) + LAYER_MARGIN
+    time = power * epsilon / inner.gap * max(float(np.log(1.0 / epsilon)), 1.0)
+    length = scene.span[1] - scene.span[0]
+    if time > 0.5 * length:
+        raise DeclarationError(
+            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}), more "
+            f"than half of the span {scene.span}. Take smaller epsilons or a longer span."
+        )
+    return time
+
+
+def _run(
+    flow,
+    start,
+    scene: Scene,
+    epsilon: float,
+    grid,
+    *,
+    loosened: float = 1.0,
+    begin: float | None = None,
+) -> Trajectory:
+    return trajectory_of(
+        flow,
+        start=start,
+        span=(scene.span[0] if begin is None else begin, float(grid[-1])),
+        epsilon=None if flow.epsilon is None else epsilon,
+        rtol=RTOL * loosened,
+        atol=ATOL * loosened,
+        at=grid,
+        max_steps=MAX_STEPS,
+    )
+
+
+def _error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> float:
+    """Largest |difference| over the grid and the quantities `names`, each relative to its largest value."""
+    if not (run.status.ok and reference.status.ok):
+        return float("nan")
+    worst = 0.0
+    for name in names:
+        expected = reference[name]
+        size = np.abs(expected).max() or 1.0
+        worst = max(worst, float(np.abs(run[name] - expected).max() / size))
+    return worst
+
+
+def _rivals(scene: Scene, placement: Placement) -> dict[str, VectorField]:
+    """The scene's claims as fields of their own."""
+    epsilon = placement.system.epsilon
+    return {
+        name: VectorField(
+            rates,
+            epsilon=epsilon if any(rate.has(epsilon) for rate in rates.values()) else None,
+            parameters=placement.system.parameters,
+            name=name,
+        )
+        for name, rates in scene.claims.items()
+    }

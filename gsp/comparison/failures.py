@@ -1,0 +1,285 @@
+"""The failure map: where in (epsilon, position) and in (epsilon, tolerance) each method holds, every claim measured.
+
+Over positions along one slow axis every method is run from the point of the slow manifold there, for a short piece of
+slow time, and compared with a full run at a tight tolerance. Over tolerances the reduced models are run from the
+scene's start over its whole span. Nothing is inferred from eigenvalues or from estimates: a cell says what happened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
+from gsp.errors import DeclarationError, Named, nearest
+from gsp.results.drawn import Drawn
+from gsp.results.files import write_rows
+from gsp.scenes.placement import Placement, place
+from gsp.scenes.scene import Scene
+from gsp.slow.series import expand
+from gsp.systems.arguments import check_array, check_noun, check_progress, shown
+from gsp.systems.flow import check_epsilon, check_epsilons, check_orders
+
+ORDERS = (0, 1, 2, 3)
+# Cells of the maps, unless asked for otherwise.
+EPSILONS, POSITIONS, TOLERANCES = 17, 41, 15
+# Epsilons reach so far beyond the scene's ladder on both sides, positions so many widths beyond its region.
+BEYOND, WIDENED = 10.0, 0.5
+LOOSEST, TIGHTEST = 1e-1, 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FailureMap(Drawn):
+    """Where each method holds for one scene.
+
+    `epsilons` (k,) ascend. `places[method]` are claims over `positions` (m,) along the slow variable `axis`, the
+    others at the scene's start, at `tolerance`; `demands[method]` claims over `tolerances` (l,), descending, from the
+    scene's start over its whole span. `best_order` (k, m) is the order at which the series came nearest to the slow
+    manifold, the highest of those within rounding of it, -1 where there is none: above it the series is past its
+    optimal order. `runs` counts integrations.
+    """
+
+    scene: Scene
+    axis: str
+    epsilons: np.ndarray
+    positions: np.ndarray
+    tolerances: np.ndarray
+    tolerance: float
+    orders: tuple[int, ...]
+    places: Mapping[str, Claim]
+    demands: Mapping[str, Claim]
+    best_order: np.ndarray
+    runs: int
+
+    @property
+    def least_order(self) -> np.ndarray:
+        """The lowest order whose reduced flow holds in each cell (k, m); -1 where none does."""
+        return _least(self.places, self.orders)
+
+    @property
+    def least_order_demanded(self) -> np.ndarray:
+        """The same over tolerances (k, l)."""
+        return _least(self.demands, self.orders)
+
+    @property
+    def unmeasured(self) -> str:
+        """Why no reduced flow was compared over the span, as when all end before it does; empty where one was."""
+        claims = [self.demands[reduced_name(n)] for n in self.orders]
+        if any(claim.is_measured for claim in claims):
+            return ""
+        return next((claim.reason for claim in claims if claim.reason), "no run reached the end of the span")
+
+    def holds_up_to(self, order: int, *, between: tuple[float, float]) -> float:
+        """The largest of `epsilons` up to which the reduced flow of `order` holds at all positions in the interval.
+
+        Zero when it does not hold at the smallest. Positions count as inside to rounding. Raises `DeclarationError` for
+        an order that is not in the map, and when no position is in the interval.
+        """
+        self._require(order)
+        slack = 1e-9 * float(np.ptp(self.positions))
+        inside = (self.positions >= between[0] - slack) & (self.positions <= between[1] + slack)
+        if not inside.any():
+            raise DeclarationError(
+                f"no position of the map lies between {between[0]:g} and {between[1]:g}. Got positions from "
+                f"{self.positions[0]:g} to {self.positions[-1]:g}. Widen the interval."
+            )
+        return _up_to(self.epsilons, np.all(self.places[reduced_name(order)].holds[:, inside], axis=1))
+
+    def holds_over_span(self, order: int, *, tolerance: float | None = None) -> float:
+        """The largest of `epsilons` up to which it meets `tolerance`, the map's own unless given, over the span."""
+        self._require(order)
+        bound = self.tolerance if tolerance is None else tolerance
+        errors = self.demands[reduced_name(order)].measure[:, 0]
+        with np.errstate(invalid="ignore"):
+            holds = np.isfinite(errors) & (errors <= bound)
+        return _up_to(self.epsilons, holds)
+
+    def _require(self, order: int) -> None:
+        if order not in self.orders:
+            raise DeclarationError(
+                f"the map has the orders {', '.join(map(str, self.orders))}. Got {order!r}. Ask for one of them."
+            )
+
+    def as_rows(self) -> list[dict[str, object]]:
+        """One dictionary for each cell and method, of numbers and text, for JSON or CSV."""
+        return [
+            {
+                "map": name,
+                "method": claim.method,
+                "epsilon": float(e),
+                "along": along,
+                "at": float(c),
+                "measure": float(claim.measure[i, j]),
+                "holds": bool(claim.holds[i, j]),
+            }
+            for name, along, columns, claims in (
+                ("position", self.axis, self.positions, self.places),
+                ("tolerance", "tolerance", self.tolerances, self.demands),
+            )
+            for claim in claims.values()
+            for i, e in enumerate(self.epsilons)
+            for j, c in enumerate(columns)
+        ]
+
+    def write_csv(self, path: str | Path) -> Path:
+        """Write the rows to `path`; raises `OutputError` when that cannot be done."""
+        return write_rows(self.as_rows(), path)
+
+    def __repr__(self) -> str:
+        return (
+            f"FailureMap({self.scene.name}: {self.epsilons.size} epsilons, {self.positions.size} positions along "
+            f"{self.axis}, {self.runs} runs)"
+        )
+
+    def __str__(self) -> str:
+        width = max(map(len, (*self.places, *self.demands)))
+        lines = [
+            f"where methods hold: {self.epsilons.size} epsilons from {self.epsilons[0]:.2g} to "
+            f"{self.epsilons[-1]:.2g}, {self.runs} runs",
+            f"  along {self.axis} from {self.positions[0]:.4g} to {self.positions[-1]:.4g}, "
+            f"tolerance {self.tolerance:g}",
+        ]
+        lines += [f"    {_row(claim, width)}" for claim in self.places.values()]
+        lines.append(
+            f"  from the scene's start, tolerances {self.tolerances[0]:.0e} to {self.tolerances[-1]:.0e}"
+        )
+        lines += [f"    {_row(claim, width)}" for claim in self.demands.values()]
+        if self.unmeasured:
+            lines.append(f"    no reduced flow could be measured over the span: {self.unmeasured}")
+        return "\n".join(lines)
+
+
+def failure_map(
+    scene: Scene,
+    *,
+    axis: str | None = None,
+    positions: Sequence[float] | None = None,
+    epsilons: Sequence[float] | None = None,
+    tolerances: Sequence[float] | None = None,
+    orders: Sequence[int] = ORDERS,
+    tolerance: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> FailureMap:
+    """Run every method over a grid of epsilons, positions and tolerances, and note where it holds.
+
+    `positions` are values of the slow variable `axis` (the first that the region bounds), by default over its interval
+    and half as much on either side; `epsilons` by default reach ten times beyond the scene's ladder; `tolerances` go
+    from 1e-1 to 1e-12. The methods:
+
+    - Newton's method for M0, from the fast variables at the scene's start: reaches the branch's own sheet;
+    - the slow manifold, by the zero-derivative principle: a full run from it stays on it to `tolerance`;
+    - the series through each of `orders`: is as near to the slow manifold as `tolerance`;
+    - the reduced flow of each order: its slow variables, over a piece of the span, agree with the full run;
+    - explicit steps (DOP853): take at most four times the field calls of implicit ones (Radau IIA of order 9);
+    - implicit steps: reach the end of the piece.
+
+    `tolerance` is the scene's unless given. Raises `DeclarationError` for arguments that are not well formed, and what
+    the stages raise for a scene that cannot be split, solved or expanded.
+    """
+    check_noun(scene, Scene, verb="failure_map")
+    wanted = tuple(sorted(set(check_orders(orders))))
+    check_progress(progress)
+    allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
+    ladder = _epsilons(scene, epsilons)
+    asked = _tolerances(tolerances)
+    placement = place(scene)
+    name = _axis(placement, axis)
+    along = _positions(placement, name, positions)
+    series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
+    survey = Survey(placement, series, name, along, ladder, wanted, allowed)
+    for i in range(ladder.size):
+        survey.visit(i)
+        if progress is not None:
+            progress(0.8 * (i + 1) / ladder.size)
+    demands = demands_of(placement, ladder, asked, wanted)
+    if progress is not None:
+        progress(1.0)
+    return FailureMap(
+        scene=scene,
+        axis=name,
+        epsilons=ladder,
+        positions=along,
+        tolerances=asked,
+        tolerance=allowed,
+        orders=wanted,
+        places=Named(survey.claims()),
+        demands=Named({claim.method: claim for claim in demands}),
+        best_order=survey.best_order,
+        runs=survey.runs + ladder.size * (2 * asked.size + len(wanted) + 2),
+    )
+
+
+def _up_to(epsilons: np.ndarray, holds: np.ndarray) -> float:
+    """The largest epsilon below which all hold; zero when the smallest does not."""
+    count = int(np.argmin(holds)) if not holds.all() else holds.size
+    return float(epsilons[count - 1]) if count else 0.0
+
+
+def _least(claims: Mapping[str, Claim], orders: tuple[int, ...]) -> np.ndarray:
+    result: np.ndarray | None = None
+    for n in reversed(orders):
+        holds = claims[reduced_name(n)].holds
+        result = np.where(holds, n, np.full(holds.shape, -1) if result is None else result)
+    assert result is not None
+    return result
+
+
+def _row(claim: Claim, width: int) -> str:
+    share = f"{100 * claim.share:5.1f} %" if claim.is_measured else "      -"
+    return f"{claim.method:<{width}}  {share}  {claim.requirement}"
+
+
+def _axis(placement: Placement, axis: str | None) -> str:
+    slow = [s.name for s in placement.system.x]
+    bounded = [name for name in slow if name in placement.region]
+    if axis is None:
+        if not bounded:
+            raise DeclarationError(
+                f"the region bounds none of the slow variables {', '.join(slow)}. Bound one, "
+                "or give axis and positions."
+            )
+        return bounded[0]
+    if not isinstance(axis, str) or axis not in slow:
+        raise DeclarationError(
+            f"axis is a slow variable, one of {', '.join(slow)}. Got {shown(axis)}." + nearest(axis, slow)
+        )
+    return axis
+
+
+def _positions(placement: Placement, axis: str, positions: Sequence[float] | None) -> np.ndarray:
+    if positions is None:
+        if axis not in placement.region:
+            raise DeclarationError(f"the region gives no interval for {axis}. Bound it, or give positions.")
+        low, high = placement.region[axis]
+        return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), POSITIONS)
+    be = "two finite numbers or more"
+    given = check_array(positions, what="positions", be=be)
+    values = np.unique(given)
+    if given.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise DeclarationError(f"positions are {be}. Got {shown(positions)}.")
+    return values
+
+
+def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
+    if tolerances is None:
+        return np.geomspace(LOOSEST, TIGHTEST, TOLERANCES)
+    values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
+    if values.size < 2:
+        raise DeclarationError(
+            f"tolerances are two numbers or more. Got {shown(tolerances)}. Try (1e-2, 1e-6)."
+        )
+    return values
+
+
+def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
+    if epsilons is None:
+        return np.geomspace(scene.epsilons[-1] / BEYOND, scene.epsilons[0] * BEYOND, EPSILONS)
+    values = np.unique(check_epsilons(epsilons))
+    if values.size < 2:
+        raise DeclarationError(
+            f"epsilons are two numbers or more. Got {shown(epsilons)}. Try (0.1, 0.01, 0.001)."
+        )
+    return values

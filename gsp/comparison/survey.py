@@ -1,0 +1,296 @@
+"""Claims: what each method does at positions, epsilons and tolerances, by running it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.comparison.comparison import compare, sense
+from gsp.critical.sampling import Sampler
+from gsp.errors import GspError
+from gsp.integration.methods import Method
+from gsp.integration.reduced_flow import restrict
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import finite_rows
+from gsp.scenes.placement import Placement
+from gsp.slow.series import SeriesManifold
+from gsp.slow.slow_points import zero_derivative
+from gsp.systems.flow import Flow
+
+# Share of the span for which a run follows a position.
+HORIZON = 0.04
+# The full run that everything is compared with.
+RTOL, ATOL = 1e-11, 1e-13
+# Explicit steps against implicit ones: with so many times the field calls stability holds them back.
+RIVALS, WASTE = (Method.RADAU9, Method.DOP853), 4.0
+MAX_STEPS = 20_000
+# Relative errors that differ by less are equal to rounding; it is what the points of reference are asked for.
+ROUNDING = 1e-13
+
+MANIFOLD = "slow manifold"
+NEWTON = "Newton's method"
+EXPLICIT = "explicit steps"
+IMPLICIT = "implicit steps"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Claim:
+    """What one method did: `measure` (n_epsilons, n_columns), which holds where it is at most `bound` and finite.
+
+    `requirement` says what was measured. NaN stands for "could not be run here", which does not hold; where that is
+    so in every cell, `reason` may say why.
+    """
+
+    method: str
+    requirement: str
+    measure: np.ndarray
+    bound: float | np.ndarray
+    reason: str = ""
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether there is a measure in any cell."""
+        return not bool(np.isnan(self.measure).all())
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Booleans (n_epsilons, n_columns)."""
+        with np.errstate(invalid="ignore"):
+            return np.isfinite(self.measure) & (self.measure <= self.bound)
+
+    @property
+    def share(self) -> float:
+        """Share of the cells in which it holds."""
+        return float(self.holds.mean())
+
+    def __repr__(self) -> str:
+        return f"Claim({self.method}: holds in {100 * self.share:.0f} % of {self.measure.size} cells)"
+
+
+def reduced_name(order: int) -> str:
+    """The name of the claim on the reduced flow of this order."""
+    return f"reduced flow {order}"
+
+
+def series_name(order: int) -> str:
+    """The name of the claim on the series through this order."""
+    return f"series {order}"
+
+
+class Survey:
+    """Fills the maps over positions, one epsilon at a time."""
+
+    def __init__(
+        self,
+        placement: Placement,
+        series: SeriesManifold,
+        axis: str,
+        positions: np.ndarray,
+        epsilons: np.ndarray,
+        orders: tuple[int, ...],
+        tolerance: float,
+    ) -> None:
+        self.placement = placement
+        self.series = series
+        self.epsilons = epsilons
+        self.orders = orders
+        self.tolerance = tolerance
+        self.system = placement.system
+        self.branch = placement.branch
+        self.slow = [s.name for s in self.system.x]
+        self.x = np.tile([placement.start[s] for s in self.slow], (positions.size, 1))
+        self.x[:, self.slow.index(axis)] = positions
+        self.y, self.there = self._sheet()
+        span = placement.scene.span
+        self.piece = sense(placement) * HORIZON * (span[1] - span[0])
+        self.width = float(positions[-1] - positions[0])
+        self.flows = {n: restrict(series, order=n) for n in orders}
+        cells = (epsilons.size, positions.size)
+        names = (NEWTON, MANIFOLD, *map(series_name, orders), *map(reduced_name, orders), EXPLICIT, IMPLICIT)
+        self.measures = {name: np.full(cells, np.nan) for name in names}
+        self.best_order = np.full(cells, -1)
+        self.measures[NEWTON][:] = self._newton()
+        self.runs = 0
+
+    def _sheet(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points of M0 on the scene's sheet over the positions, and where there are any."""
+        if self.branch.is_explicit:
+            y = self.branch.graph_values(self.x, allow_complex=True)
+            return y, finite_rows(y)
+        return self.branch.follow(self.x)
+
+    def _newton(self) -> np.ndarray:
+        """Distance of what Newton's method finds from the scene's start from the sheet; nan where it finds nothing."""
+        start = [self.placement.start[s.name] for s in self.system.y]
+        result = np.full(len(self.x), np.nan)
+        sampler = Sampler(self.branch)
+        for j, (x, y) in enumerate(zip(self.x, self.y)):
+            if not self.there[j]:
+                continue
+            found = newton(sampler, x, np.array(start))
+            if found is not None:
+                result[j] = np.abs(found - y).max() / (1.0 + np.abs(y).max())
+        return result
+
+    def visit(self, i: int) -> None:
+        epsilon = float(self.epsilons[i])
+        rows = np.flatnonzero(self.there)
+        if rows.size == 0:
+            return
+        y = np.full_like(self.y, np.nan)
+        points = zero_derivative(self.branch, self.x[rows], epsilon=epsilon, tolerance=1e-13, near=self.y[rows])
+        y[rows] = points.y
+        for j in map(int, rows):
+            if np.isfinite(y[j]).all():
+                self._series(i, j, y[j], epsilon)
+                self._runs(i, j, y[j], epsilon)
+
+    def _series(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
+        terms = self.series.terms(self.x[j][None, :], epsilon, near=self.y[j])[0]
+        errors = np.abs(np.cumsum(terms, axis=0) - y).max(axis=1) / (1.0 + np.abs(y).max())
+        for n in self.orders:
+            self.measures[series_name(n)][i, j] = errors[n]
+        if np.isfinite(errors).any():
+            # Orders whose errors differ by rounding are as good as one another.
+            self.best_order[i, j] = int(np.flatnonzero(errors <= np.nanmin(errors) + ROUNDING)[-1])
+
+    def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
+        start = dict(zip(self.slow, map(float, self.x[j])))
+        full, explicit = (
+            self._run(self.system, {**start, **_named(self.system.y, y)}, epsilon, method=method)
+            for method in RIVALS
+        )
+        if full is None or not full.status.ok:
+            return
+        end = full.y[:, -1]
+        nx = len(self.slow)
+        self.measures[IMPLICIT][i, j] = full.stats.rejected / full.stats.steps
+        if explicit is not None:
+            self.measures[EXPLICIT][i, j] = (
+                explicit.stats.field_calls / full.stats.field_calls if explicit.status.ok else np.inf
+            )
+        self.measures[MANIFOLD][i, j] = self._distance(end, epsilon)
+        for n, flow in self.flows.items():
+            reduced = self._run(flow, start, epsilon)
+            if reduced is not None and reduced.status.ok:
+                reached = np.array([reduced[name][-1] for name in self.slow])
+                self.measures[reduced_name(n)][i, j] = np.abs(reached - end[:nx]).max() / self.width
+
+    def _distance(self, z: np.ndarray, epsilon: float) -> float:
+        """Distance in y of a state from the slow manifold, by the zero-derivative principle next to it."""
+        nx = len(self.slow)
+        try:
+            found = zero_derivative(
+                self.branch, z[None, :nx], epsilon=epsilon, tolerance=1e-13, near=z[None, nx:]
+            )
+        except GspError:
+            return float("nan")
+        return float(np.abs(found.y[0] - z[nx:]).max() / (1.0 + np.abs(z[nx:]).max()))
+
+    def _run(
+        self, flow: Flow, start: Mapping[str, float], epsilon: float, *, method: Method | None = None
+    ) -> Trajectory | None:
+        self.runs += 1
+        try:
+            return trajectory_of(
+                flow,
+                start=start,
+                span=(0.0, self.piece),
+                epsilon=epsilon,
+                rtol=RTOL,
+                atol=ATOL,
+                method=method,
+                max_steps=MAX_STEPS,
+            )
+        except GspError:
+            return None
+
+    def claims(self) -> dict[str, Claim]:
+        """The measures with what is asked of them."""
+        asked = {
+            NEWTON: ("distance from the sheet of what Newton's method finds from the scene's start", 1e-8),
+            MANIFOLD: ("distance of a full run from the slow manifold it began on", self.tolerance),
+            EXPLICIT: ("field calls of DOP853 to those of Radau IIA, order 9", WASTE),
+            IMPLICIT: ("rejected steps to accepted ones, where the run reached its end", np.inf),
+        }
+        asked |= {
+            series_name(n): ("distance of the series from the slow manifold", self.tolerance)
+            for n in self.orders
+        }
+        asked |= {
+            reduced_name(n): (
+                "difference of the slow variables from the full run, over the axis' length",
+                self.tolerance,
+            )
+            for n in self.orders
+        }
+        return {
+            name: Claim(name, asked[name][0], values, asked[name][1]) for name, values in self.measures.items()
+        }
+
+
+def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray, *, most: int = 50) -> np.ndarray | None:
+    """Plain Newton's method for g(x, y, 0) = 0 in y from `y` (n_fast,) at fixed x; None when it does not converge."""
+    nx = x.size
+    for _ in range(most):
+        z = np.concatenate([x, y])[None, :]
+        value, slope = sampler.equilibria(z)[0], sampler.equilibria_jacobian(z)[0][:, nx:]
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return None
+        try:
+            step = np.linalg.solve(slope, value)
+        except np.linalg.LinAlgError:
+            return None
+        y = y - step
+        if np.abs(step).max() <= 1e-12 * (1.0 + np.abs(y).max()):
+            return y
+    return None
+
+
+def demands_of(
+    placement: Placement, epsilons: np.ndarray, tolerances: np.ndarray, orders: tuple[int, ...]
+) -> Iterator[Claim]:
+    """Over (epsilon, tolerance): reduced flows against the full one over the span, and explicit against implicit."""
+    cells = (epsilons.size, tolerances.size)
+    errors = {n: np.full(cells, np.nan) for n in orders}
+    ratios = np.full(cells, np.nan)
+    found, reasons = None, dict.fromkeys(orders, "")
+    try:
+        found = compare(placement.scene, orders=orders, epsilons=tuple(map(float, epsilons)))
+    except GspError as error:
+        reasons = dict.fromkeys(orders, str(error))
+    if found is not None:
+        for n, statuses in found.statuses.items():
+            reasons[n] = "; ".join(dict.fromkeys(status.meaning for status in statuses if not status.ok))
+        for n in orders:
+            by_epsilon = dict(zip(found.epsilons, found.errors[n]))
+            errors[n][:] = np.array([by_epsilon[float(e)] for e in epsilons])[:, None]
+    start, span = placement.start, placement.scene.span
+    for i, epsilon in enumerate(epsilons):
+        for j, tolerance in enumerate(tolerances):
+            calls = []
+            for method in RIVALS:
+                run = trajectory_of(
+                    placement.system,
+                    start=start,
+                    span=span,
+                    epsilon=float(epsilon),
+                    rtol=tolerance,
+                    atol=1e-2 * tolerance,
+                    method=method,
+                    max_steps=MAX_STEPS,
+                )
+                calls.append(run.stats.field_calls if run.status.ok else np.inf)
+            implicit, explicit = calls
+            ratios[i, j] = explicit / implicit if np.isfinite(implicit) else np.nan
+    for n in orders:
+        text = "largest relative error of the slow variables over the span"
+        missing = reasons[n] if np.isnan(errors[n]).all() else ""
+        yield Claim(reduced_name(n), text, errors[n], np.broadcast_to(tolerances, cells), missing)
+    yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
+
+
+def _named(symbols, values) -> dict[str, float]:
+    return {s.name: float(v) for s, v in zip(symbols, values)}

@@ -1,0 +1,409 @@
+"""One branch of the critical manifold, explicit or implicit, and its points.
+
+A branch is *explicit* when y = h_0(x) is known as an expression, and *implicit* otherwise: then it is given by
+its equations and its points are found by Newton's method. Every later stage works on both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.factorisation import coefficients
+from gsp.errors import BranchError, DeclarationError
+from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
+from gsp.systems.arguments import check_array, shown
+from gsp.systems.flow import Point, as_points, complete
+from gsp.systems.system import SlowFastSystem
+
+# A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
+NEWTON_TOLERANCE = 1e-12
+NEWTON_STEPS = 40
+# Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
+REAL_TOLERANCE = 1e-7
+# Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
+# are halved where the sheet bends, down to this share of the line, the end of the sheet being there. Towards a fold
+# about three trials halve what is left of the way.
+PIECES = (1, 4, 16)
+END_TOLERANCE = 1e-13
+TRIALS = 600
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One branch of the critical manifold of `system`.
+
+    `equations` are as many as there are fast variables and vanish on the branch; `graph` maps each fast symbol
+    to h_0(x), or is `None` when the branch is implicit; `seed` is a point (x, y) on the branch, or `None`, that
+    singles out one sheet of an implicit branch.
+    """
+
+    system: SlowFastSystem
+    equations: tuple[sp.Expr, ...]
+    graph: Mapping[sp.Symbol, sp.Expr] | None
+    seed: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+
+    @property
+    def is_explicit(self) -> bool:
+        """Whether y = h_0(x) is known as an expression."""
+        return self.graph is not None
+
+    def points(self, x, *, near=None) -> np.ndarray:
+        """Fast coordinates on the branch over the slow coordinates `x`.
+
+        `x` is a mapping of names to numbers or arrays, or an array (m, n_slow) in the system's order; the
+        result has shape (m, n_fast), or (n_fast,) for one point. On an implicit branch Newton's method starts at
+        `near` (n_fast,) or (m, n_fast); without it the sheet is followed from the branch's `seed`, and without a
+        seed the branch must have exactly one real point over `x`.
+
+        Raises `BranchError` where the branch has no real point, or several and nothing to choose between them.
+        """
+        array, single = as_points(self.system.x, x, what="x")
+        guess = None if near is None else self._guess(near, len(array))
+        if self.graph is not None:
+            y = self.graph_values(array)
+        elif guess is not None:
+            y, good = self._newton(array, guess)
+            self._require(good, array, "Newton's method found no point near the given one")
+        elif self.seed is not None:
+            y, good = self.follow(array)
+            if not good.all():
+                self._require(good, array, self._ending(array[np.argmin(good)]))
+        else:
+            y = np.array([self._only(point) for point in array])
+        return y[0] if single else y
+
+    def _guess(self, near, count: int) -> np.ndarray:
+        """`near` as starts (m, n_fast) of Newton's method, finite."""
+        names = ", ".join(s.name for s in self.system.y)
+        be = f"finite numbers for {names}, (n_fast,) or (m, n_fast)"
+        array = check_array(near, what="near", be=be)
+        shape = (count, len(self.system.y))
+        if np.isfinite(array).all() and array.size:
+            try:
+                return np.array(np.broadcast_to(array, shape))
+            except ValueError:
+                pass
+        raise DeclarationError(f"near is {be}. Got {shown(near)} for {count} points.")
+
+    def roots(self, x, *, bounds: Mapping[str, tuple[float, float]] | None = None) -> np.ndarray:
+        """All real points (k, n_fast) of the branch over one slow point `x`, within `bounds` on fast variables.
+
+        Complete when one fast variable enters as a polynomial; otherwise Newton's method is started from 64
+        points of the bounds, which must then be given.
+        """
+        array, _ = as_points(self.system.x, x, what="x")
+        point = array[0]
+        if self.graph is not None:
+            found = self.graph_values(point[None, :], allow_complex=True)
+            found = found[np.isfinite(found).all(axis=1)]
+        elif self._polynomial is not None:
+            found = self._polynomial_roots(point)
+        else:
+            found = self._scattered_roots(point, bounds)
+        for i, symbol in enumerate(self.system.y):
+            if bounds and symbol.name in bounds:
+                low, high = bounds[symbol.name]
+                found = found[(found[:, i] >= low) & (found[:, i] <= high)]
+        return found
+
+    def nearest(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points over `x` (m, n_slow) that Newton's method reaches from `y` (m, n_fast), and where it does.
+
+        On an explicit branch h_0(x), wherever it is finite.
+        """
+        if self.graph is not None:
+            found = self.graph_values(x, allow_complex=True)
+            return found, finite_rows(found)
+        return self._newton(x, y)
+
+    def through(self, point: Point) -> Branch:
+        """The same branch with its sheet fixed: the one nearest to `point`, which names x and y."""
+        x, y = (part[None, :] for part in place(self.system, point))
+        if self.graph is not None:
+            return self
+        if self._polynomial is not None:
+            candidates = self._polynomial_roots(x[0])
+            self._require(np.array([len(candidates) > 0]), x, "there is no real point")
+            corrected = candidates[[np.argmin(np.abs(candidates[:, 0] - y[0, 0]))]]
+        else:
+            corrected, good = self._newton(x, y)
+            self._require(good, x, "Newton's method found no point near the given one")
+        return replace(self, seed=(tuple(x[0]), tuple(corrected[0])))
+
+    def follow(
+        self, x: np.ndarray, *, start: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The sheet through `start` over `x` (m, n_slow): y (m, n_fast), and which points it reaches.
+
+        `start` is (x, y), one point (n,) or one for each row (m, n), on the branch; the seed unless given. Euler
+        steps and Newton corrections along straight lines in x; a step is halved when its correction is so long that
+        it may have landed on another sheet, or det g_y has changed its sign. A point is given up where the steps
+        vanish.
+        """
+        n = len(self.system.y)
+        if len(x) == 0:
+            return np.empty((0, n)), np.ones(0, dtype=bool)
+        given = self.seed if start is None else start
+        assert given is not None
+        x0 = np.broadcast_to(np.asarray(given[0], dtype=float), x.shape)
+        y0 = np.broadcast_to(np.asarray(given[1], dtype=float), (len(x), n))
+        result = np.full((len(x), n), np.nan)
+        pending = np.arange(len(x))
+        orientation = self._orientation(x0, y0)
+        for pieces in PIECES:
+            y = y0[pending].copy()
+            alive = np.ones(len(pending), dtype=bool)
+            step = (x[pending] - x0[pending]) / pieces
+            for k in range(pieces):
+                y, good = self._continued(x0[pending] + k * step, y, step)
+                alive &= good
+            alive &= self._orientation(x[pending], y) == orientation[pending]
+            result[pending[alive]] = y[alive]
+            pending = pending[~alive]
+            if len(pending) == 0:
+                break
+        y, share = self._walked(x0[pending], y0[pending], x[pending])
+        arrived = share == 1.0
+        result[pending[arrived]] = y[arrived]
+        good = np.ones(len(x), dtype=bool)
+        good[pending[~arrived]] = False
+        return result, good
+
+    def _walked(self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sheets through (x0, y0) towards `target` (m, n_slow) as far as they go: y there, and the share of the way."""
+        y, way = np.array(y0), target - x0
+        share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
+        orientation = self._orientation(x0, y0)
+        active = np.arange(len(x0))
+        for _ in range(TRIALS):
+            if len(active) == 0:
+                break
+            here, reach = share[active], np.minimum(length[active], 1.0 - share[active])
+            start = x0[active] + here[:, None] * way[active]
+            tried, good = self._continued(start, y[active], reach[:, None] * way[active])
+            end = x0[active] + (here + reach)[:, None] * way[active]
+            good &= self._orientation(end, tried) == orientation[active]
+            moved = active[good]
+            y[moved] = tried[good]
+            # The last step ends on the target exactly.
+            share[moved] = np.where(reach[good] < length[moved], 1.0, share[moved] + reach[good])
+            length[moved] *= 2.0
+            length[active[~good]] = 0.5 * reach[~good]
+            active = active[(share[active] < 1.0) & (length[active] > END_TOLERANCE)]
+        return y, share
+
+    def _continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One Euler step and its Newton correction at all points at once, and where both can be trusted."""
+        n = y.shape[1]
+        z = np.hstack([x, y])
+        slope = self._slow_jacobian(z, self._values).reshape(len(z), n, -1)
+        jacobian = self._jacobian(z, self._values).reshape(-1, n, n)
+        predicted = y - _solve(jacobian, np.einsum("mij,mj->mi", slope, step))
+        usable = np.isfinite(predicted).all(axis=1)
+        predicted[~usable] = y[~usable]
+        corrected, good = self._newton(x + step, predicted)
+        moved = np.linalg.norm(predicted - y, axis=1) + np.linalg.norm(step, axis=1)
+        correction = np.linalg.norm(corrected - predicted, axis=1)
+        return corrected, usable & good & (correction <= 0.25 * moved + 1e-9)
+
+    def _orientation(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Sign of det g_y: constant on a sheet, since it changes at folds only."""
+        n = y.shape[1]
+        jacobian = self._jacobian(np.hstack([x, y]), self._values).reshape(-1, n, n)
+        return np.sign(np.linalg.det(np.nan_to_num(jacobian)))
+
+    def _ending(self, target: np.ndarray) -> str:
+        """Where the seed's sheet ends on the way to `target`."""
+        assert self.seed is not None
+        x0 = np.array(self.seed[0])
+        y, share = self._walked(x0[None, :], np.array([self.seed[1]]), target[None, :])
+        fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0]))
+        end = self._shown(x0 + share[0] * (target - x0))
+        return f"the sheet through {self._shown(x0)} ends at {end}, {fast} (a fold?) and has no point"
+
+    # -- evaluation --------------------------------------------------------------------------------
+
+    @cached_property
+    def _values(self) -> np.ndarray:
+        return compile_flow(self.system).constants
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """The branch's equations at points z = (x, y), (m, n): (m, n_fast)."""
+        return self._residual(z, self._values)
+
+    def full_jacobian(self, z: np.ndarray) -> np.ndarray:
+        """Derivatives of the branch's equations by (x, y) at points z (m, n): (m, n_fast, n)."""
+        m, n = len(z), len(self.system.y)
+        return np.concatenate(
+            [f(z, self._values).reshape(m, n, -1) for f in (self._slow_jacobian, self._jacobian)], axis=2
+        )
+
+    @cached_property
+    def _residual(self):
+        arguments = (*self.system.x, *self.system.y)
+        return self._compiled(self.equations, arguments)
+
+    @cached_property
+    def _jacobian(self):
+        entries = [derivative(e, y) for e in self.equations for y in self.system.y]
+        return self._compiled(tuple(entries), (*self.system.x, *self.system.y))
+
+    @cached_property
+    def _slow_jacobian(self):
+        entries = [derivative(e, x) for e in self.equations for x in self.system.x]
+        return self._compiled(tuple(entries), (*self.system.x, *self.system.y))
+
+    @cached_property
+    def _graph_function(self):
+        assert self.graph is not None
+        return self._compiled(tuple(self.graph[y] for y in self.system.y), self.system.x)
+
+    @cached_property
+    def _polynomial(self):
+        """Coefficients of the one equation as a polynomial in the one fast variable, compiled; or None."""
+        if len(self.system.y) != 1:
+            return None
+        row = coefficients(self.equations[0], self.system.y[0])
+        return None if row is None else self._compiled(tuple(row), self.system.x)
+
+    def _compiled(self, outputs, arguments):
+        return compile_function(
+            outputs, arguments=arguments, epsilon=self.system.epsilon, parameters=tuple(self.system.parameters)
+        )
+
+    def graph_values(self, x: np.ndarray, *, allow_complex: bool = False) -> np.ndarray:
+        y = self._graph_function(x, self._values)
+        if not allow_complex:
+            self._require(finite_rows(y), x, "the branch is complex or singular")
+        return y
+
+    def _newton(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton's method at all points at once; returns y and which points converged."""
+        n = y.shape[1]
+        good = np.zeros(len(x), dtype=bool)
+        active = np.arange(len(x))
+        y = y.copy()
+        for _ in range(NEWTON_STEPS):
+            z = np.hstack([x[active], y[active]])
+            residual = self._residual(z, self._values)
+            jacobian = self._jacobian(z, self._values).reshape(-1, n, n)
+            finite = np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
+            active, residual, jacobian = active[finite], residual[finite], jacobian[finite]
+            step = _solve(jacobian, residual)
+            finite = np.isfinite(step).all(axis=1)
+            active, step = active[finite], step[finite]
+            # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
+            scale = 1.0 + np.linalg.norm(y[active], axis=1)
+            length = np.linalg.norm(step, axis=1)
+            y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
+            done = length <= NEWTON_TOLERANCE * scale
+            good[active[done]] = True
+            active = active[~done]
+            if len(active) == 0:
+                break
+        return y, good
+
+    def _only(self, point: np.ndarray) -> np.ndarray:
+        if self._polynomial is None:
+            raise BranchError(
+                f"the branch {self} is implicit and may have several points over {self._shown(point)}. "
+                "Pass near=..., or fix a sheet with branch.through({...})."
+            )
+        found = self._polynomial_roots(point)
+        if len(found) == 1:
+            return found[0]
+        name = self.system.y[0].name
+        values = ", ".join(f"{value:.6g}" for value in found[:, 0])
+        fact = f"has {len(found)} points" + (f" ({name} = {values})" if len(found) else "")
+        remedy = "Pass near=..., or fix a sheet with branch.through({...})." if len(found) else "Move x."
+        raise BranchError(f"the branch {self} {fact} over {self._shown(point)}. {remedy}")
+
+    def _polynomial_roots(self, point: np.ndarray) -> np.ndarray:
+        assert self._polynomial is not None
+        coefficients = self._polynomial(point[None, :], self._values)[0]
+        found = np.roots(np.trim_zeros(coefficients, "f"))
+        real = found.real[np.abs(found.imag) <= REAL_TOLERANCE * (1.0 + np.abs(found))]
+        guess = np.sort(real)[:, None]
+        polished, good = self._newton(np.broadcast_to(point, (len(guess), len(point))), guess)
+        return np.where(good[:, None], polished, guess)
+
+    def _scattered_roots(self, point: np.ndarray, bounds) -> np.ndarray:
+        from scipy.stats import qmc
+
+        missing = [y.name for y in self.system.y if not bounds or y.name not in bounds]
+        if missing:
+            if self.seed is not None:
+                y, good = self.follow(point[None, :])
+                return y[good]
+            raise BranchError(
+                f"the branch {self} is implicit and its points cannot all be found without bounds on "
+                f"{', '.join(missing)}. Give the region an interval for each, or fix a sheet with through()."
+            )
+        box = np.array([bounds[y.name] for y in self.system.y])
+        unit = qmc.Halton(d=len(box), scramble=False).random(64)
+        guess = box[:, 0] + unit * (box[:, 1] - box[:, 0])
+        y, good = self._newton(np.broadcast_to(point, (64, len(point))), guess)
+        found: list[np.ndarray] = []
+        for candidate in y[good]:
+            scale = 1e-8 * (1.0 + np.linalg.norm(candidate))
+            if all(np.linalg.norm(candidate - other) > scale for other in found):
+                found.append(candidate)
+        return np.array(sorted(found, key=tuple)).reshape(-1, len(box))
+
+    def _shown(self, point: np.ndarray) -> str:
+        return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, point))
+
+    def _require(self, good: np.ndarray, x: np.ndarray, fact: str) -> None:
+        if not good.all():
+            first = x[np.argmin(good)]
+            raise BranchError(
+                f"{fact} over {self._shown(first)} ({int((~good).sum())} of {len(good)} points) on the branch "
+                f"{self}. Move or shrink the range of {', '.join(s.name for s in self.system.x)}."
+            )
+
+    def __str__(self) -> str:
+        if self.graph is not None:
+            return ", ".join(f"{y} = {h}" for y, h in self.graph.items())
+        return ", ".join(f"{equation} = 0" for equation in self.equations)
+
+    def __repr__(self) -> str:
+        return f"Branch({self})"
+
+    def _repr_latex_(self) -> str:
+        if self.graph is not None:
+            rows = [f"{sp.latex(y)} = {sp.latex(h)}" for y, h in self.graph.items()]
+        else:
+            rows = [f"{sp.latex(equation)} = 0" for equation in self.equations]
+        return r"$\displaystyle " + r",\quad ".join(rows) + "$"
+
+    def __hash__(self) -> int:
+        return hash((self.system, self.equations, self.seed))
+
+
+def _solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Batched solution of A s = b; not a number where A is singular."""
+    if matrices.shape[-1] == 1:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return vectors / matrices[:, :, 0]
+    try:
+        return np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        result = np.full_like(vectors, np.nan)
+        for i, (matrix, vector) in enumerate(zip(matrices, vectors)):
+            try:
+                result[i] = np.linalg.solve(matrix, vector)
+            except np.linalg.LinAlgError:
+                continue
+        return result
+
+
+def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
+    values = np.array(complete(point, system.states, what="point"))
+    return values[: len(system.x)], values[len(system.x) :]

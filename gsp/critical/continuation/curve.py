@@ -1,0 +1,227 @@
+"""Curves of the critical manifold: points in order, stability along them, and the special points between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.critical.continuation.arclength import Controls, Counters
+from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
+from gsp.critical.layer_problem import LayerProblem
+from gsp.errors import DeclarationError, nearest
+from gsp.results.drawn import Drawn
+from gsp.systems.region import Interval
+
+# A stop is said to be close to a special point within this distance, in scaled units.
+CLOSE = 0.05
+
+
+@dataclass(frozen=True)
+class ContinuationStats:
+    """What a continuation cost: accepted and rejected steps, Newton corrections, and points located."""
+
+    steps: int
+    rejected: int
+    corrections: int
+    located: int
+
+
+@dataclass(frozen=True)
+class Stop:
+    """How one direction of a curve ended: where, and at whose bound (empty when at none)."""
+
+    ending: Ending
+    point: Mapping[str, float]
+    bound: str = ""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rows `first` to `last`, both included, with the same number of `unstable` fast eigenvalues."""
+
+    first: int
+    last: int
+    unstable: int
+    kind: str
+
+    @property
+    def rows(self) -> slice:
+        """The rows as a slice of the curve's arrays."""
+        return slice(self.first, self.last + 1)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a continuation was asked for, so that another branch is continued in the same way."""
+
+    bounds: Mapping[str, Interval]
+    controls: Controls
+
+
+class NamedCurve:
+    """What curves of M0 and of folds have in common: named columns and a card. Frozen in its subclasses."""
+
+    problem: LayerProblem
+    points: np.ndarray
+    special: tuple[SpecialPoint, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of `points`: slow, fast, then free parameters."""
+        return self.problem.names
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free variables."""
+        return tuple(s.name for s in self.problem.free)
+
+    @property
+    def status(self) -> Ending:
+        """How the curve ended: the worse of its two ends."""
+        return next((stop.ending for stop in self.stops if not stop.ending.ok), self.stops[-1].ending)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the last point is the first again."""
+        return self.stops[-1].ending is Ending.CLOSED
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
+        if name not in self.names:
+            raise DeclarationError(
+                f'the curve has no column "{name}". It has {", ".join(self.names)}.'
+                + nearest(str(name), self.names)
+            )
+        return self.points[:, self.names.index(name)]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def of_kind(self, kind: SpecialKind) -> tuple[SpecialPoint, ...]:
+        """The special points of one kind, in the order of the curve."""
+        return tuple(point for point in self.special if point.kind is kind)
+
+    def _card(self, title: str, rows: Sequence[str]) -> str:
+        ranges = [
+            f"  {name} from {self[name].min():.6g} to {self[name].max():.6g}"
+            for name in self.names
+            if np.ptp(self[name]) > 0.0
+        ]
+        special = [f"  {point}" for point in self.special]
+        return "\n".join([title, *ranges, *rows, *special, f"  {self.message}"])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticalCurve(NamedCurve, Drawn):
+    """A curve of M0, g(x, y, 0) = 0, through its folds.
+
+    `points` (m, n) have the columns `names`, and `curve["v"]` is one of them; `eigenvalues` (m, n_fast) are those
+    of g_y, the rightmost first, `unstable` (m,) counts those to the right of the axis. `arclength` (m,) is in units
+    of the scales in use there, of which `scales` are the largest. Special points are rows of the curve too
+    (`special[i].row`), `segments` the runs of constant stability, `stops` the ends, `others` the branches that
+    were switched to, when that was asked for.
+    """
+
+    problem: LayerProblem
+    options: Options
+    points: np.ndarray
+    eigenvalues: np.ndarray
+    unstable: np.ndarray
+    arclength: np.ndarray
+    scales: Mapping[str, float]
+    special: tuple[SpecialPoint, ...]
+    segments: tuple[Segment, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+    others: tuple[CriticalCurve, ...] = ()
+
+    def __repr__(self) -> str:
+        kinds = [point.kind.value for point in self.special]
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        tail = f", {counted}" if counted else ""
+        return f"CriticalCurve({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
+
+    def __str__(self) -> str:
+        rows = [
+            f"  {segment.kind} ({segment.unstable} unstable) from row {segment.first} to {segment.last}"
+            for segment in self.segments
+        ]
+        return self._card(f"curve of the critical manifold over {', '.join(self.free)}", rows)
+
+
+# -- assembling ------------------------------------------------------------------------------------
+
+
+def stability(eigenvalues: np.ndarray, special: Sequence[int]) -> tuple[np.ndarray, tuple[Segment, ...]]:
+    """Unstable count (m,) and the runs of it; an eigenvalue on the axis at a `special` row counts as stable."""
+    count = (np.real(eigenvalues) > 0.0).sum(axis=1)
+    rows = np.array(sorted(special), dtype=int)
+    size = np.abs(eigenvalues[rows]).max(axis=1, keepdims=True, initial=0.0)
+    count[rows] = (np.real(eigenvalues[rows]) > ZERO_EIGENVALUE * size).sum(axis=1)
+    fast, marked = eigenvalues.shape[1], set(rows.tolist())
+    segments: list[Segment] = []
+
+    def close(first: int, last: int, unstable: int) -> None:
+        kind = "attracting" if unstable == 0 else "repelling" if unstable == fast else "saddle"
+        segments.append(Segment(first, last, unstable, kind))
+
+    first, current = 0, -1
+    for row in range(len(count)):
+        if row in marked:
+            continue
+        if current >= 0 and count[row] != current:
+            # A special point belongs to both runs; without one between them neither reaches the other.
+            shared = row - 1 in marked
+            close(first, row - 1, current)
+            first = row - 1 if shared else row
+        current = int(count[row])
+    close(first, len(count) - 1, current if current >= 0 else int(count[-1]))
+    return count, tuple(segments)
+
+
+def total_stats(counters: Counters) -> ContinuationStats:
+    """The counters, frozen."""
+    return ContinuationStats(counters.steps, counters.rejected, counters.corrections, counters.located)
+
+
+def say(
+    problem: LayerProblem,
+    count: int,
+    stops: Sequence[tuple[Ending, np.ndarray, str]],
+    special: Sequence[SpecialPoint],
+    scales: np.ndarray,
+) -> str:
+    """The closing message: how many points, how each end ended and where."""
+    texts = []
+    for ending, u, bound in stops:
+        names = [bound] if bound else [s.name for s in problem.unknowns]
+        point = problem.point(u)
+        text = f"{ending.name} at " + ", ".join(f"{name} = {point[name]:.6g}" for name in names)
+        if not ending.ok:
+            values = problem.eigenvalues(u[None, :])[0]
+            if np.isfinite(values).all():
+                text += f", fast eigenvalue {values[np.argmin(np.abs(values))].real:.2g}"
+            distances = [np.linalg.norm((p.unknowns - u) / scales) for p in special]
+            if distances and min(distances) < CLOSE:
+                close = special[int(np.argmin(distances))]
+                first = problem.unknowns[0].name
+                text += f"; close to the {close.kind} at {first} = {close[first]:.6g}"
+            text += f" ({ending.meaning}; {ending.remedy})"
+        texts.append(text)
+    if len(texts) == 2:
+        return f"stopped after {count} points: backward {texts[0]}; forward {texts[1]}"
+    return f"stopped after {count} points: {texts[0]}"
+
+
+def uninterrupted(curve: CriticalCurve) -> CriticalCurve:
+    """`curve` for a verb that goes on from it: where Ctrl-C ended it, Ctrl-C ends the verb too."""
+    if curve.status is Ending.INTERRUPTED:
+        raise KeyboardInterrupt
+    return curve

@@ -1,0 +1,277 @@
+"""Curves of folds: {g = 0, det g_y = 0} with two free variables, with the cusps and Bogdanov-Takens points on them.
+
+det g_y is replaced by the bordered test s, which is as smooth and better scaled; its borders are renewed at every
+point (Govaerts 2000, 4.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from gsp.critical.continuation.arclength import Trace, Tracer
+from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
+from gsp.critical.continuation.curve import ContinuationStats, NamedCurve, Options, Stop, say, total_stats
+from gsp.critical.continuation.location import inserted, place_between, sign_changes
+from gsp.critical.continuation.special_points import (
+    SpecialKind,
+    SpecialPoint,
+    fold_point,
+    fold_vectors,
+    special_point,
+)
+from gsp.critical.layer_problem import (
+    Bounds,
+    LayerProblem,
+    check_bounds,
+    corrected_start,
+    find_symbol,
+    layer_problem,
+    least_norm_newton,
+    natural_scales,
+)
+from gsp.critical.singularity import Singular, identity, singular_near
+from gsp.errors import BranchError, DeclarationError
+from gsp.systems.arguments import check_each, check_noun, check_one_of, check_progress
+from gsp.systems.flow import Point
+from gsp.systems.system import SlowFastSystem
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoldCurve(NamedCurve):
+    """A curve of folds of M0: `points` (m, n) with the columns `names`.
+
+    `coefficient` (m,) is a = <psi, g_yy phi phi>/2 with |phi| = |psi| = 1, both continuous along the curve: it
+    changes its sign at a cusp. `skew` (m,) is <psi, phi>: it does at a Bogdanov-Takens point. `eigenvalues`
+    (m, n_fast) are those of g_y, the rightmost first, `arclength` (m,) in units of the scales. `special` holds the
+    cusps and Bogdanov-Takens points, which are rows of the curve too.
+    """
+
+    problem: LayerProblem
+    options: Options
+    points: np.ndarray
+    coefficient: np.ndarray
+    skew: np.ndarray
+    eigenvalues: np.ndarray
+    arclength: np.ndarray
+    scales: Mapping[str, float]
+    special: tuple[SpecialPoint, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+
+    def __repr__(self) -> str:
+        kinds = [point.kind.value for point in self.special]
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        tail = f", {counted}" if counted else ""
+        return f"FoldCurve({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
+
+    def __str__(self) -> str:
+        still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
+        fixed = [f"  {name} = {self[name][0]:.6g} throughout" for name in still]
+        return self._card(f"curve of folds over {', '.join(self.free)}", fixed)
+
+
+def continue_folds(
+    system: SlowFastSystem,
+    *,
+    start: Point,
+    parameter: sp.Symbol | str | None = None,
+    free: tuple[sp.Symbol | str, ...] | None = None,
+    bounds: Bounds | None = None,
+    direction: int = 0,
+    step: float = 0.01,
+    max_step: float = 0.04,
+    max_points: int = 2000,
+    tolerance: float = 1e-10,
+    progress: Callable[[float], None] | None = None,
+) -> FoldCurve:
+    """The curve of folds {g = 0, det g_y = 0} through the fold next to `start`.
+
+    Two variables are free: the slow variables named in `free` (all two when there are two), or one of them and
+    `parameter`. `start` names every state, and may name the parameter; it is corrected onto a fold. The other
+    arguments are those of `continue_critical`; `direction` is that of the first free variable.
+
+    Raises `DeclarationError` for a call that is not well formed and `BranchError` when no fold is near `start`.
+
+    >>> a, b, y, eps = sp.symbols("a b y epsilon")
+    >>> system = SlowFastSystem(slow={a: y, b: -y}, fast={y: y**3 + a*y + b}, epsilon=eps)
+    >>> folds = continue_folds(system, start={"a": -3, "b": 2, "y": 1}, bounds={"a": (-3, 1), "y": (-1, 1)})
+    >>> [point.kind.value for point in folds.special]
+    ['cusp']
+    >>> bool(abs(4*folds["a"]**3 + 27*folds["b"]**2).max() < 1e-12)
+    True
+    """
+    check_noun(system, SlowFastSystem, verb="continue_folds")
+    controls = check_controls(step, max_step, max_points, tolerance)
+    check_one_of(direction, (-1, 0, 1), what="direction", be="+1, -1, or 0 for both")
+    check_progress(progress)
+    problem, guess = layer_problem(system, two_free(system, parameter, free), start)
+    box = check_bounds(bounds, problem)
+    check_inside(problem, guess, box, "start")
+    scales = natural_scales(problem, guess, box)
+    u = _corrected_fold(problem, guess, scales, tolerance)
+    check_inside(problem, u, box, "the fold next to start")
+    return fold_curve(problem, u, Options(box, controls), scales, direction=direction, progress=progress)
+
+
+def two_free(system: SlowFastSystem, parameter, free) -> tuple[sp.Symbol, sp.Symbol]:
+    """The two free symbols that were asked for; raises `DeclarationError` when they are not two."""
+    if free is None or isinstance(free, (str, sp.Symbol)):
+        given = () if free is None else (free,)
+    else:
+        given = check_each(free, lambda wanted: wanted, what="free", be="two slow variables, or one")
+    chosen = [find_symbol(system, s, system.x, "free") for s in given]
+    if free is None and len(system.x) == (2 if parameter is None else 1):
+        chosen = list(system.x)
+    if parameter is not None:
+        chosen.append(find_symbol(system, parameter, tuple(system.parameters), "parameter"))
+    if len(chosen) != 2 or chosen[0] == chosen[1]:
+        names = ", ".join(s.name for s in chosen) or "none"
+        raise DeclarationError(
+            f"two different variables are free (free=, parameter=). Got {names}; the slow variables are "
+            f"{', '.join(s.name for s in system.x)}. Give free=(two slow ones), or one slow variable and parameter=..."
+        )
+    return chosen[0], chosen[1]
+
+
+def fold_curve(
+    problem: LayerProblem,
+    u: np.ndarray,
+    options: Options,
+    scales: np.ndarray,
+    *,
+    direction: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> FoldCurve:
+    """The curve of folds through the fold u (N,)."""
+    with np.errstate(all="ignore"):
+        tracer = Tracer(
+            singular_near(problem, identity, u),
+            scales=scales,
+            bounds=box_of(problem, options.bounds),
+            names=tuple(s.name for s in problem.unknowns),
+            controls=options.controls,
+            refresh=lambda _, u: singular_near(problem, identity, u),
+            progress=progress,
+        )
+        tangent = tracer.null_vector(u)
+        if tangent is None:
+            raise BranchError(
+                f"several curves of folds meet at start. Got {problem.point(u)}. Start beside that point."
+            )
+        leading = 0 if abs(tangent[0]) > 1e-6 else int(np.argmax(np.abs(tangent)))
+        tangent = tangent * np.sign(tangent[leading]) * (direction or 1)
+        traces = traced(tracer, u, tangent, both=direction == 0, at_crossing=False)
+        points, special, arclength = _special(problem, tracer, joined(traces))
+        coefficient, skew = _tests(problem, points)
+        eigenvalues = problem.eigenvalues(points)
+    ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
+    rows = problem.rows(points)
+    for array in (rows, coefficient, skew, eigenvalues, arclength):
+        array.setflags(write=False)
+    return FoldCurve(
+        problem=problem,
+        options=options,
+        points=rows,
+        coefficient=coefficient,
+        skew=skew,
+        eigenvalues=eigenvalues,
+        arclength=arclength,
+        scales=dict(zip((s.name for s in problem.unknowns), map(float, tracer.scales))),
+        special=special,
+        stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
+        stats=total_stats(tracer.counters),
+        message=say(problem, len(points), ends, special, tracer.scales),
+    )
+
+
+def _corrected_fold(
+    problem: LayerProblem, guess: np.ndarray, scales: np.ndarray, tolerance: float
+) -> np.ndarray:
+    found = None
+    for first in (guess, None):
+        try:
+            u = corrected_start(problem, guess, scales, tolerance) if first is None else first
+            found = least_norm_newton(singular_near(problem, identity, u), u, scales, tolerance)
+        except (np.linalg.LinAlgError, BranchError):
+            continue
+        if found is not None:
+            # Once more with the best borders there are.
+            found = least_norm_newton(singular_near(problem, identity, found), found, scales, tolerance)
+        if found is not None:
+            return found
+    at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(guess).items())
+    values = ", ".join(f"{value:.3g}" for value in problem.eigenvalues(guess[None, :])[0])
+    raise BranchError(
+        f"Newton's method found no fold near start. Got {at}, where g_y has the eigenvalues {values}. "
+        "Give a point near one; continue_critical finds the folds on a curve."
+    )
+
+
+def _oriented(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit null vectors (phi, psi), (m, n) each, continuous along the points."""
+    phi, psi = map(np.array, zip(*(fold_vectors(problem, u) for u in points)))
+    for vectors in (phi, psi):
+        for i in range(1, len(vectors)):
+            if vectors[i] @ vectors[i - 1] < 0.0:
+                vectors[i] = -vectors[i]
+    return phi, psi
+
+
+def _tests(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The fold coefficient and the skewness (m,), with continuous null vectors."""
+    k = len(problem.free)
+    phi, psi = _oriented(problem, points)
+    second = np.array([problem.second(u)[:, k:, k:] for u in points])
+    return 0.5 * np.einsum("mi,mijk,mj,mk->m", psi, second, phi, phi), np.einsum("mi,mi->m", psi, phi)
+
+
+def _special(
+    problem: LayerProblem, tracer: Tracer, trace: Trace
+) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
+    """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
+    points, scales = np.array(trace.points), np.array(trace.scales)
+    found: list[tuple[float, SpecialPoint]] = []
+    for kind, values in zip((SpecialKind.CUSP, SpecialKind.BOGDANOV_TAKENS), _tests(problem, points)):
+        for a, b in sign_changes(values):
+            tracer.scales = scales[a]
+            tracer.equations = singular_near(problem, identity, points[b])
+            tracer.counters.located += 1
+            test = _bordered_test(tracer.equations, kind)
+            u = points[a] if a == b else tracer.root(points[a], points[b], test)
+            if u is not None:
+                place = place_between(points, a, b, u, scales[a])
+                found.append((place, _described(problem, u, kind, scales[a])))
+    tracer.scales = scales.max(axis=0)
+    return inserted(points, scales, found)
+
+
+def _bordered_test(system, kind: SpecialKind) -> Callable[[np.ndarray], float]:
+    """The test function along one step, with the bordered vectors, which are continuous."""
+    assert isinstance(system, Singular)
+    k = len(system.problem.free)
+
+    def test(u: np.ndarray) -> float:
+        try:
+            null = system.null(u)
+        except np.linalg.LinAlgError:
+            return float("nan")
+        if kind is SpecialKind.BOGDANOV_TAKENS:
+            return float(null.left @ null.right)
+        second = system.problem.second(u)[:, k:, k:]
+        return float(np.einsum("ijk,i,j,k->", second, null.left, null.right, null.right))
+
+    return test
+
+
+def _described(problem: LayerProblem, u: np.ndarray, kind: SpecialKind, scales: np.ndarray) -> SpecialPoint:
+    """The point with its coefficients. It is what its test says: no coefficient is compared with a size."""
+    if kind is SpecialKind.BOGDANOV_TAKENS:
+        phi, psi = fold_vectors(problem, u)
+        return special_point(problem, u, kind, row=0, right=phi, left=psi)
+    point = fold_point(problem, u, row=0, scales=scales, curvature=float("inf"))
+    return point

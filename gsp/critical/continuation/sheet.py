@@ -1,0 +1,353 @@
+"""The critical manifold over two free variables: a triangulated sheet with its stability and its folds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import sympy as sp
+
+from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside
+from gsp.critical.continuation.curve import Options
+from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.fold_curve import FoldCurve, fold_curve, two_free
+from gsp.critical.continuation.simplices import Grid, Mesh, march
+from gsp.critical.continuation.special_points import ZERO_EIGENVALUE
+from gsp.critical.layer_problem import (
+    Bounds,
+    LayerProblem,
+    check_bounds,
+    corrected_start,
+    layer_problem,
+    least_norm_newton,
+    natural_scales,
+)
+from gsp.critical.singularity import identity, singular_near
+from gsp.errors import DeclarationError, nearest
+from gsp.results.drawn import Drawn
+from gsp.systems.arguments import check_noun, check_progress, check_whole
+from gsp.systems.flow import Point
+from gsp.systems.region import Interval
+from gsp.systems.system import SlowFastSystem
+
+# d! simplices to a cube: 720 for four fast variables, 5040 for five.
+MOST_FAST = 4
+POLISHING = 12
+# A vertex may leave its face by this share of the face; beyond, it is corrected by steps of least norm.
+LEAVES = 0.5
+# Curves of folds on one sheet that are followed at most.
+MOST_FOLDS = 16
+
+
+@dataclass(frozen=True)
+class SheetStats:
+    """What a sheet cost: cubes that it crosses, cubes where g is not finite, vertices that needed a second method."""
+
+    cells: int
+    skipped: int
+    repaired: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticalSheet(Drawn):
+    """A connected sheet of M0 in a box, as triangles.
+
+    `points` (m, n) have the columns `names`, and `sheet["x"]` is one of them; `triangles` (k, 3) are rows of it,
+    all oriented alike. `eigenvalues` (m, n_fast) are those of g_y, `unstable` (m,) counts those to the right of the
+    axis. Triangles end at the folds, whose vertices are `on_fold` (m,), so that `triangle_unstable` (k,) is one
+    number inside each. `folds` are the curves of folds on the sheet. `residual` is the largest |g| at a vertex.
+    """
+
+    problem: LayerProblem
+    points: np.ndarray
+    triangles: np.ndarray
+    eigenvalues: np.ndarray
+    unstable: np.ndarray
+    triangle_unstable: np.ndarray
+    on_fold: np.ndarray
+    folds: tuple[FoldCurve, ...]
+    residual: float
+    status: Ending
+    message: str
+    stats: SheetStats
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of `points`: slow, fast, then free parameters."""
+        return self.problem.names
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the two free variables."""
+        return tuple(s.name for s in self.problem.free)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
+        if name not in self.names:
+            raise DeclarationError(
+                f'the sheet has no column "{name}". It has {", ".join(self.names)}.'
+                + nearest(str(name), self.names)
+            )
+        return self.points[:, self.names.index(name)]
+
+    def __repr__(self) -> str:
+        return (
+            f"CriticalSheet({len(self.points)} points, {len(self.triangles)} triangles over "
+            f"{', '.join(self.free)}, {len(self.folds)} folds, {self.status.name})"
+        )
+
+    def __str__(self) -> str:
+        lines = [f"sheet of the critical manifold over {', '.join(self.free)}"]
+        lines += [f"  {name} from {self[name].min():.6g} to {self[name].max():.6g}" for name in self.names]
+        kinds, counts = np.unique(self.triangle_unstable, return_counts=True)
+        lines += [f"  {count} triangles with {kind} unstable" for kind, count in zip(kinds, counts)]
+        lines += [f"  fold: {fold!r}" for fold in self.folds]
+        return "\n".join([*lines, f"  {self.message}"])
+
+
+def critical_sheet(
+    system: SlowFastSystem,
+    *,
+    start: Point,
+    bounds: Bounds,
+    parameter: sp.Symbol | str | None = None,
+    free: tuple[sp.Symbol | str, ...] | None = None,
+    resolution: int = 32,
+    max_points: int = 200_000,
+    tolerance: float = 1e-10,
+    progress: Callable[[float], None] | None = None,
+) -> CriticalSheet:
+    """The sheet of M0 through `start` over two free variables, within `bounds`, triangulated.
+
+    The free variables are both slow ones, the two named in `free`, or a slow one and `parameter`; each has
+    bounds, cut into `resolution` cubes. Fast variables may be bounded too; where they are not, their size at the
+    start sets the size of a cube. Vertices are corrected onto M0; parts of M0 that are thinner than a cube, or not
+    connected to the start within the bounds, are not found.
+
+    Raises `DeclarationError` for a call that is not well formed and `BranchError` when no point of M0 is near
+    `start`. Simplicial continuation after Allgower and Georg (1990).
+
+    >>> a, b, y, eps = sp.symbols("a b y epsilon")
+    >>> system = SlowFastSystem(slow={a: y, b: -y}, fast={y: y**3 + a*y + b}, epsilon=eps)
+    >>> box = {"a": (-1, 1), "b": (-1, 1), "y": (-2, 2)}
+    >>> sheet = critical_sheet(system, start={"a": -1, "b": 0, "y": 1}, bounds=box, resolution=12)
+    >>> [len(fold.special) for fold in sheet.folds], sheet.residual < 1e-12
+    ([1], True)
+    """
+    check_noun(system, SlowFastSystem, verb="critical_sheet")
+    if len(system.y) > MOST_FAST:
+        raise DeclarationError(
+            f"a sheet is triangulated for up to {MOST_FAST} fast variables. Got {len(system.y)}. "
+            "Continue curves with continue_critical, one for each value of a slow variable."
+        )
+    check_whole(resolution, what="resolution", least=2, most=10**6, be="a whole number of at least 2")
+    check_progress(progress)
+    controls = check_controls(0.01, 0.04, max_points, tolerance)
+    problem, guess = layer_problem(system, two_free(system, parameter, free), start)
+    box = check_bounds(bounds, problem)
+    missing = [s.name for s in problem.free if s.name not in box]
+    if missing:
+        raise DeclarationError(
+            f"bounds gives no interval for {', '.join(missing)}. Got {box}. A sheet needs both."
+        )
+    check_inside(problem, guess, box, "start")
+    scales = natural_scales(problem, guess, box)
+    u = corrected_start(problem, guess, scales, tolerance)
+    check_inside(problem, u, box, "the point of M0 next to start")
+    grid = _grid(problem, u, box, scales, resolution)
+    with np.errstate(all="ignore"):
+        mesh = march(problem.residual, grid, u, n=problem.size, most=max_points, progress=progress)
+        return _finished(
+            problem, _Builder(problem, grid, mesh, scales, box_of(problem, box)), Options(box, controls)
+        )
+
+
+def _grid(
+    problem: LayerProblem, u: np.ndarray, box: Mapping[str, Interval], scales: np.ndarray, resolution: int
+) -> Grid:
+    origin, size, counts = np.empty(len(u)), np.empty(len(u)), np.full(len(u), -1)
+    for i, symbol in enumerate(problem.unknowns):
+        if symbol.name in box:
+            low, high = box[symbol.name]
+            origin[i], size[i], counts[i] = low, (high - low) / resolution, resolution
+        else:
+            # Half a cube off, so that a start on a plane of symmetry is not on a plane of nodes.
+            size[i] = 2.0 * scales[i] / resolution
+            origin[i] = u[i] - 0.5 * size[i]
+    return Grid(origin, size, counts)
+
+
+class _Builder:
+    """Vertices corrected onto M0, merged, and split at the folds."""
+
+    def __init__(
+        self, problem: LayerProblem, grid: Grid, mesh: Mesh, scales: np.ndarray, bounds: np.ndarray
+    ) -> None:
+        self.problem, self.grid, self.mesh, self.scales, self.bounds = problem, grid, mesh, scales, bounds
+        self.repaired = 0
+        # Coordinates in which a vertex must not move: those of a bound that its whole face lies on.
+        ends = (mesh.nodes == 0) | (mesh.nodes == grid.counts)
+        self.held = ends.all(axis=1) & (grid.counts >= 0) & (mesh.nodes == mesh.nodes[:, :1]).all(axis=1)
+        self.u = self._polished()
+        self.triangles = mesh.triangles
+        self.on_fold = np.zeros(len(self.u), dtype=bool)
+        self._split()
+        self._orient()
+
+    def _polished(self) -> np.ndarray:
+        """Newton's method within each face, and of least norm where that fails."""
+        problem, corners = self.problem, self.grid.nodes(self.mesh.nodes)
+        u = np.einsum("mi,mid->md", self.mesh.weights, corners)
+        # Sums of equal numbers by weights that sum to one are equal to them up to rounding only.
+        exact = np.where(self.mesh.nodes[:, 0] == 0, self.bounds[:, 0], self.bounds[:, 1])
+        u = np.where(self.held, exact, u)
+        edges = corners[:, 1:] - corners[:, :1]
+        first = u.copy()
+        length = np.full(len(u), np.inf)
+        for _ in range(POLISHING):
+            value = problem.residual(u)
+            slope = np.einsum("mij,mkj->mik", problem.jacobians(u), edges)
+            good = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(value).all(axis=1)
+            step = np.zeros((len(u), slope.shape[1]))
+            step[good] = np.einsum("mij,mj->mi", np.linalg.pinv(slope[good], rcond=1e-13), value[good])
+            u = u - np.einsum("mi,mid->md", step, edges)
+            length = np.where(good, np.abs(step).max(axis=1), np.inf)
+            if length.max(initial=0.0) < 1e-15:
+                break
+        far = np.abs(u - first) > LEAVES * np.abs(edges).max(axis=1) + LEAVES * LEAVES * self.grid.size
+        beyond = np.abs(self._confined(u) - u) > 1e-9 * self.grid.size
+        u = np.where(self.held, exact, np.where(beyond, u, self._confined(u)))
+        bad = ~(length < 1e-9) | (far | beyond).any(axis=1)
+        for i in np.flatnonzero(bad):
+            u[i] = self._repaired(first[i], self.held[i])
+        return u
+
+    def _confined(self, u: np.ndarray) -> np.ndarray:
+        """Points (..., d) moved onto the bounds that they are beyond."""
+        return np.clip(u, self.bounds[:, 0], self.bounds[:, 1])
+
+    def _repaired(self, u: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """The point of M0 next to u by steps of least norm, along the bounds that these lead beyond."""
+        self.repaired += 1
+        for _ in range(len(u)):
+            found = least_norm_newton(self.problem, u, np.where(held, 0.0, self.grid.size), 1e-12)
+            if found is None:
+                break
+            inside = self._confined(found)
+            if (inside == found).all():
+                return found
+            held, u = held | (inside != found), inside
+        return u
+
+    def _determinants(self) -> np.ndarray:
+        return np.linalg.det(self.problem.fast_jacobians(self.u))
+
+    def _split(self) -> None:
+        """Cut the triangles along the folds, where det g_y changes its sign."""
+        value = self._determinants()
+        sign = value > 0.0
+        edges = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges = np.unique(edges[sign[edges[:, 0]] != sign[edges[:, 1]]], axis=0)
+        if len(edges) == 0:
+            return
+        fresh, held, true = [], [], []
+        for a, b in edges:
+            share = value[a] / (value[a] - value[b])
+            fixed = self.held[a] & self.held[b] & (self.u[a] == self.u[b])
+            between = self.u[a] + share * (self.u[b] - self.u[a])
+            found = self._fold_between(between, fixed)
+            fresh.append(self._repaired(between, fixed) if found is None else found)
+            held.append(fixed)
+            true.append(found is not None)
+        place = {(int(a), int(b)): len(self.u) + i for i, (a, b) in enumerate(edges)}
+        self.u, self.held = np.vstack([self.u, fresh]), np.vstack([self.held, held])
+        self.on_fold = np.concatenate([self.on_fold, true])
+        mixed = sign[self.triangles].sum(axis=1) % 3 != 0
+        pieces = []
+        for triangle in self.triangles[mixed].tolist():
+            odd = next(i for i in range(3) if sum(sign[j] == sign[triangle[i]] for j in triangle) == 1)
+            a, b, c = triangle[odd], triangle[(odd + 1) % 3], triangle[(odd + 2) % 3]
+            p, q = place[min(a, b), max(a, b)], place[min(a, c), max(a, c)]
+            pieces += [(a, p, q), (p, b, c), (p, c, q)]
+        self.triangles = np.vstack([self.triangles[~mixed], pieces])
+
+    def _fold_between(self, u: np.ndarray, fixed: np.ndarray) -> np.ndarray | None:
+        """The fold next to u, within the bounds and two cubes; None when there is none."""
+        try:
+            system = singular_near(self.problem, identity, u)
+        except np.linalg.LinAlgError:
+            return None
+        found = least_norm_newton(system, u, np.where(fixed, 0.0, self.grid.size), 1e-12)
+        if found is None or (np.abs(found - u) > 2.0 * self.grid.size).any():
+            return None
+        return found if (self._confined(found) == found).all() else None
+
+    def _orient(self) -> None:
+        """Triangles turned so that det[g_u; both edges] is positive in the middle: one side of the sheet."""
+        corners = self.u[self.triangles] / self.scales
+        sides = corners[:, 1:] - corners[:, :1]
+        slopes = self.problem.jacobians(self.u[self.triangles].mean(axis=1)) * self.scales
+        flip = np.linalg.det(np.concatenate([slopes, sides], axis=1)) < 0.0
+        self.triangles[flip] = self.triangles[flip][:, [0, 2, 1]]
+
+
+def _finished(problem: LayerProblem, built: _Builder, options: Options) -> CriticalSheet:
+    u, mesh = built.u, built.mesh
+    eigenvalues = problem.eigenvalues(u)
+    count = (np.real(eigenvalues) > 0.0).sum(axis=1)
+    size = np.abs(eigenvalues).max(axis=1, keepdims=True, initial=0.0)
+    at_rest = (np.real(eigenvalues) > ZERO_EIGENVALUE * size).sum(axis=1)
+    count = np.where(built.on_fold, at_rest, count)
+    off = np.where(built.on_fold, -1, count)[built.triangles].max(axis=1)
+    inside = np.where(off >= 0, off, count[built.triangles].max(axis=1))
+    folds = _folds(problem, built, options)
+    rows = problem.rows(u)
+    status = Ending.COMPLETE if mesh.complete else Ending.TOO_MANY_POINTS
+    if mesh.skipped:
+        status = Ending.NON_FINITE
+    message = f"{len(u)} points and {len(built.triangles)} triangles: {status}"
+    for array in (rows, built.triangles, eigenvalues, count, inside, built.on_fold):
+        array.setflags(write=False)
+    return CriticalSheet(
+        problem=problem,
+        points=rows,
+        triangles=built.triangles,
+        eigenvalues=eigenvalues,
+        unstable=count,
+        triangle_unstable=inside,
+        on_fold=built.on_fold,
+        folds=folds,
+        residual=float(np.abs(problem.residual(u)).max(initial=0.0)),
+        status=status,
+        message=message,
+        stats=SheetStats(mesh.cells, mesh.skipped, built.repaired),
+    )
+
+
+def _folds(problem: LayerProblem, built: _Builder, options: Options) -> tuple[FoldCurve, ...]:
+    """The curves of folds through the vertices on folds, each once."""
+    seeds = built.u[built.on_fold]
+    # From the inside first: a start on a bound would be continued one way only.
+    held = built.held[built.on_fold].any(axis=1)
+    seeds = np.vstack([seeds[~held], seeds[held]])
+    curves: list[FoldCurve] = []
+    columns = [problem.names.index(s.name) for s in problem.unknowns]
+    while len(seeds) and len(curves) < MOST_FOLDS:
+        curve = fold_curve(problem, seeds[0], options, built.scales)
+        curves.append(curve)
+        seeds = seeds[1:]
+        distance = _distances(seeds / built.grid.size, curve.points[:, columns] / built.grid.size)
+        seeds = seeds[distance > 1.0]
+    return tuple(curves)
+
+
+def _distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Distance of each point (m, d) to a polygonal line (k, d)."""
+    best = np.full(len(points), np.inf)
+    for a, b in pairwise(line):
+        side = b - a
+        share = np.clip((points - a) @ side / max(float(side @ side), 1e-300), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(points - a - share[:, None] * side, axis=1))
+    return best

@@ -1,0 +1,333 @@
+"""Special points on a curve of M0: folds, cusps, Hopf points of the layer problem, and branch points.
+
+Each is told by a test function that changes its sign, located by a secant method along the curve, polished by
+Newton's method on an augmented system, and given the coefficients that decide what it looks like nearby.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from gsp.critical.continuation.arclength import Tracer
+from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
+from gsp.critical.singularity import MatrixMap, Singular, singular_near
+
+# An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
+ZERO_EIGENVALUE = 1e-6
+# A fold coefficient is zero below this, relative to the largest second derivative on the curve, in scaled units.
+ZERO_COEFFICIENT = 1e-6
+# A tangent counts as vertical when its free component is below this, in scaled units.
+VERTICAL = 1e-6
+# A branch point is on the curve when g misses zero there by at most this, in rows of unit slope.
+ON_CURVE = 1e-11
+
+
+class SpecialKind(StrEnum):
+    """What happens at a special point."""
+
+    FOLD = "fold"
+    CUSP = "cusp"
+    HOPF = "Hopf point"
+    NEUTRAL_SADDLE = "neutral saddle"
+    BOGDANOV_TAKENS = "Bogdanov-Takens point"
+    TRANSCRITICAL = "transcritical point"
+    PITCHFORK = "pitchfork"
+    BRANCH_POINT = "branch point"
+
+    @property
+    def is_branch_point(self) -> bool:
+        """Whether several curves of M0 meet here."""
+        return self in (SpecialKind.TRANSCRITICAL, SpecialKind.PITCHFORK, SpecialKind.BRANCH_POINT)
+
+
+@dataclass(frozen=True, eq=False)
+class SpecialPoint:
+    """A special point: its `kind`, `point` by name, the `row` of the curve that holds it, and what was computed.
+
+    `eigenvalues` (n_fast,) are those of g_y; `right` and `left` (n_fast,) its null vectors at a fold, the
+    eigenvectors of i omega at a Hopf point, empty otherwise. `coefficients` are
+
+    - at a fold, a = <psi, g_yy phi phi>/2 and b = <psi, g_x> for the free variable x, with |phi| = 1, the
+      largest component of phi positive, and <psi, phi> = 1: v' = b dx + a v^2 to leading order along phi; at a
+      cusp also c = <psi, g_yyy phi phi phi + 3 g_yy phi h>/6 with g_y h = -g_yy phi phi;
+    - at a Hopf point, omega, l1, the first Lyapunov coefficient (negative: supercritical, the cycles are stable),
+      and crossing, the rate of Re lambda with the free variable along M0;
+    - at a branch point, the discriminant of the algebraic bifurcation equation <psi, g_uu d d> = 0, positive where
+      two curves cross; `directions` (2, N) are their unit tangents in (free, fast), in scaled units, that of this
+      curve first.
+    """
+
+    kind: SpecialKind
+    point: Mapping[str, float]
+    row: int
+    eigenvalues: np.ndarray
+    coefficients: Mapping[str, float]
+    right: np.ndarray
+    left: np.ndarray
+    directions: np.ndarray
+    unknowns: np.ndarray
+
+    def __getitem__(self, name: str) -> float:
+        return self.point[name]
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())
+        rest = ", ".join(f"{name} = {value:.6g}" for name, value in self.coefficients.items())
+        return f"{self.kind} at {place}" + (f" ({rest})" if rest else "")
+
+    def __repr__(self) -> str:
+        return f"SpecialPoint({self})"
+
+
+NONE = np.empty(0)
+
+
+def special_point(
+    problem: LayerProblem,
+    u: np.ndarray,
+    kind: SpecialKind,
+    *,
+    row: int,
+    coefficients: Mapping[str, float] | None = None,
+    right: np.ndarray = NONE,
+    left: np.ndarray = NONE,
+    directions: np.ndarray = NONE,
+) -> SpecialPoint:
+    """A `SpecialPoint` with its names and eigenvalues filled in."""
+    values = problem.eigenvalues(u[None, :])[0]
+    return SpecialPoint(
+        kind, problem.point(u), row, values, coefficients or {}, right, left, directions, u
+    )  # fmt: skip
+
+
+# -- test functions --------------------------------------------------------------------------------
+
+
+def pair_test(eigenvalues: np.ndarray) -> np.ndarray:
+    """Product of all sums of two eigenvalues over the size of the largest, (m, n) to (m,): zero at Hopf points."""
+    n = eigenvalues.shape[1]
+    size = np.abs(eigenvalues).max(axis=1)
+    i, j = np.triu_indices(n, 1)
+    sums = (eigenvalues[:, i] + eigenvalues[:, j]) / np.where(size > 0.0, size, 1.0)[:, None]
+    return np.prod(sums, axis=1).real
+
+
+def polished(tracer: Tracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
+    """The point next to u where `of`(g_y) is singular, by Newton's method; u itself when that leads away."""
+    try:
+        system = singular_near(problem, of, u)
+    except np.linalg.LinAlgError:
+        return u
+    found = least_norm_newton(system, u, tracer.scales, 1e-13)
+    if found is None or np.abs((found - u) / tracer.scales).max() > 1e-4:
+        return u
+    return found
+
+
+# -- folds -----------------------------------------------------------------------------------------
+
+
+def fold_vectors(problem: LayerProblem, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Right and left singular vectors (phi, psi) of g_y for its least singular value, of unit length.
+
+    The largest component of phi is positive.
+    """
+    k = len(problem.free)
+    return null_vectors(problem.jacobian(u)[:, k:])
+
+
+def fold_point(
+    problem: LayerProblem, u: np.ndarray, *, row: int, scales: np.ndarray, curvature: float
+) -> SpecialPoint:
+    """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve."""
+    k, n = len(problem.free), problem.size
+    phi, psi = fold_vectors(problem, u)
+    values = np.sort(np.abs(problem.eigenvalues(u[None, :])[0]))
+    product = float(psi @ phi)
+    double = n > 1 and (values[1] <= 1e-5 * values[-1] or abs(product) < ZERO_EIGENVALUE)
+    if double:
+        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, row=row, right=phi, left=psi)
+    psi = psi / product
+    g_yy = problem.second(u)[:, k:, k:]
+    a = quadratic_coefficient(g_yy, phi, psi)
+    b = float(psi @ problem.jacobian(u)[:, 0])
+    coefficients = {"a": a, "b": b}
+    # In scaled units, |phi| is the length of phi/scales.
+    length = float(np.linalg.norm(phi / scales[k:]))
+    kind = SpecialKind.FOLD
+    if abs(a * product) / length**2 <= ZERO_COEFFICIENT * curvature:
+        kind = SpecialKind.CUSP
+        g_y = problem.jacobian(u)[:, k:]
+        coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
+    return special_point(problem, u, kind, row=row, coefficients=coefficients, right=phi, left=psi)
+
+
+def curvature(problem: LayerProblem, points: np.ndarray, scales: np.ndarray) -> float:
+    """The largest |g_yy| in scaled units over points (m, N)."""
+    k = len(problem.free)
+    chosen = points[np.linspace(0, len(points) - 1, min(len(points), 33)).astype(int)]
+    weights = scales[k:, None] * scales[None, k:]
+    sizes = [np.abs(problem.second(u)[:, k:, k:] * weights).max() for u in chosen]
+    return float(max((s for s in sizes if np.isfinite(s)), default=1.0)) or 1.0
+
+
+def fold_coefficient(system: Singular, u: np.ndarray) -> float:
+    """<w, g_yy v v> with the bordered vectors of `system`: smooth along a curve, zero at a cusp."""
+    k = len(system.problem.free)
+    try:
+        null = system.null(u)
+    except np.linalg.LinAlgError:
+        return float("nan")
+    return float(
+        np.einsum("ijk,i,j,k->", system.problem.second(u)[:, k:, k:], null.left, null.right, null.right)
+    )
+
+
+# -- Hopf points -----------------------------------------------------------------------------------
+
+
+def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, row: int) -> SpecialPoint | None:
+    """Hopf point, neutral saddle or double zero at u, where two eigenvalues have the sum zero."""
+    values = problem.eigenvalues(u[None, :])[0]
+    i, j = np.triu_indices(len(values), 1)
+    closest = int(np.argmin(np.abs(values[i] + values[j])))
+    first, second = values[i[closest]], values[j[closest]]
+    largest = float(np.abs(values).max())
+    if largest == 0.0 or abs(first + second) > 1e-4 * largest:
+        return None
+    if (
+        abs(first) <= ZERO_EIGENVALUE * largest
+        or (abs(first.imag) + abs(first.real)) ** 2 <= 1e-12 * largest**2
+    ):
+        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, row=row)
+    if abs(first.imag) <= ZERO_EIGENVALUE * largest:
+        return special_point(problem, u, SpecialKind.NEUTRAL_SADDLE, row=row)
+    return hopf_point(problem, u, tangent, omega=abs(float(first.imag)), row=row)
+
+
+def hopf_point(
+    problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, omega: float, row: int
+) -> SpecialPoint:
+    """The Hopf point at u with its first Lyapunov coefficient (Kuznetsov 2004, (5.62))."""
+    k = len(problem.free)
+    second = problem.second(u)
+    l1, q, p = first_lyapunov(problem.jacobian(u)[:, k:], second[:, k:, k:], problem.third(u), omega)
+    # d lambda = <p, dA q>, dA along the curve per unit of the free variable.
+    along = np.einsum("ijl,l->ij", second[:, k:, :], tangent / tangent[0])
+    crossing = float(np.vdot(p, along @ q).real)
+    coefficients = {"omega": omega, "l1": l1, "crossing": crossing}
+    return special_point(problem, u, SpecialKind.HOPF, row=row, coefficients=coefficients, right=q, left=p)
+
+
+# -- branch points ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """What is known of a branch point: the discriminant, and the tangents (2, N) of the curves, or neither."""
+
+    discriminant: float
+    directions: np.ndarray
+
+
+class BranchPoints:
+    """Finds branch points by Moore's system {g + alpha w, g_u^T w, w^T w - 1} = 0 in (u, alpha, w).
+
+    It is regular at simple branch points, transcritical or pitchfork (Moore 1980; Govaerts 2000, 8.1). Where the
+    curves only come near one another it converges to a point with alpha != 0, off M0.
+    """
+
+    def __init__(self, problem: LayerProblem, tracer: Tracer) -> None:
+        self.problem = problem
+        self.tracer = tracer
+
+    def __call__(
+        self, a: np.ndarray, b: np.ndarray, tangent: np.ndarray, short: bool
+    ) -> tuple[np.ndarray, Crossing] | None:
+        """The branch point between a and b with its tangents; None when there is none.
+
+        `short` accepts a point of higher order, whose curves are not told apart, in place of none.
+        """
+        found = self._moore(0.5 * (a + b))
+        scales = self.tracer.scales
+        self.tracer.counters.located += 1
+        if found is not None:
+            u, w, size = found
+            chord, share = (b - a) / scales, (u - a) / scales
+            length = float(np.linalg.norm(chord))
+            inside = -0.1 <= float(share @ chord) / length**2 <= 1.1 and np.linalg.norm(share) <= 1.5 * length
+            if inside:
+                crossing = self._directions(u, w, size, tangent)
+                if crossing is not None:
+                    return u, crossing
+        return (0.5 * (a + b), Crossing(0.0, NONE)) if short else None
+
+    def _moore(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        problem, scales, n = self.problem, self.tracer.scales, self.problem.size
+        slope = problem.jacobian(u) * scales
+        size = np.linalg.norm(slope, axis=1)
+        size = np.where(size > 1e-3 * size.max(), size, 1e-3 * size.max() or 1.0)
+        w = np.linalg.svd(slope / size[:, None])[0][:, -1]
+        N, alpha = len(u), 0.0
+        for _ in range(25):
+            value, slope = problem.residual(u) / size, problem.jacobian(u) * scales / size[:, None]
+            curved = problem.second(u) * (scales[:, None] * scales) / size[:, None, None]
+            if not (np.isfinite(value).all() and np.isfinite(slope).all() and np.isfinite(curved).all()):
+                return None
+            matrix = np.zeros((N + 1 + n, N + 1 + n))
+            matrix[:n, :N], matrix[:n, N], matrix[:n, N + 1 :] = slope, w, alpha * np.eye(n)
+            matrix[n : n + N, :N] = np.einsum("i,ijk->jk", w, curved)
+            matrix[n : n + N, N + 1 :] = slope.T
+            matrix[-1, N + 1 :] = 2.0 * w
+            right = np.concatenate([value + alpha * w, slope.T @ w, [w @ w - 1.0]])
+            try:
+                step = np.linalg.solve(matrix, right)
+            except np.linalg.LinAlgError:
+                return None
+            length = float(np.abs(step).max())
+            if not np.isfinite(length) or length > 1e2:
+                return None
+            u, alpha, w = u - scales * step[:N], alpha - step[N], w - step[N + 1 :]
+            if length < 1e-11:
+                return (u, w, size) if abs(alpha) < ON_CURVE else None
+        return None
+
+    def _directions(
+        self, u: np.ndarray, w: np.ndarray, size: np.ndarray, tangent: np.ndarray
+    ) -> Crossing | None:
+        """Both tangents from the algebraic bifurcation equation w^T g_uu d d = 0 on the kernel of g_u."""
+        problem, scales = self.problem, self.tracer.scales
+        kernel = np.linalg.svd(problem.jacobian(u) * scales / size[:, None])[2][-2:]
+        curved = problem.second(u) * (scales[:, None] * scales) / size[:, None, None]
+        form = kernel @ np.einsum("i,ijk->jk", w, curved) @ kernel.T
+        values, vectors = np.linalg.eigh(form)
+        discriminant = float(-values[0] * values[1])
+        if discriminant <= 1e-12 * float(np.abs(curved).max()) ** 2:
+            return None
+        plus, minus = np.sqrt(-values[0]) * vectors[:, 1], np.sqrt(values[1]) * vectors[:, 0]
+        directions = np.array([(plus + minus) @ kernel, (plus - minus) @ kernel])
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        own = int(np.argmax(np.abs(directions @ tangent)))
+        first, second = directions[own], directions[1 - own]
+        left, _, right = np.linalg.svd(problem.jacobian(u))
+        raw = np.einsum("i,ijk,aj,bk->ab", left[:, -1], problem.second(u), right[-2:], right[-2:])
+        discriminant = float(raw[0, 1] ** 2 - raw[0, 0] * raw[1, 1])
+        return Crossing(discriminant, np.array([first * np.sign(first @ tangent), second]))
+
+
+def branch_point(problem: LayerProblem, u: np.ndarray, crossing: Crossing, *, row: int) -> SpecialPoint:
+    """The branch point at u, named by how its curves lie over the free variable."""
+    kind, coefficients = SpecialKind.BRANCH_POINT, {}
+    if len(crossing.directions):
+        vertical = np.abs(crossing.directions[:, 0]) < VERTICAL
+        coefficients = {"discriminant": crossing.discriminant}
+        if not vertical.all():
+            kind = SpecialKind.PITCHFORK if vertical.any() else SpecialKind.TRANSCRITICAL
+    return special_point(
+        problem, u, kind, row=row, coefficients=coefficients, directions=crossing.directions
+    )  # fmt: skip

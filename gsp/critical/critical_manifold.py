@@ -1,0 +1,176 @@
+"""The critical manifold M0 = {g(x, y, 0) = 0}, branch by branch; a branch is an irreducible piece of M0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch, place
+from gsp.critical.elimination import pieces
+from gsp.errors import BranchError, GspError
+from gsp.splitting.splitting import split
+from gsp.systems.arguments import check_noun
+from gsp.systems.flow import Point
+from gsp.systems.system import SlowFastSystem, VectorField
+
+# A start counts as on a fold when the equations and their slopes are this small there, relative to their terms.
+ON_FOLD = 1e-6
+
+
+@dataclass(frozen=True)
+class CriticalManifold:
+    """M0 of `system`: its `branches`, and in `unsolved` the equations of pieces that are no graph over x.
+
+    Pieces without real points over any open set of x (such as y^2 + 1 = 0) are in neither; they are listed in
+    `complex`.
+    """
+
+    system: SlowFastSystem
+    branches: tuple[Branch, ...]
+    unsolved: tuple[sp.Expr, ...] = ()
+    complex: tuple[sp.Expr, ...] = ()
+
+    def nearest(self, point: Point) -> Branch:
+        """The branch (on implicit branches the sheet) nearest to `point` in the fast direction."""
+        x, y = place(self.system, point)
+        best: tuple[float, Branch] | None = None
+        reasons = []
+        for branch in self.branches:
+            try:
+                sheet = branch.through(point)
+                distance = float(np.linalg.norm(sheet.points(x, near=y) - y))
+            except BranchError as error:
+                reasons.append(str(error))
+                continue
+            if best is None or distance < best[0]:
+                best = (distance, sheet)
+        if best is None and any(_is_fold(branch, x, y) for branch in self.branches):
+            place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
+            raise BranchError(
+                "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest. "
+                f"Got {place_of}. Move the start along one of the sheets."
+            )
+        if best is None:
+            raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
+        self._refuse_far_branch(x, y, best[0])
+        return best[1]
+
+    def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:
+        """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""
+        system = self.system
+        values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
+        for piece in self.unsolved:
+            slopes = [_real(derivative(piece, s).xreplace(values)) for s in system.y]
+            # To first order, and in the fast directions, as the distance of a branch is meant.
+            length = float(np.linalg.norm(slopes))
+            if length > 0.0 and abs(_real(piece.xreplace(values))) / length < distance:
+                raise BranchError(
+                    f"the start is nearest to the piece {piece} = 0 of the critical manifold, which is no graph of "
+                    f"{', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
+                    f"nearest branch is {distance:.3g} away. {_hidden_time_scale(system)}"
+                )
+
+    def __repr__(self) -> str:
+        return f"CriticalManifold({', '.join(map(str, self.branches))})"
+
+    __str__ = __repr__
+
+
+def _real(constant: sp.Expr) -> float:
+    """The value of a constant, not a number where it is not real or not finite."""
+    number = sp.N(constant)
+    return float(number) if number.is_Float or number.is_Rational else np.nan
+
+
+def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether the branch's equations E and E_y are both singular at a point, to `ON_FOLD` of their terms' sizes."""
+    system = branch.system
+    values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
+
+    def at(e: sp.Expr) -> tuple[float, float]:
+        # What is not real or not finite at the point is not a number, and no fold.
+        terms = [_real(term.xreplace(values)) for term in sp.Add.make_args(e)]
+        return sum(terms), sum(map(abs, terms))
+
+    residuals = [at(e) for e in branch.equations]
+    if not all(abs(value) <= ON_FOLD * size for value, size in residuals):
+        return False
+    slopes = [[at(derivative(e, s)) for s in system.y] for e in branch.equations]
+    matrix = np.array([[value for value, _ in row] for row in slopes])
+    if not np.isfinite(matrix).all():
+        return False
+    least = np.linalg.svd(matrix, compute_uv=False)[-1]
+    return bool(least <= ON_FOLD * max(size for row in slopes for _, size in row))
+
+
+def solve_critical(system: SlowFastSystem) -> CriticalManifold:
+    """The critical manifold of a system in standard form.
+
+    Rational and quadratic equations, and equations that one inverse function solves, give explicit branches;
+    the rest (a cubic, say: Cardano's formula is complex on the real sheets) give implicit ones.
+    Raises `BranchError` when g has no real zeros, or none that are a graph over x.
+
+    >>> x, y, eps = sp.symbols("x y epsilon")
+    >>> solve_critical(SlowFastSystem(slow={x: y}, fast={y: y**2 - x**2}, epsilon=eps))
+    CriticalManifold(y = x, y = -x)
+    """
+    check_noun(system, SlowFastSystem, verb="solve_critical")
+    _refuse_constants(system)
+    found = pieces(system)
+    branches = tuple(
+        Branch(system, equations, None if graph is None else MappingProxyType({y: graph[y] for y in system.y}))
+        for equations, graph in found.solved
+    )
+    if not branches:
+        unknown = ", ".join(map(str, system.y))
+        if found.unsolved:
+            raise BranchError(
+                f"the critical manifold {{{_shown(found.unsolved)}}} is no graph of {unknown} over the slow "
+                f"variables {', '.join(map(str, system.x))}. {_hidden_time_scale(system)}"
+            )
+        shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
+        raise BranchError(
+            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown}. "
+            "There is no critical manifold to reduce to."
+        )
+    return CriticalManifold(system, branches, tuple(found.unsolved), tuple(found.vanished))
+
+
+def _hidden_time_scale(system: SlowFastSystem) -> str:
+    """What to declare instead: when some of the fast variables are slow in disguise, their slow combinations."""
+    field = VectorField(
+        dict(zip(system.states, system.rates)), epsilon=system.epsilon, parameters=system.parameters
+    )
+    try:
+        better = split(field)
+    except GspError:
+        better = None
+    if better is None or better.system is None or len(better.system.y) >= len(system.y):
+        return "Take other variables as slow, or rescale."
+    slow = [
+        f"{s} = {phi}" if s != phi else str(s) for s, phi in better.coordinates.items() if s in better.system.x
+    ]
+    fast = len(better.system.y)
+    return (
+        f"A time scale is hidden in the fast block: of its {len(system.y)} directions {fast} "
+        f"{'is' if fast == 1 else 'are'} fast. Declare {', '.join(slow)} as slow, or split the VectorField."
+    )
+
+
+def _shown(equations: Sequence[sp.Expr]) -> str:
+    return ", ".join(f"{equation} = 0" for equation in equations)
+
+
+def _refuse_constants(system: SlowFastSystem) -> None:
+    for y, rate in system.fast.items():
+        if not laurent(rate, system.epsilon, order=0):
+            raise BranchError(
+                f"the fast rate of {y} vanishes identically at {system.epsilon} = 0. "
+                f"Got g = {rate}. Declare {y} as slow, with the rate divided by {system.epsilon}."
+            )

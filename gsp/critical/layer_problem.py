@@ -1,0 +1,296 @@
+"""The layer problem y' = g(x, y, 0) as equations for continuation: values and exact derivatives, compiled.
+
+Some of the slow variables and parameters are *free*; together with the fast variables they are the unknowns
+u = (free..., y...). Everything else is fixed. M0 is then the zero set of n_fast equations in n_free + n_fast
+unknowns: a curve for one free variable, a sheet for two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.laurent import laurent
+from gsp.errors import BranchError, DeclarationError, nearest
+from gsp.lowering.compiled_flow import CompiledFunction, compile_flow, compile_function
+from gsp.systems.arguments import shown
+from gsp.systems.flow import Point, named
+from gsp.systems.region import Interval, check_interval
+from gsp.systems.system import SlowFastSystem
+
+Bounds = Mapping[str, Interval] | Mapping[sp.Symbol, Interval]
+
+# Newton's method for a start: more steps than a corrector takes, as the guess may be poor.
+START_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LayerProblem:
+    """g(x, y, 0) of `system` in the unknowns (free..., y...), every other symbol `fixed` at its value."""
+
+    system: SlowFastSystem
+    free: tuple[sp.Symbol, ...]
+    fixed: Mapping[sp.Symbol, float]
+
+    @property
+    def unknowns(self) -> tuple[sp.Symbol, ...]:
+        """The free symbols, then the fast ones."""
+        return (*self.free, *self.system.y)
+
+    @property
+    def size(self) -> int:
+        """Number of equations, n_fast."""
+        return len(self.system.y)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of a result: slow, fast, then free parameters."""
+        extra = [s.name for s in self.free if s not in self.system.x]
+        return (*(s.name for s in self.system.states), *extra)
+
+    def rows(self, u: np.ndarray) -> np.ndarray:
+        """Unknowns (m, N) as points (m, n) with the columns `names`."""
+        column = {s.name: u[:, i] for i, s in enumerate(self.unknowns)}
+        for symbol, value in self.fixed.items():
+            column.setdefault(symbol.name, np.full(len(u), value))
+        return np.column_stack([column[name] for name in self.names])
+
+    def point(self, u: np.ndarray) -> dict[str, float]:
+        """One point by name."""
+        return dict(zip(self.names, map(float, self.rows(u[None, :])[0])))
+
+    # -- values ------------------------------------------------------------------------------------
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        """g at u: (n,) for one point, (m, n) for (m, N)."""
+        return self._g(u, self._p)
+
+    def jacobian(self, u: np.ndarray) -> np.ndarray:
+        """g_u at one point: (n, N)."""
+        return self._g_u(u, self._p).reshape(self.size, -1)
+
+    def jacobians(self, u: np.ndarray) -> np.ndarray:
+        """g_u at points (m, N): (m, n, N)."""
+        return self._g_u(u, self._p).reshape(len(u), self.size, -1)
+
+    def fast_jacobians(self, u: np.ndarray) -> np.ndarray:
+        """g_y at points (m, N): (m, n, n)."""
+        return self.jacobians(u)[:, :, len(self.free) :]
+
+    def eigenvalues(self, u: np.ndarray) -> np.ndarray:
+        """Eigenvalues of g_y at points (m, N), the rightmost first: complex (m, n); NaN where g_y is not finite."""
+        matrices = self.fast_jacobians(u)
+        finite = np.isfinite(matrices).all(axis=(1, 2))
+        values = np.full(matrices.shape[:2], complex(np.nan))
+        if finite.any():
+            values[finite] = np.linalg.eigvals(matrices[finite])
+        order = np.lexsort((-np.imag(values), -np.real(values)), axis=1)
+        return np.take_along_axis(values, order, axis=1)
+
+    def second(self, u: np.ndarray) -> np.ndarray:
+        """g_uu at one point: (n, N, N)."""
+        return self._symmetric(self._g_uu(u, self._p), len(self.unknowns), 2)
+
+    def third(self, u: np.ndarray) -> np.ndarray:
+        """g_yyy at one point: (n, n, n, n)."""
+        return self._symmetric(self._g_yyy(u, self._p), self.size, 3)
+
+    def _symmetric(self, entries: np.ndarray, n: int, order: int) -> np.ndarray:
+        return entries.reshape(self.size, -1)[:, _places(n, order)].reshape(self.size, *([n] * order))
+
+    @cached_property
+    def _rates(self) -> list[sp.Expr]:
+        epsilon = self.system.epsilon
+        return [laurent(g, epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
+
+    @cached_property
+    def _p(self) -> np.ndarray:
+        return np.array([np.nan, *self.fixed.values()])
+
+    def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
+        return compile_function(
+            outputs, arguments=self.unknowns, epsilon=self.system.epsilon, parameters=tuple(self.fixed)
+        )
+
+    @cached_property
+    def _g(self) -> CompiledFunction:
+        return self._compiled(self._rates)
+
+    @cached_property
+    def _g_u(self) -> CompiledFunction:
+        return self._compiled([derivative(g, s) for g in self._rates for s in self.unknowns])
+
+    @cached_property
+    def _g_uu(self) -> CompiledFunction:
+        return self._compiled(_partial_derivatives(self._rates, self.unknowns, 2))
+
+    @cached_property
+    def _g_yyy(self) -> CompiledFunction:
+        return self._compiled(_partial_derivatives(self._rates, self.system.y, 3))
+
+
+def _partial_derivatives(rates: Sequence[sp.Expr], symbols: Sequence[sp.Symbol], order: int) -> list[sp.Expr]:
+    """The different derivatives of that order, rate by rate, in the order of `combinations_with_replacement`."""
+    result = []
+    for rate in rates:
+        known: dict[tuple[sp.Symbol, ...], sp.Expr] = {(): rate}
+        for k in range(1, order + 1):
+            for chosen in combinations_with_replacement(symbols, k):
+                known[chosen] = derivative(known[chosen[:-1]], chosen[-1])
+        result += [known[chosen] for chosen in combinations_with_replacement(symbols, order)]
+    return result
+
+
+def _places(n: int, order: int) -> np.ndarray:
+    """Where the derivative with indices (i, j, ...) stands among the different ones: (n**order,)."""
+    where = {chosen: i for i, chosen in enumerate(combinations_with_replacement(range(n), order))}
+    return np.array([where[tuple(sorted(index))] for index in np.ndindex(*([n] * order))])
+
+
+# -- what a caller gives ---------------------------------------------------------------------------
+
+
+def find_symbol(
+    system: SlowFastSystem, wanted: sp.Symbol | str, among: Sequence[sp.Symbol], what: str
+) -> sp.Symbol:
+    """The symbol of `among` that is `wanted`, by itself or by name; raises `DeclarationError` otherwise."""
+    name = wanted.name if isinstance(wanted, sp.Symbol) else wanted
+    for symbol in among:
+        if isinstance(name, str) and symbol.name == name:
+            return symbol
+    names = [symbol.name for symbol in among]
+    known = ", ".join(names) or "none"
+    raise DeclarationError(
+        f"{what} is one of {known}. Got {shown(name)}. Take a symbol of the system {system.name or repr(system)}."
+        + nearest(name, names)
+    )
+
+
+def layer_problem(
+    system: SlowFastSystem, free: tuple[sp.Symbol, ...], start: Point
+) -> tuple[LayerProblem, np.ndarray]:
+    """The layer problem with `free` unknown and the rest fixed at `start`, and the unknowns there (N,).
+
+    `start` names every state, and free parameters if they are not to start from the system's values.
+    """
+    values = named(start, what="start")
+    parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
+    allowed = [s.name for s in system.states] + [s.name for s in free if s in parameters]
+    for name in values:
+        if name not in allowed:
+            known = [s.name for s in parameters]
+            fact = "a parameter that is not free" if name in known else "no state and no free parameter"
+            raise DeclarationError(
+                f'start names "{name}", which is {fact}. It takes {", ".join(allowed)}.'
+                + nearest(name, allowed)
+            )
+    missing = [s.name for s in system.states if s.name not in values]
+    if missing:
+        raise DeclarationError(f"start gives no value for {', '.join(missing)}. Give every state a value.")
+    everything = {**parameters, **{s: values[s.name] for s in system.states}}
+    everything |= {s: values[s.name] for s in free if s.name in values}
+    fixed = {s: v for s, v in everything.items() if s not in free and s not in system.y}
+    problem = LayerProblem(system, free, fixed)
+    return problem, np.array([everything[s] for s in problem.unknowns])
+
+
+def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Interval]:
+    """`bounds` by name, each (low, high); raises `DeclarationError` for names that are not unknowns."""
+    if bounds is None:
+        return {}
+    if not isinstance(bounds, Mapping):
+        raise DeclarationError(f"bounds maps names to intervals (low, high). Got {shown(bounds)}.")
+    names = [s.name for s in problem.unknowns]
+    result: dict[str, Interval] = {}
+    for key, interval in bounds.items():
+        name = key.name if isinstance(key, sp.Symbol) else key
+        if name not in names:
+            raise DeclarationError(
+                f'bounds names "{name}", which does not vary here. What varies is {", ".join(names)}.'
+                + nearest(str(name), names)
+            )
+        result[name] = check_interval(
+            interval, what=f"bounds of {name}", remedy="Give (low, high) with low < high."
+        )
+    return result
+
+
+def natural_scales(problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Interval]) -> np.ndarray:
+    """A typical size of each unknown (N,): the width of its bounds, else |u|, else what matters as much in g.
+
+    The last is the size at which a column of g_u, or else of g_uu, weighs as much as the others do, so that scaling
+    a variable scales it.
+    """
+    names = [s.name for s in problem.unknowns]
+    scales = np.array([bounds[n][1] - bounds[n][0] if n in bounds else abs(v) for n, v in zip(names, u)])
+    weights = np.abs(problem.jacobian(u))
+    known = scales > 0.0
+    if known.any() and np.isfinite(weights).all():
+        total = weights[:, known] @ scales[known]
+        for j in np.flatnonzero(~known):
+            rows = (weights[:, j] > 0.0) & (total > 0.0)
+            scales[j] = (total[rows] / weights[rows, j]).min() if rows.any() else 0.0
+        for j in np.flatnonzero(scales == 0.0):
+            bent = np.abs(problem.second(u)[:, j, j])
+            rows = (bent > 0.0) & (total > 0.0)
+            scales[j] = np.sqrt((2.0 * total[rows] / bent[rows]).min()) if rows.any() else 0.0
+    return np.where((scales > 0.0) & np.isfinite(scales), scales, 1.0)
+
+
+def least_norm_newton(equations, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray | None:
+    """The zero of `equations` next to u by damped Newton steps of least norm in u/scales; None when they fail."""
+    u = u.copy()
+    for _ in range(START_STEPS):
+        value, slope = equations.residual(u), equations.jacobian(u) * scales
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return None
+        size = np.linalg.norm(slope, axis=1)
+        size[size == 0.0] = 1.0
+        step = np.linalg.lstsq(slope / size[:, None], value / size, rcond=1e-13)[0]
+        length = float(np.linalg.norm(step))
+        u = u - scales * step * min(1.0, 1.0 / max(length, 1e-300))
+        if length <= tolerance:
+            # Where the slope vanishes the step does too, but not the value.
+            return u if float(np.abs(value / size).max()) <= 100.0 * tolerance else None
+    return None
+
+
+def corrected_start(problem: LayerProblem, u: np.ndarray, scales: np.ndarray, tolerance: float) -> np.ndarray:
+    """The point of M0 next to u: over the same free variables if there is one, else the nearest.
+
+    Raises `BranchError` when Newton's method fails both ways.
+    """
+    k = len(problem.free)
+    over = _Fast(problem, u[:k])
+    y = least_norm_newton(over, u[k:], scales[k:], tolerance)
+    found = None if y is None else np.concatenate([u[:k], y])
+    if found is None or np.abs((found - u) / scales).max() > 1.0:
+        found = least_norm_newton(problem, u, scales, tolerance)
+    if found is None:
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(u).items())
+        size = ", ".join(f"{value:.3g}" for value in problem.residual(u))
+        raise BranchError(
+            f"start is not on the critical manifold and Newton's method found no point of it nearby. Got {at}, "
+            f"where g = {size}. Give a point with g(x, y, 0) near 0; solve_critical(system) has some."
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Fast:
+    """The layer problem at fixed free variables."""
+
+    problem: LayerProblem
+    x: np.ndarray
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        return self.problem.residual(np.concatenate([self.x, y]))
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        return self.problem.jacobian(np.concatenate([self.x, y]))[:, len(self.x) :]

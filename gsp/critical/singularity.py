@@ -1,0 +1,106 @@
+"""Matrices that become singular along a curve, told by one smooth number: the bordered, minimally augmented test.
+
+For a matrix M(u) of corank 1 somewhere, and borders b, c that are not orthogonal to its null vectors,
+
+    [ M    b ] [v]   [0]                            [ M^T  c ] [w]   [0]
+    [ c^T  0 ] [s] = [1],   s(u) = 0 <=> det M = 0,  [ b^T  0 ] [s] = [1],   ds = -w^T dM v,
+
+(Govaerts 2000, chapter 3). With M = g_y this is a fold; with M = 2 g_y (.) I, the bialternate product, whose
+eigenvalues are the sums of two eigenvalues of g_y, it is a Hopf point or a neutral saddle (Kuznetsov 2004, 10.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from gsp.critical.layer_problem import LayerProblem
+
+MatrixMap = Callable[[np.ndarray], np.ndarray]
+
+
+def identity(matrix: np.ndarray) -> np.ndarray:
+    """The matrix itself: (..., n, n)."""
+    return matrix
+
+
+def bialternate(matrix: np.ndarray) -> np.ndarray:
+    """2 A (.) I for A (..., n, n): (..., m, m) with m = n(n - 1)/2; linear in A (Kuznetsov 2004, 10.2.2)."""
+    pairs = list(combinations(range(matrix.shape[-1]), 2))
+    result = np.zeros((*matrix.shape[:-2], len(pairs), len(pairs)))
+    for row, (q, p) in enumerate(pairs):
+        for column, (s, r) in enumerate(pairs):
+            entry = result[..., row, column]
+            if r == q:
+                entry -= matrix[..., p, s]
+            if r == p:
+                entry += matrix[..., q, s]
+            if s == q:
+                entry += matrix[..., p, r]
+            if s == p:
+                entry -= matrix[..., q, r]
+    return result
+
+
+@dataclass(frozen=True)
+class Null:
+    """What one bordered solve gives: the test `s`, its gradient (N,), and v, w that span the null spaces at s = 0."""
+
+    s: float
+    gradient: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+
+
+@dataclass(frozen=True)
+class Singular:
+    """{g = 0, s = 0}: where `of`(g_y) is singular, with fixed borders."""
+
+    problem: LayerProblem
+    of: MatrixMap
+    b: np.ndarray
+    c: np.ndarray
+
+    def null(self, u: np.ndarray) -> Null:
+        """The bordered solves at u; raises `numpy.linalg.LinAlgError` where the borders do not serve."""
+        k = len(self.problem.free)
+        g_y = self.problem.jacobian(u)[:, k:]
+        changes = np.moveaxis(self.problem.second(u)[:, k:, :], 2, 0)
+        M, dM = self.of(g_y), self.of(changes)
+        n = len(M)
+        bordered = np.block([[M, self.b[:, None]], [self.c[None, :], np.zeros((1, 1))]])
+        unit = np.zeros(n + 1)
+        unit[n] = 1.0
+        if not (np.isfinite(bordered).all() and np.isfinite(dM).all()):
+            raise np.linalg.LinAlgError("not finite")
+        v, w = np.linalg.solve(bordered, unit), np.linalg.solve(bordered.T, unit)
+        return Null(float(v[n]), -np.einsum("i,lij,j->l", w[:n], dM, v[:n]), v[:n], w[:n])
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        """(g, s) at u: (n + 1,); NaN where there is none."""
+        try:
+            s = self.null(u).s
+        except np.linalg.LinAlgError:
+            s = float("nan")
+        return np.append(self.problem.residual(u), s)
+
+    def jacobian(self, u: np.ndarray) -> np.ndarray:
+        """Derivatives of (g, s) at u: (n + 1, N)."""
+        try:
+            gradient = self.null(u).gradient
+        except np.linalg.LinAlgError:
+            gradient = np.full(len(u), np.nan)
+        return np.vstack([self.problem.jacobian(u), gradient])
+
+
+def singular_near(problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> Singular:
+    """`Singular` with the borders that are best at u: the singular vectors of the least singular value."""
+    k = len(problem.free)
+    # Scaled to the size of M, so that the bordered matrix is as well conditioned as it can be.
+    M = of(problem.jacobian(u)[:, k:])
+    left, sizes, right = np.linalg.svd(M)
+    size = sizes[0] or 1.0
+    return Singular(problem, of, size * left[:, -1], right[-1])

@@ -1,0 +1,285 @@
+"""Normal hyperbolicity of a branch over a region: the conditions of Fenichel's theorem, with their numbers.
+
+The fast Jacobian g_y(x, h_0(x), 0) must have no eigenvalue on the imaginary axis (Eldering 2015, section 4.1).
+Everything here is *sampled*: a finite set of points is examined, the worst of them refined; nothing is proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from gsp.critical.branch import Branch
+from gsp.critical.sampling import Sampler, grid
+from gsp.errors import BranchError
+from gsp.hyperbolicity.losses import Loss, LossKind, examine, sheet_ends, singular_points
+from gsp.hyperbolicity.losses.locator import unstable
+from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
+from gsp.systems.arguments import check_noun
+from gsp.systems.flow import as_points, check_epsilon
+from gsp.systems.region import Interval, check_region
+
+EQUILIBRIUM_TOLERANCE = 1e-9
+
+
+class Kind(StrEnum):
+    """Type of normal hyperbolicity."""
+
+    ATTRACTING = "attracting"
+    REPELLING = "repelling"
+    SADDLE = "saddle"
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition: what is required, the number that decides it, and whether it holds."""
+
+    name: str
+    statement: str
+    value: float
+    requirement: str
+    holds: bool
+
+    def __str__(self) -> str:
+        return f"{'holds' if self.holds else 'FAILS':5}  {self.name}: {self.value:.6g} ({self.requirement})"
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Normal rate in fast time against the tangential rate in slow time.
+
+    `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay along the slow flow on M0
+    (largest |eigenvalue| of the symmetric part of its Jacobian).
+    """
+
+    normal: float
+    tangential: float
+
+    def r(self, epsilon: float) -> float:
+        """The r of r-normal hyperbolicity: normal rate per tangential rate, normal/(epsilon tangential)."""
+        small = check_epsilon(epsilon)
+        return self.normal / (small * self.tangential) if self.tangential else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperbolicity:
+    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
+    and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
+    neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm.
+    """
+
+    branch: Branch
+    region: Mapping[str, Interval]
+    kind: Kind
+    gap: float
+    rates: Rates
+    losses: tuple[Loss, ...]
+    conditions: tuple[Condition, ...]
+    samples: int
+    evidence: str
+    looked_at: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether every condition holds at the samples."""
+        return all(condition.holds for condition in self.conditions)
+
+    @cached_property
+    def sub_region(self) -> SubRegion | None:
+        """The largest part of the region found, cut along one slow axis, over which the conditions hold.
+
+        Cuts are tried at the losses and judged by `classify`; None without a loss, and when no part holds.
+        """
+        return (
+            largest_sub_region(self.branch, self.region, self.losses, judge=classify) if self.losses else None
+        )
+
+    def eigenvalues(self, x, *, near=None) -> np.ndarray:
+        """Eigenvalues of g_y at the branch's points over `x`: complex (m, n_fast), or (n_fast,) for one."""
+        array, single = as_points(self.branch.system.x, x, what="x")
+        y = self.branch.points(array, near=near)
+        values = Sampler(self.branch).eigenvalues(np.hstack([array, y]))
+        return values[0] if single else values
+
+    def __repr__(self) -> str:
+        return f"Hyperbolicity({self.kind}, gap={self.gap:.6g}, {self.evidence})"
+
+    def __str__(self) -> str:
+        newline = "\n"
+        lines = [f"{self.kind}, gap {self.gap:.6g} in fast time; {self.evidence}"]
+        lines += [f"  {condition}" for condition in self.conditions]
+        lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
+        lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
+        lines += [f"  note: {note}" for note in self.notes]
+        if self.sub_region is not None:
+            lines.append(f"  holds: {self.sub_region}")
+        return "\n".join(lines)
+
+
+def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float | None = None) -> Hyperbolicity:
+    """Where and how strongly `branch` is normally hyperbolic over `region`.
+
+    `region` bounds every slow variable, and fast ones where a sheet of an implicit branch is meant; with
+    `epsilon` the condition r >= 1 is decided at that value too. A loss is knowledge, not an error: the kind is
+    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on.
+    Raises `DeclarationError` for a region that is not one and `BranchError` when the branch has no real point in it.
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)
+    >>> classify(solve_critical(system).branches[0], region={"y": (0, 1)})
+    Hyperbolicity(attracting, gap=2, sampled at 257 points)
+    """
+    check_noun(branch, Branch, verb="classify")
+    epsilon = None if epsilon is None else check_epsilon(epsilon)
+    system = branch.system
+    box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
+    sampler = Sampler(branch)
+    x = grid(np.array([box[s.name] for s in system.x]))
+    z, rows = _points(sampler, x, box)
+    missing = len(x) - len(np.unique(rows))
+    everything = z, rows
+    bounded = sampler.inside(z, box)
+    a, b = sampler.links(z[bounded], rows[bounded], x)
+    z, rows = z[bounded], rows[bounded]
+    if len(z) == 0:
+        raise BranchError(
+            f"the branch {branch} has no real point in the region {_shown(box)}. "
+            "Move the region, or take another branch."
+        )
+    eigenvalues = sampler.eigenvalues(z)
+    finite = np.isfinite(eigenvalues).all(axis=1)
+    missing += int((~finite).sum())
+    z, rows, eigenvalues = z[finite], rows[finite], eigenvalues[finite]
+    scale = float(np.abs(eigenvalues).max(initial=0.0)) or 1.0
+    count = unstable(eigenvalues)
+    kinds = np.unique(count)
+    found = examine(sampler, box, scale, z, eigenvalues, (a, b), epsilon=epsilon)
+    losses, gap = found.losses, found.gap
+    if missing and not losses and found.diagnosis is not None:
+        losses = tuple(sheet_ends(found.diagnosis, *everything, x))
+    mixed = len(kinds) > 1
+    lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= found.zero
+    if mixed and not lost and not branch.is_explicit and branch.seed is None:
+        raise BranchError(
+            f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
+            f"{', '.join(_kind(int(k), len(system.y)) for k in kinds)}. "
+            "Fix one with branch.through({...}), or bound the fast variables."
+        )
+    rates = Rates(gap, sampler.tangential_rate(z))
+    return Hyperbolicity(
+        branch=branch,
+        region=box,
+        kind=Kind.LOST if lost or mixed or len(kinds) == 0 else _kind(int(kinds[0]), len(system.y)),
+        gap=gap,
+        rates=rates,
+        losses=losses,
+        conditions=tuple(_conditions(sampler, z, missing, kinds, rates, found.zero, losses, epsilon)),
+        samples=len(z),
+        evidence=f"sampled at {len(z)} points",
+        looked_at=found.looked_at,
+        notes=found.notes,
+    )
+
+
+def _points(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:
+    """Samples over the grid x and their rows; where Newton's method finds none, those of a singular branch."""
+    reason = None
+    try:
+        z, rows = sampler.points(x, box)
+    except BranchError as error:
+        z, rows, reason = np.empty((0, len(sampler.system.states))), np.empty(0, dtype=int), error
+    if not sampler.branch.is_explicit and (len(z) < len(x) // 2 or sampler.is_singular(z)):
+        singular = singular_points(sampler, box, x)
+        if len(singular):
+            nx = x.shape[1]
+            return singular, np.array(
+                [int(np.argmin(np.abs(x - point[:nx]).sum(axis=1))) for point in singular]
+            )
+    if reason is not None:
+        raise reason
+    return z, rows
+
+
+def _kind(unstable: int, fast: int) -> Kind:
+    if unstable == 0:
+        return Kind.ATTRACTING
+    return Kind.REPELLING if unstable == fast else Kind.SADDLE
+
+
+def _conditions(
+    sampler: Sampler,
+    z: np.ndarray,
+    missing: int,
+    kinds: np.ndarray,
+    rates: Rates,
+    zero: float,
+    losses: tuple[Loss, ...],
+    epsilon: float | None,
+) -> Iterator[Condition]:
+    rough = (LossKind.NON_SMOOTH, LossKind.FIELD_POLE)
+    non_smooth = sum(loss.kind in rough for loss in losses)
+    missing += sum(loss.kind is LossKind.BRANCH_POLE for loss in losses)
+    yield Condition(
+        "smooth field",
+        "f and g depend smoothly on x, y and epsilon",
+        float(non_smooth),
+        "switching surfaces and poles that the branch meets, 0 needed",
+        non_smooth == 0,
+    )
+    total = len(z) + missing
+    yield Condition(
+        "graph",
+        "the branch is a graph over the whole region",
+        missing / total,
+        "share of points over which it has no real point, 0 needed",
+        missing == 0,
+    )
+    residual = sampler.residual(z) if len(z) else float("inf")
+    yield Condition(
+        "equilibria",
+        "g(x, h_0(x), 0) = 0: the fast system has an equilibrium for every x",
+        residual,
+        f"largest residual, at most {EQUILIBRIUM_TOLERANCE:g} needed",
+        residual <= EQUILIBRIUM_TOLERANCE,
+    )
+    yield Condition(
+        "hyperbolic equilibria",
+        "every eigenvalue of g_y(x, h_0(x), 0) is off the imaginary axis",
+        rates.normal,
+        "least |Re lambda|, above 0 needed",
+        rates.normal > zero,
+    )
+    yield Condition(
+        "one type",
+        "the number of unstable fast directions is the same everywhere",
+        float(np.ptp(kinds)) if len(kinds) else 0.0,
+        "difference between the most and the fewest unstable fast directions, 0 needed",
+        len(kinds) <= 1,
+    )
+    variation = sampler.jacobian_variation(z)
+    yield Condition(
+        "smooth Jacobian",
+        "g_y(x, h_0(x), 0) depends smoothly on x",
+        variation,
+        "largest derivative along the branch, finite needed",
+        bool(np.isfinite(variation)),
+    )
+    if epsilon is not None:
+        r = rates.r(epsilon)
+        yield Condition(
+            "normal rate dominates",
+            f"normal against tangential rate at epsilon = {epsilon:g}: the r of r-normal hyperbolicity",
+            r,
+            "at least 1 needed for a C^1 manifold",
+            r >= 1.0,
+        )
+
+
+def _shown(box: Mapping[str, Interval]) -> str:
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in box.items())

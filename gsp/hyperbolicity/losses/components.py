@@ -1,0 +1,242 @@
+"""Losses over two and more slow variables: samples of one curve or surface become one loss.
+
+Samples are linked along a spanning tree of nearest neighbours when Newton's method, from the points between two of
+them, stays there. Along the links the test functions of cusps and Bogdanov-Takens points change their sign; those
+points are located and named by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from gsp.critical.layer_problem import least_norm_newton
+from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
+from gsp.critical.singularity import MatrixMap, bialternate, identity, singular_near
+from gsp.hyperbolicity.losses import kinds
+from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.naming import named
+from gsp.hyperbolicity.losses.zeros import zero
+
+# In units of the region: nearer samples are linked as they are; branch points, which Newton's method does not isolate,
+# are linked up to the second.
+NEAR = 0.03
+NEAR_BRANCH_POINTS = 0.35
+# Nearer losses of one kind are one: multiple zeros are located to the root of rounding only.
+SAME_KIND = 1e-4
+HALVINGS = 3
+SECANTS = 60
+
+FOLDS = (LossKind.FOLD, LossKind.CUSP, LossKind.BOGDANOV_TAKENS)
+Chain = list[np.ndarray]
+
+
+def named_losses(diagnosis: Diagnosis, found: Sequence[Found]) -> list[Loss]:
+    """The losses at `found`, one for each component of one kind, those on curves with their special points."""
+    losses = [named(diagnosis, place) for place in found]
+    points = [place.z for place in found]
+    if diagnosis.nx == 1:
+        return [_ranged(diagnosis, [loss]) for loss in _distinct(diagnosis, losses)]
+    result: list[Loss] = []
+    for group in _groups(losses):
+        members = [losses[i] for i in group]
+        result += _merged(diagnosis, members, np.array([points[i] for i in group]))
+    return result
+
+
+def _groups(losses: Sequence[Loss]) -> list[list[int]]:
+    """Indices of losses that may lie on one component: folds with the special points on them, else one kind."""
+    groups: dict[object, list[int]] = {}
+    for i, loss in enumerate(losses):
+        key = FOLDS if loss.kind in FOLDS else (loss.kind, loss.crossing)
+        groups.setdefault(key, []).append(i)
+    return list(groups.values())
+
+
+def _ranged(diagnosis: Diagnosis, losses: Sequence[Loss]) -> Loss:
+    """The first loss with the range of all of them in the slow variables."""
+    names = [s.name for s in diagnosis.sampler.system.x]
+    values = {name: [loss.point[name] for loss in losses] for name in names}
+    return replace(losses[0], extent={name: (min(v), max(v)) for name, v in values.items()})
+
+
+def _distinct(diagnosis: Diagnosis, losses: Sequence[Loss]) -> list[Loss]:
+    kept: list[Loss] = []
+    for loss in losses:
+        near = any(
+            other.kind is loss.kind
+            and all(
+                abs(other.point[s.name] - loss.point[s.name]) <= SAME_KIND * width
+                for s, width in zip(diagnosis.sampler.system.x, diagnosis.widths)
+            )
+            and all(
+                abs(other.point[s.name] - loss.point[s.name])
+                <= 0.1 * SAME_KIND**0.5 * (1.0 + abs(loss.point[s.name]))
+                for s in diagnosis.sampler.system.y
+            )
+            for other in kept
+        )
+        if not near:
+            kept.append(loss)
+    return kept
+
+
+def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Loss]:
+    """One loss for each connected part, and the special points on it."""
+    scales = _scales(diagnosis, z)
+    kind = losses[0].kind
+    of = bialternate if losses[0].crossing == kinds.PAIR else identity
+    isolated = kind in FOLDS or kind is LossKind.HOPF
+    parts = list(range(len(z)))
+    special: list[Loss] = []
+    for i, j, distance in _spanning_tree(z / scales):
+        if isolated:
+            chain = _chain(diagnosis, of, z[i], z[j], scales, HALVINGS)
+            if chain is None:
+                continue
+            if kind in FOLDS:
+                special += _special_points(diagnosis, [z[i], *chain, z[j]], scales)
+        elif distance > NEAR_BRANCH_POINTS:
+            continue
+        old, new = parts[j], parts[i]
+        parts = [new if part == old else part for part in parts]
+    result = []
+    for part in sorted(set(parts), key=parts.index):
+        members = [i for i in range(len(z)) if parts[i] == part]
+        result.append(_represented(diagnosis, [losses[i] for i in members], z[members] / scales))
+    own = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
+    kept = [loss for loss in _distinct(diagnosis, [*own, *special]) if loss.kind is not result[0].kind]
+    return [*result, *(_ranged(diagnosis, [loss]) for loss in kept)]
+
+
+def _represented(diagnosis: Diagnosis, losses: list[Loss], places: np.ndarray) -> Loss:
+    """One loss that stands for its part: a typical one; what differs along the part is noted."""
+    usual = [i for i, loss in enumerate(losses) if loss.kind in (LossKind.FOLD, LossKind.HOPF)]
+    usual = usual or list(range(len(losses)))
+    speeds = [
+        abs(losses[i].coefficients.get("kappa", losses[i].coefficients.get("crossing", 0.0))) for i in usual
+    ]
+    if max(speeds) > 0.0:
+        middle = usual[int(np.argsort(speeds)[len(speeds) // 2])]
+    else:
+        distances = np.linalg.norm(places[:, None, :] - places[None, :, :], axis=2).sum(axis=1)
+        middle = min(usual, key=lambda i: distances[i])
+    chosen = losses[middle]
+    notes = [chosen.note] if chosen.note else []
+    for name, what in (
+        ("switching", "the slow flow changes its direction across it: folded singularities lie on it"),
+        ("l1", "l1 changes its sign along it: a generalised Hopf point lies on it"),
+    ):
+        values = [loss.coefficients[name] for loss in losses if name in loss.coefficients]
+        if name == "switching":
+            values = [loss.coefficients.get("kappa", 0.0) for loss in losses if name in loss.coefficients]
+        if values and min(values) < 0.0 < max(values):
+            notes.append(what)
+    ranged = _ranged(diagnosis, [chosen, *losses])
+    return replace(ranged, samples=len(losses), note="; ".join(notes))
+
+
+def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
+    """Typical sizes of (x, y): the region's widths, and what the branch and the losses span in y."""
+    nx = diagnosis.nx
+    y = np.vstack([diagnosis.samples[:, nx:], z[:, nx:]])
+    spans = np.ptp(y[np.isfinite(y).all(axis=1)], axis=0)
+    spans = np.where(spans > max(ROUNDING, ROUNDING * float(spans.max())), spans, 0.0)
+    return np.append(diagnosis.widths, np.where(spans > 0.0, spans, float(spans.max()) or 1.0))
+
+
+def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:
+    """Edges (i, j, length) of the shortest tree through `points` (Prim)."""
+    inside, edges = [0], []
+    distances = np.linalg.norm(points[:, None, :] - points[None, :, :], axis=2)
+    while len(inside) < len(points):
+        outside = [k for k in range(len(points)) if k not in inside]
+        block = distances[np.ix_(inside, outside)]
+        a, b = np.unravel_index(int(np.argmin(block)), block.shape)
+        edges.append((inside[a], outside[b], float(block[a, b])))
+        inside.append(outside[b])
+    return edges
+
+
+def _singular_point(
+    diagnosis: Diagnosis, of: MatrixMap, u: np.ndarray, scales: np.ndarray
+) -> np.ndarray | None:
+    try:
+        return least_norm_newton(singular_near(diagnosis.problem, of, u), u, scales, 1e-12)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _chain(
+    diagnosis: Diagnosis, of: MatrixMap, p: np.ndarray, q: np.ndarray, scales: np.ndarray, halvings: int
+) -> Chain | None:
+    """Points of the same set between p and q, in order; None when it does not join them."""
+    length = float(np.linalg.norm((q - p) / scales))
+    if length <= NEAR:
+        return []
+    between = _singular_point(diagnosis, of, 0.5 * (p + q), scales)
+    if between is None or max(np.linalg.norm((between - end) / scales) for end in (p, q)) > length:
+        return None
+    if halvings == 0:
+        return [between]
+    first = _chain(diagnosis, of, p, between, scales, halvings - 1)
+    second = _chain(diagnosis, of, between, q, scales, halvings - 1)
+    return None if first is None or second is None else [*first, between, *second]
+
+
+def _special_points(diagnosis: Diagnosis, chain: Chain, scales: np.ndarray) -> list[Loss]:
+    """Cusps and Bogdanov-Takens points between consecutive points of a chain of folds."""
+    found = []
+    for p, q in pairwise(chain):
+        before, after = _tests(diagnosis, p, p), _tests(diagnosis, q, p)
+        for which in (0, 1):
+            if before[which] * after[which] >= 0.0:
+                continue
+            z = _changed(diagnosis, p, q, which, (before[which], after[which]), scales)
+            if z is None or not diagnosis.sampler.inside(z[None, :], diagnosis.box)[0]:
+                continue
+            loss = zero(diagnosis, z)
+            if loss.kind is not LossKind.FOLD:
+                found.append(loss)
+    return found
+
+
+def _tests(diagnosis: Diagnosis, u: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
+    """<l, g_yy r r>/2 and <l, r> at u, unit vectors turned as at `reference`: zero at cusps, and at double zeros."""
+    nx = diagnosis.nx
+    right, left = null_vectors(diagnosis.problem.jacobian(u)[:, nx:])
+    right_0, left_0 = null_vectors(diagnosis.problem.jacobian(reference)[:, nx:])
+    right, left = right * np.sign(right @ right_0), left * np.sign(left @ left_0)
+    g_yy = diagnosis.problem.second(u)[:, nx:, nx:]
+    return quadratic_coefficient(g_yy, right, left), float(left @ right)
+
+
+def _changed(
+    diagnosis: Diagnosis,
+    p: np.ndarray,
+    q: np.ndarray,
+    which: int,
+    values: tuple[float, float],
+    scales: np.ndarray,
+) -> np.ndarray | None:
+    """Where the test changes its sign between p and q, by false position with halved ends (Illinois)."""
+    low, high, (f_low, f_high) = 0.0, 1.0, values
+    z = p
+    for _ in range(SECANTS):
+        share = (low * f_high - high * f_low) / (f_high - f_low)
+        found = _singular_point(diagnosis, identity, p + share * (q - p), scales)
+        if found is None:
+            return None
+        z, value = found, _tests(diagnosis, found, p)[which]
+        if value == 0.0 or abs(high - low) <= 1e-14 or abs(value) <= 1e-14 * max(map(abs, values)):
+            break
+        if value * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low *= 0.5
+        high, f_high = share, value
+    return z

@@ -1,0 +1,119 @@
+"""Where a sheet ends although no loss was met in the region: a fold, a switching surface, the domain, or none found.
+
+The fold may lie outside the bounds on the fast variables: over the slow variables the sheet ends there all the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gsp.critical.sampling import neighbours
+from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses.components import named_losses
+from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.locator import Locator
+from gsp.hyperbolicity.losses.switching import switches
+
+# Ends that are located, and halvings for each: to give a sheet up is slow.
+ENDS = 2
+HALVINGS = 24
+# A switching function is zero at an end below this, relative to its size over the samples.
+AT_END = 1e-4
+# An eigenvalue that creeps towards zero without ever being there is no smaller than this share at a zero of Newton's.
+VANISHED = 1e-2
+# The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the samples.
+HYPERBOLIC = 1e-3
+
+DOMAIN = Verdict(
+    "the field has no real value beyond; orbits that get there leave the model",
+    False,
+    "shrink the region to the domain of the field",
+)
+SURFACE = Verdict(
+    "the equilibria end at a switching surface: orbits cross it or slide along it",
+    False,
+    "shrink the region to this side, or use Filippov's rule on the surface",
+)
+
+
+def sheet_ends(diagnosis: Diagnosis, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Loss]:
+    """Losses at ends of sheets, between samples `z` over the rows `rows` of the grid `x` and rows that have none.
+
+    The samples are those of one sheet whatever its fast coordinates, or those within the bounds on these.
+    """
+    sampler, box = diagnosis.sampler, diagnosis.box
+    one_sheet = sampler.branch.is_explicit or sampler.branch.seed is not None
+    if one_sheet:
+        box = {s.name: box[s.name] for s in sampler.system.x}
+    has = np.zeros(len(x), dtype=bool)
+    has[rows] = True
+    first, second = neighbours(len(x), x.shape[1])
+    pairs = [(a, b) for a, b in [*zip(first, second), *zip(second, first)] if has[a] and not has[b]]
+    chosen = [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS)).astype(int)]
+    ends = [_end(diagnosis, z[int(np.argmax(rows == a))], x[b]) for a, b in chosen]
+    ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
+    folds, losses = [], []
+    for end in ends:
+        fold = _fold(diagnosis, Locator(sampler, box, diagnosis.scale, usual=_usual(diagnosis)), end)
+        if fold is None:
+            losses.append(_loss(diagnosis, end))
+        else:
+            folds.append(fold)
+    return [*named_losses(diagnosis, folds), *losses]
+
+
+def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | None:
+    """Where an eigenvalue vanishes next to the end of a sheet; None without such a place."""
+    locator.zeros(end[None, :])
+    nx = diagnosis.nx
+    sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
+    least = _least(diagnosis, end)
+    near = [
+        found
+        for found in locator.found
+        if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= VANISHED * least
+    ]
+    return near[0] if near else None
+
+
+def _usual(diagnosis: Diagnosis) -> float:
+    return float(np.median(np.abs(diagnosis.sampler.eigenvalues(diagnosis.samples)).min(axis=1)))
+
+
+def _least(diagnosis: Diagnosis, z: np.ndarray) -> float:
+    return float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0]).min())
+
+
+def _end(diagnosis: Diagnosis, low: np.ndarray, high_x: np.ndarray) -> np.ndarray:
+    """The last point of the sheet of `low` on the way to `high_x`, by bisection."""
+    nx = diagnosis.nx
+    for _ in range(HALVINGS):
+        x = 0.5 * (low[:nx] + high_x)
+        y, good = diagnosis.sampler.over(x[None, :], low[None, :])
+        if good[0]:
+            low = np.concatenate([x, y[0]])
+        else:
+            high_x = x
+    return low
+
+
+def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
+    sampler = diagnosis.sampler
+    value = _least(diagnosis, end)
+    for switch in switches([*sampler.f, *sampler.g], sampler.system.states):
+        function = sampler.compiled([switch.surface])
+        here = float(function(end[None, :], sampler.p)[0, 0])
+        typical = np.abs(function(diagnosis.samples, sampler.p)[:, 0]).max()
+        if abs(here) <= AT_END * typical:
+            note = f"{switch.source} switches at {switch.surface} = 0"
+            return diagnosis.loss(
+                end, kinds.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
+            )
+    if value > HYPERBOLIC * _usual(diagnosis):
+        return diagnosis.loss(end, kinds.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
+    note = "no zero eigenvalue, pole or switching surface was found where it ends"
+    return diagnosis.loss(
+        end, kinds.END, LossKind.DEGENERATE, "least |lambda|", value, consequences.DEGENERATE, note=note
+    )

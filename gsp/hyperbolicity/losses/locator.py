@@ -1,0 +1,346 @@
+"""Where normal hyperbolicity is lost, before it is named: eigenvalues that reach the imaginary axis, and poles.
+
+Zero eigenvalues solve {equations of the branch = 0, g_y v = 0, |v| = 1} for (x, y, v), by Gauss-Newton steps of
+least norm from the samples nearest to singular. Other changes of type are bisected between linked samples, and
+losses too thin to lie between two samples of different type are met when the worst samples are refined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.critical.continuation.special_points import pair_test
+from gsp.critical.sampling import Sampler
+from gsp.hyperbolicity.losses.diagnosis import Found
+from gsp.hyperbolicity.losses.kinds import BRANCH_POLE, FIELD_POLE, JUMP, PAIR, SUM, ZERO
+from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.systems.region import Interval
+
+# The worst samples, from which the gap is refined and losses are located.
+REFINED = 4
+LOCATED = 24
+# An eigenvalue counts as zero below this, relative to its usual size in the region.
+ZERO_TOLERANCE = 1e-9
+# Where an eigenvalue vanishes it is no larger than this share of its usual size: multiple zeros are inexact.
+VANISHED = 0.03
+# A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
+INFINITE = 1e6
+BISECTIONS = 52
+# Distances from a pole at which the field is compared, relative to 1 + |z|, and how much it has grown: a simple pole by
+# their quotient.
+NEAR_POLE = (1e-4, 1e-7)
+GROWN = 100.0
+# Two losses nearer than this, relative to the region's width, are one.
+SAME = 1e-6
+# Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to
+# their distance at the sample: next to a zero both are rounding.
+JUMPED = 1e-3
+# How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
+TOWARDS = 0.01
+# Share of the region that one search for the least gap covers.
+SEARCHED = 0.02
+# Neutral saddles that are looked at.
+SUMS = 6
+
+
+class Locator:
+    """Collects the losses of one branch in one box, each once."""
+
+    def __init__(
+        self, sampler: Sampler, box: Mapping[str, Interval], scale: float, *, usual: float | None = None
+    ) -> None:
+        self.sampler = sampler
+        self.box = box
+        # The largest |lambda|, and the size that the one nearest to the axis has on most of the branch.
+        self.scale = scale
+        self.usual = scale if usual is None else usual
+        self.found: list[Found] = []
+
+    def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
+        """Note a place `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
+        nx = len(self.sampler.system.x)
+        checked = np.append(z[:nx], [np.nan] * (len(z) - nx)) if only_x else z
+        if not self.sampler.inside(checked[None, :], self.box)[0]:
+            return
+        if self._is_known(z, slice(nx) if only_x else slice(None)):
+            return
+        if sum(known.crossing == crossing for known in self.found) < LOCATED:
+            self.found.append(Found(z, crossing))
+
+    def _is_known(self, z: np.ndarray, compared: slice = slice(None)) -> bool:
+        width = max(high - low for low, high in self.box.values())
+        return any(np.abs((known.z - z)[compared]).max() < SAME * width for known in self.found)
+
+    # -- zero eigenvalues --------------------------------------------------------------------------
+
+    def zeros(self, samples: np.ndarray) -> None:
+        """Zero eigenvalues on the branch next to `samples`."""
+        sampler = self.sampler
+        branch = sampler.branch
+        for z in samples:
+            point = self._zero_eigenvalue(z, branch.residual, branch.full_jacobian)
+            if point is None and branch.is_explicit:
+                # A graph such as sqrt(x) has no derivative at its fold, but g has.
+                point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
+            if point is not None and not self._is_known(point) and self._on_sheet(point, z):
+                self.add(point, ZERO)
+
+    def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
+        sampler = self.sampler
+        n, ny = len(z), len(sampler.system.y)
+        matrix = sampler.fast_jacobian(z[None, :])[0]
+        if not np.isfinite(matrix).all():
+            return None
+        unknown = np.concatenate([z, np.linalg.svd(matrix)[2][-1]])
+
+        def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            point, v = u[None, :n], u[n:]
+            g_y = sampler.fast_jacobian(point)[0]
+            value = np.concatenate([equations(point)[0], g_y @ v, [v @ v - 1.0]])
+            slope = np.zeros((len(value), len(u)))
+            slope[:ny, :n] = jacobian(point)[0]
+            slope[ny : 2 * ny, :n] = np.einsum("ijk,j->ik", sampler.second(point)[0], v)
+            slope[ny : 2 * ny, n:] = g_y
+            slope[-1, n:] = 2.0 * v
+            return value, slope
+
+        found = gauss_newton(evaluate, unknown)
+        if found is None:
+            return None
+        # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
+        least = np.abs(sampler.eigenvalues(found[None, :n])).min()
+        return found[:n] if not least > VANISHED * max(self.usual, ZERO_TOLERANCE * self.scale) else None
+
+    def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
+        """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
+
+        The sheet must run into the point as x does: its distance falls like a root of that of x.
+        """
+        branch, nx = self.sampler.branch, len(self.sampler.system.x)
+        if not branch.is_explicit and branch.seed is None:
+            return True
+        reach = np.linalg.norm(sample[nx:] - point[nx:])
+        near, first = self._towards(point, sample, TOWARDS)
+        if near is None or first <= 0.3 * reach + 1e-6:
+            return near is not None
+        # A root of high order falls slowly, but it goes on falling.
+        return bool(first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first)
+
+    def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
+        """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
+        nx = len(self.sampler.system.x)
+        x = point[:nx] + share * (sample[:nx] - point[:nx])
+        y, good = self.sampler.over(x[None, :], sample[None, :])
+        if not good[0]:
+            return None, float("inf")
+        return np.concatenate([x, y[0]]), float(np.linalg.norm(y[0] - point[nx:]))
+
+    # -- changes of type ---------------------------------------------------------------------------
+
+    def changes(self, a: np.ndarray, b: np.ndarray) -> None:
+        """Every change of type between linked points a and b (m, n), by bisection in x."""
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        low = a.copy()
+        high_x = b[:, :nx].copy()
+        count = unstable(sampler.eigenvalues(a))
+        last = b.copy()
+        for _ in range(BISECTIONS):
+            x = 0.5 * (low[:, :nx] + high_x)
+            y, good = sampler.over(x, low)
+            z = np.hstack([x, y])
+            values = np.where(good[:, None], sampler.eigenvalues(np.nan_to_num(z)), np.nan)
+            same = good & (unstable(values) == count) & np.isfinite(values).all(axis=1)
+            low[same] = z[same]
+            high_x[~same] = x[~same]
+            last[~same & good] = z[~same & good]
+        for before, after, from_ in zip(low, last, a):
+            values = np.array([sampler.eigenvalues(z[None, :])[0] for z in (from_, before, after)])
+            if np.linalg.norm(before) > INFINITE * (1.0 + np.linalg.norm(from_)):
+                self.add(before, BRANCH_POLE, only_x=True)
+            elif np.abs(values[1]).max() > INFINITE * (1.0 + np.abs(values[0]).max()):
+                self.add(before, FIELD_POLE, only_x=True)
+            else:
+                near = values[2][np.argmin(np.abs(values[2].real))]
+                least = np.abs(np.real(values)).min(axis=1)
+                jumped = min(least[1], least[2]) > JUMPED * least[0]
+                self.add(after, JUMP if jumped else PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+
+    def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
+        """Neutral saddles between linked points a and b (m, n) of one type: real eigenvalues whose sum is zero."""
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        if len(sampler.system.y) < 2 or not len(a):
+            return []
+        before, after = sampler.eigenvalues(a), sampler.eigenvalues(b)
+        same = (unstable(before) == unstable(after)) & np.isfinite(before + after).all(axis=1)
+        tests = pair_test(before), pair_test(after)
+        zero = np.flatnonzero(same & (np.abs(tests[0]) <= ZERO_TOLERANCE))
+        found = [a[i] for i in zero[:SUMS]]
+        for i in np.flatnonzero(same & (tests[0] * tests[1] < 0.0))[: SUMS - len(found)]:
+            low, high_x = a[i], b[i, :nx]
+            for _ in range(BISECTIONS):
+                x = 0.5 * (low[:nx] + high_x)
+                y, good = sampler.over(x[None, :], low[None, :])
+                z = np.concatenate([x, y[0]])
+                if good[0] and pair_test(sampler.eigenvalues(z[None, :]))[0] * tests[0][i] > 0.0:
+                    low = z
+                else:
+                    high_x = x
+            found.append(low)
+        return [Found(z, SUM) for z in found if self._is_neutral_saddle(z)]
+
+    def _is_neutral_saddle(self, z: np.ndarray) -> bool:
+        values = self.sampler.eigenvalues(z[None, :])[0]
+        i, j = np.triu_indices(len(values), 1)
+        closest = int(np.argmin(np.abs(values[i] + values[j])))
+        first, second = values[i[closest]], values[j[closest]]
+        real = max(abs(first.imag), abs(second.imag)) <= 1e-6 * self.scale
+        small = abs(first + second) <= 1e-6 * self.scale
+        return bool(real and small and min(abs(first), abs(second)) > 1e-6 * self.scale)
+
+    def refine(self, worst: np.ndarray) -> float:
+        """The least distance of an eigenvalue from the axis near the samples `worst`, by simplex searches in x.
+
+        The distance is negative where the type is another than at the sample: then the change is located too.
+        """
+        from scipy.optimize import minimize
+
+        sampler, nx = self.sampler, len(self.sampler.system.x)
+        bounds = [self.box[s.name] for s in sampler.system.x]
+        widths = np.array([high - low for low, high in bounds])
+        best, searched = float("inf"), []
+        for z in worst:
+            # One search for samples next to one another.
+            if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
+                continue
+            searched.append(z[:nx])
+            count = unstable(sampler.eigenvalues(z[None, :]))[0]
+
+            def distance(x: np.ndarray, z: np.ndarray = z, count: int = count) -> float:
+                y, good = sampler.over(x[None, :], z[None, :])
+                point = np.hstack([x[None, :], y])
+                if not good[0] or not sampler.inside(point, self.box)[0]:
+                    return float("inf")
+                return float(signed_gap(sampler.eigenvalues(point), np.array([count]))[0])
+
+            found: Any = minimize(
+                distance,
+                z[:nx],
+                method="Nelder-Mead",
+                bounds=bounds,
+                options={"maxfev": 60 * nx, "xatol": 1e-10},
+            )
+            if not np.isfinite(found.fun):
+                continue
+            if found.fun < 0:
+                y, _ = sampler.over(found.x[None, :], z[None, :])
+                self.changes(z[None, :], np.hstack([found.x[None, :], y]))
+            if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
+                self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
+            best = min(best, max(float(found.fun), 0.0))
+        return best
+
+    def touching(self, z: np.ndarray) -> None:
+        """Note a place where an eigenvalue is on the axis without a change of type."""
+        values = self.sampler.eigenvalues(z[None, :])[0]
+        near = values[np.argmin(np.abs(values.real))]
+        self.add(z, PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+
+    # -- poles -------------------------------------------------------------------------------------
+
+    def poles(self, z: np.ndarray) -> None:
+        """Zeros of the denominators of the branch's graph and of the field, next to the samples `z`."""
+        sampler = self.sampler
+        system, nx = sampler.system, len(sampler.system.x)
+        graph = list((sampler.branch.graph or {}).values())
+        rates = [*sampler.f, *sampler.g]
+        for crossing, divisor in [
+            *((BRANCH_POLE, d) for d in denominators(graph, system.x)),
+            *((FIELD_POLE, d) for d in denominators(rates, system.states)),
+        ]:
+            free = not divisor.has(*system.y)
+            value = sampler.compiled([divisor])
+            slope = sampler.compiled([derivative(divisor, s) for s in system.states])
+
+            def evaluate(u: np.ndarray, value=value, slope=slope, free=free) -> tuple[np.ndarray, np.ndarray]:
+                if free:
+                    point = np.concatenate([u, np.zeros(len(system.y))])
+                    return value(point, sampler.p), slope(point, sampler.p)[None, :nx]
+                branch = sampler.branch
+                equations = np.concatenate([branch.residual(u[None, :])[0], value(u, sampler.p)])
+                return equations, np.vstack([branch.full_jacobian(u[None, :])[0], slope(u, sampler.p)])
+
+            sizes = np.abs(value(z, sampler.p)[:, 0])
+            for sample in z[np.argsort(sizes)[:LOCATED]]:
+                found = gauss_newton(evaluate, sample[:nx] if free else sample)
+                if found is None:
+                    continue
+                # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
+                place = np.concatenate([found, sample[nx:]]) if free else found
+                if crossing == BRANCH_POLE or self._is_pole(place):
+                    self.add(place, crossing, only_x=free)
+
+    def _is_pole(self, z: np.ndarray) -> bool:
+        """Whether the field grows without bound towards `z`, rather than having a removable zero of a denominator."""
+        directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (1.0 + np.abs(z))
+        far, near = (
+            np.abs(self.sampler.rates(z + distance * directions)).max(axis=1) for distance in NEAR_POLE
+        )
+        return bool(not np.isfinite(near).all() or (near > GROWN * far).any())
+
+
+def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
+    """The factors of the denominators of `expressions` that depend on `variables` and may vanish.
+
+    Functions stay as they are written: exp(-u) taken for 1/exp(u) overflows where the field is finite.
+    """
+    found: list[sp.Expr] = []
+    for expression in expressions:
+        masks: dict[sp.Expr, sp.Symbol] = {}
+        divisor = sp.denom(sp.together(_masked(expression, masks)))
+        meaning = {mask: function for function, mask in masks.items()}
+        for factor in sp.Mul.make_args(sp.factor(divisor)):
+            base = factor.base if factor.is_Pow and factor.exp.is_Integer else factor
+            base = base.xreplace(meaning)
+            if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
+                found.append(base)
+    return found
+
+
+def _masked(expression: sp.Expr, masks: dict[sp.Expr, sp.Symbol]) -> sp.Expr:
+    """`expression` with its functions and roots as symbols, which `masks` collects."""
+    if expression.is_Function or (expression.is_Pow and not expression.exp.is_Integer):
+        return masks.setdefault(expression, sp.Dummy())
+    if not expression.args:
+        return expression
+    return expression.func(*(_masked(part, masks) for part in expression.args))
+
+
+def unstable(eigenvalues: np.ndarray) -> np.ndarray:
+    """Number of eigenvalues to the right of the axis, for each row of (m, n)."""
+    return (np.real(eigenvalues) > 0).sum(axis=1)
+
+
+def signed_gap(eigenvalues: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Least distance from the axis; negative when not `count` eigenvalues lie to its right."""
+    real = np.sort(np.real(eigenvalues), axis=1)
+    place = np.arange(real.shape[1])[None, :]
+    stable = place < real.shape[1] - count[:, None]
+    return np.where(stable, -real, real).min(axis=1)
+
+
+def spread(points: np.ndarray, worth: np.ndarray, count: int) -> np.ndarray:
+    """Indices of at most `count` of `points` (m, n) far from one another, among the 8 `count` of least `worth`."""
+    low = np.argsort(worth, kind="stable")[: 8 * count]
+    sizes = np.ptp(points[low], axis=0)
+    scaled = points[low] / np.where(sizes > 0.0, sizes, 1.0)
+    chosen = [0]
+    distance = np.linalg.norm(scaled - scaled[0], axis=1)
+    while len(chosen) < min(count, len(low)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
+    return low[chosen]

@@ -1,0 +1,85 @@
+"""`named`: the loss at a place that the search met; Hopf points, neutral saddles and poles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gsp.critical.normal_forms import first_lyapunov
+from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, ZERO_TERM, zero
+
+
+def named(diagnosis: Diagnosis, found: Found) -> Loss:
+    """The named loss at a place that the search met."""
+    z, crossing = found
+    if crossing == kinds.BRANCH_POLE:
+        return diagnosis.loss(
+            z, crossing, LossKind.BRANCH_POLE, "denominator of the branch", 0.0, consequences.BRANCH_POLE
+        )
+    if crossing == kinds.FIELD_POLE:
+        return diagnosis.loss(
+            z, crossing, LossKind.FIELD_POLE, "denominator of the field", 0.0, consequences.FIELD_POLE
+        )
+    if crossing == kinds.PAIR:
+        return pair(diagnosis, z)
+    if crossing == kinds.SUM:
+        values = diagnosis.sampler.eigenvalues(z[None, :])[0]
+        i, j = np.triu_indices(len(values), 1)
+        closest = int(np.argmin(np.abs(values[i] + values[j])))
+        total = float(abs(values[i[closest]] + values[j[closest]]))
+        return diagnosis.loss(
+            z,
+            crossing,
+            LossKind.NEUTRAL_SADDLE,
+            "sum of two real eigenvalues",
+            total,
+            consequences.NEUTRAL_SADDLE,
+        )
+    if crossing == kinds.JUMP:
+        value = float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0].real).min())
+        return diagnosis.loss(z, crossing, LossKind.NON_SMOOTH, "least |Re lambda|", value, consequences.JUMP)
+    return zero(diagnosis, z)
+
+
+def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
+    """The loss at z, where a pair of eigenvalues is imaginary."""
+    at = diagnosis.local(z)
+    values = np.linalg.eigvals(at.A)
+    test = "least |Re lambda| of a pair"
+    # The bisection for it ends where rounding does; multiple pairs spread like a root of that.
+    axis = np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale
+    value = float(np.abs(values.real).min())
+    if axis.sum() != 2 or not at.is_finite:
+        text = "derivatives do not exist here" if not at.is_finite else f"{axis.sum()} eigenvalues on the axis"
+        return diagnosis.loss(
+            z, kinds.PAIR, LossKind.DEGENERATE, test, value, consequences.DEGENERATE, note=text
+        )
+    omega = float(np.abs(values[axis].imag).max())
+    l1, q, p = first_lyapunov(at.A, at.g_yy, at.third, omega)
+    coefficients = {"omega": omega, "l1": l1}
+    slope = np.linalg.solve(at.A, at.g_x)
+    tangents = np.vstack([np.eye(diagnosis.nx), -slope])
+    changes = [float(np.vdot(p, (at.second[:, diagnosis.nx :, :] @ t) @ q).real) for t in tangents.T]
+    reach = float(np.abs(changes) @ diagnosis.widths)
+    speed = float(np.dot(changes, at.slow))
+    notes = []
+    if reach <= ZERO_TERM * diagnosis.scale:
+        notes.append("the pair touches the axis and does not cross it to first order")
+    elif abs(speed) <= ZERO_TERM * float(np.abs(changes) @ diagnosis.fastest):
+        notes.append("the slow flow is tangent to the place, or vanishes there")
+        coefficients["crossing"] = 0.0
+    else:
+        coefficients["crossing"] = speed
+    typical = float(np.abs(at.third).sum() + np.abs(at.g_yy).sum() ** 2 / max(diagnosis.scale, 1e-300))
+    if abs(l1) <= ZERO_TERM * typical / omega or typical == 0.0:
+        notes.append("l1 = 0: degenerate, higher terms decide on the cycles")
+    others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
+    if others:
+        notes.append(f"{others} of the other fast directions are unstable, so orbits leave anyway")
+    kind = LossKind.HOPF if reach > ZERO_TERM * diagnosis.scale else LossKind.DEGENERATE
+    verdict = consequences.hopf(coefficients) if kind is LossKind.HOPF else consequences.DEGENERATE
+    return diagnosis.loss(
+        z, kinds.PAIR, kind, test, value, verdict, coefficients=coefficients, note="; ".join(notes)
+    )

@@ -1,0 +1,196 @@
+"""Where a branch meets the switching surfaces of functions that are not smooth, and how rough the field is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.hyperbolicity.losses import kinds
+from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.roots import gauss_newton
+
+NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
+# A switching function is zero on the branch below this, relative to its largest value over the samples.
+ZERO_SWITCH = 1e-12
+# Distance from the surface at which the two sides are compared, and the share that counts as a jump.
+SIDE = 1e-6
+JUMP = 1e-3
+BISECTIONS = 52
+STARTS = 6
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A non-smooth function `source` of the field, not smooth where `surface` = 0."""
+
+    surface: sp.Expr
+    source: str
+
+
+def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[Switch, ...]:
+    """The switching functions of `expressions` that depend on `variables`, each once up to its sign."""
+    found: dict[sp.Expr, Switch] = {}
+    for expression in expressions:
+        for atom in sorted(expression.atoms(*NON_SMOOTH, sp.Pow), key=sp.default_sort_key):
+            for surface in _surfaces(atom):
+                if surface.has(*variables) and surface not in found and -surface not in found:
+                    found[surface] = Switch(surface, str(atom))
+    return tuple(found.values())
+
+
+def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
+    if isinstance(atom, sp.Pow):
+        return [atom.base] if atom.exp.is_number and not atom.exp.is_integer else []
+    if isinstance(atom, (sp.Max, sp.Min)):
+        arguments = atom.args
+        return [a - b for i, a in enumerate(arguments) for b in arguments[:i]]
+    if isinstance(atom, sp.Piecewise):
+        relations = set().union(*(condition.atoms(sp.core.relational.Relational) for _, condition in atom.args))
+        return [r.lhs - r.rhs for r in sorted(relations, key=sp.default_sort_key)]
+    if isinstance(atom, (sp.floor, sp.ceiling)):
+        return [sp.sin(sp.pi * atom.args[0])]
+    return [atom.args[0]]
+
+
+def meetings(
+    diagnosis: Diagnosis, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
+) -> tuple[list[Loss], list[str]]:
+    """A loss for every switching surface that the branch meets, and the functions whose surfaces it does not meet."""
+    sampler = diagnosis.sampler
+    found, unmet = [], []
+    for switch in switches([*sampler.f, *sampler.g], sampler.system.states):
+        points, lies_in_it = _located(diagnosis, switch, z, links)
+        if len(points):
+            found.append(_loss(diagnosis, switch, points, lies_in_it))
+        else:
+            unmet.append(switch.source)
+    return found, unmet
+
+
+def _located(
+    diagnosis: Diagnosis, switch: Switch, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    sampler, nx = diagnosis.sampler, diagnosis.nx
+    function = sampler.compiled([switch.surface])
+
+    def values(points: np.ndarray) -> np.ndarray:
+        return function(points, sampler.p)[:, 0]
+
+    sizes = values(z)
+    largest = float(np.nanmax(np.abs(sizes), initial=0.0))
+    # Away from the branch the function is of this size; on it, it may vanish altogether.
+    moved = z + np.random.default_rng(0).standard_normal(z.shape) * np.append(
+        diagnosis.widths, np.ones(z.shape[1] - nx)
+    )
+    around = values(moved)
+    typical = float(np.max(np.abs(around[np.isfinite(around)]), initial=0.0))
+    if largest <= ZERO_SWITCH * max(typical, 1e-300):
+        return z[len(z) // 2][None, :], True
+    a, b = links
+    changed = np.sign(values(a)) * np.sign(values(b)) < 0
+    changed_rows = np.flatnonzero(changed)
+    chosen = changed_rows[np.linspace(0, len(changed_rows) - 1, min(len(changed_rows), 24)).astype(int)]
+    points = [_bisected(diagnosis, values, a[chosen], b[chosen])] if len(chosen) else []
+    points.append(z[np.abs(sizes) <= ZERO_SWITCH * largest][:24])
+    if not sum(map(len, points)):
+        points.append(_touched(diagnosis, switch, values, z[np.argsort(np.abs(sizes))[:STARTS]]))
+    return np.vstack(points), False
+
+
+def _bisected(diagnosis: Diagnosis, values, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Zeros of the switching function between linked points of one sheet, by bisection in x."""
+    sampler, nx = diagnosis.sampler, diagnosis.nx
+    low, high_x, sign = a.copy(), b[:, :nx].copy(), np.sign(values(a))
+    for _ in range(BISECTIONS):
+        x = 0.5 * (low[:, :nx] + high_x)
+        y, good = sampler.over(x, low)
+        z = np.hstack([x, np.nan_to_num(y)])
+        same = good & (np.sign(values(z)) == sign)
+        low[same], high_x[~same] = z[same], x[~same]
+    return low[sampler.inside(low, diagnosis.box)]
+
+
+def _touched(diagnosis: Diagnosis, switch: Switch, values, starts: np.ndarray) -> np.ndarray:
+    """Zeros next to `starts` that the function touches or that lie between the samples."""
+    sampler, branch = diagnosis.sampler, diagnosis.sampler.branch
+    slope = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        point = u[None, :]
+        equations = np.append(branch.residual(point)[0], values(point))
+        return equations, np.vstack([branch.full_jacobian(point)[0], slope(u, sampler.p)])
+
+    found = [point for start in starts if (point := gauss_newton(evaluate, start)) is not None]
+    points = np.array(found).reshape(-1, starts.shape[1])
+    return points[sampler.inside(points, diagnosis.box)][:1]
+
+
+def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: bool) -> Loss:
+    sampler = diagnosis.sampler
+    z = points[len(points) // 2]
+    slopes = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
+    normal = slopes((z + SIDE)[None, :], sampler.p)[0]
+    length = float(np.linalg.norm(normal))
+    jumps = (0.0, 0.0)
+    if np.isfinite(length) and length > 0.0:
+        step = SIDE * (1.0 + np.linalg.norm(z)) * normal / length
+        jumps = _jumps(diagnosis, z - step, z + step)
+    coefficients = {"jump": jumps[0], "kink": jumps[1]}
+    if jumps[0]:
+        verdict = Verdict(
+            "the rates jump: orbits cross or slide along the surface, and no slow manifold goes through it",
+            False,
+            "use one smooth piece on each side, or Filippov's rule on the surface",
+        )
+    elif jumps[1]:
+        verdict = Verdict(
+            "the Jacobian jumps: the slow manifold is continuous with a kink, errors near it are of order epsilon at "
+            "every order of the series",
+            True,
+            "to leading order only; or expand on each side by itself",
+        )
+    else:
+        verdict = Verdict(
+            "a derivative of higher order jumps or does not exist: the series loses that many orders near the surface",
+            True,
+            "to low order, or on each side by itself",
+        )
+    note = f"{switch.source} switches at {switch.surface} = 0" + (
+        ", in which the whole branch lies" if lies_in_it else ""
+    )
+    loss = diagnosis.loss(
+        z,
+        kinds.SWITCH,
+        LossKind.NON_SMOOTH,
+        str(switch.surface),
+        float(sampler.compiled([switch.surface])(z[None, :], sampler.p)[0, 0]),
+        verdict,
+        coefficients=coefficients,
+        note=note,
+    )
+    names = [s.name for s in sampler.system.x]
+    extent = {name: (float(points[:, i].min()), float(points[:, i].max())) for i, name in enumerate(names)}
+    return replace(loss, samples=len(points), extent=extent)
+
+
+def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Jumps of (f, g) and of its Jacobian from one side to the other; 0 where smoothness alone explains them."""
+    pair = np.vstack([before, after])
+    rates = diagnosis.sampler.rates(pair)
+    jacobians = diagnosis.sampler.jacobians(pair)
+    if not (np.isfinite(rates).all() and np.isfinite(jacobians).all()):
+        return (0.0, 0.0)
+    size = max(float(np.abs(jacobians).max()), 1e-300)
+    jump, kink = float(np.abs(rates[1] - rates[0]).max()), float(np.abs(jacobians[1] - jacobians[0]).max())
+    # Over a distance SIDE a smooth field changes by SIDE times its Jacobian.
+    far = float(np.linalg.norm(after - before))
+    return (
+        jump if jump > 10.0 * size * far * np.sqrt(len(before)) else 0.0,
+        kink if kink > JUMP * size else 0.0,
+    )

@@ -1,0 +1,231 @@
+"""Names for zero eigenvalues: folds, cusps, branch points, double zeros, and what no coefficient decides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gsp.critical.normal_forms import bogdanov_takens, cubic_coefficient, null_vectors, quadratic_coefficient
+from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Local
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+
+# A term is zero when it is below this, relative to the largest one, at the size of the region.
+ZERO_TERM = 1e-6
+# Singular values and eigenvalues that count as zero, relative to the largest eigenvalue in the region. A double zero
+# spreads like the square root of what its place is off.
+ZERO_SINGULAR = 1e-6
+DOUBLE_ZERO = 1e-4
+# What the place of a branch point may be off, relative to the region.
+OFF = 1e-9
+# Where a cubic coefficient vanishes the place is known to a root of rounding only.
+ZERO_CUBIC = 1e-4
+CUBIC = 3.0
+
+
+def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
+    """The loss at z, where g_y is singular."""
+    at = diagnosis.local(z)
+    determinant = float(np.linalg.det(at.A))
+    if not at.is_finite:
+        return _degenerate(diagnosis, at, determinant, "g has no second or third derivative here")
+    values = np.linalg.eigvals(at.A)
+    singular = np.linalg.svd(at.A, compute_uv=False)
+    corank = int((singular <= ZERO_SINGULAR * max(diagnosis.scale, singular[0])).sum())
+    near = np.abs(values) <= DOUBLE_ZERO * diagnosis.scale
+    on_axis = (np.abs(values.real) <= ZERO_SINGULAR * diagnosis.scale) & ~near & (np.abs(values.imag) > 0.0)
+    if corank > 1:
+        return _degenerate(diagnosis, at, determinant, f"{corank} zero eigenvalues with {corank} null vectors")
+    if on_axis.any():
+        return _degenerate(diagnosis, at, determinant, "a zero eigenvalue and an imaginary pair together")
+    if near.sum() == 2:
+        return _double_zero(diagnosis, at, determinant)
+    if near.sum() > 2:
+        if near.all():
+            test = f"det g_y = {determinant:.3g}, largest |lambda|"
+            return diagnosis.loss(
+                z, kinds.ZERO, LossKind.NILPOTENT, test, np.abs(values).max(), consequences.NILPOTENT
+            )
+        return _degenerate(diagnosis, at, determinant, f"{near.sum()} zero eigenvalues with one null vector")
+    others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
+    note = f"{others} of the other fast directions are unstable, so orbits leave anyway" if others else ""
+    return _simple_zero(diagnosis, at, determinant, note)
+
+
+def _degenerate(
+    diagnosis: Diagnosis, at: Local, value: float, note: str, coefficients: Mapping[str, float] | None = None
+) -> Loss:
+    verdict = consequences.DEGENERATE
+    return diagnosis.loss(
+        at.z,
+        kinds.ZERO,
+        LossKind.DEGENERATE,
+        "det g_y",
+        value,
+        verdict,
+        coefficients=coefficients,
+        note=note,
+    )
+
+
+def _double_zero(diagnosis: Diagnosis, at: Local, determinant: float) -> Loss:
+    a, b = bogdanov_takens(at.A, at.g_yy)
+    size = float(np.abs(at.g_yy).sum())
+    coefficients = {"a": a, "b": b, "a/b": a / b} if b else {"a": a, "b": b}
+    trace = float(np.trace(at.A))
+    test = f"det g_y = {determinant:.3g}, trace of the block"
+    if min(abs(a), abs(b)) > ZERO_TERM * size > 0.0:
+        kind, verdict, note = LossKind.BOGDANOV_TAKENS, consequences.BOGDANOV_TAKENS, ""
+    else:
+        kind, verdict = LossKind.DEGENERATE, consequences.DEGENERATE
+        note = "a double zero eigenvalue with one null vector, a or b = 0"
+        if len(at.A) == 2:
+            kind, verdict = LossKind.NILPOTENT, consequences.NILPOTENT
+    double = np.sort(np.abs(np.linalg.eigvals(at.A)))[:2].sum() if len(at.A) > 2 else trace
+    return diagnosis.loss(
+        at.z, kinds.ZERO, kind, test, float(double), verdict, coefficients=coefficients, note=note
+    )
+
+
+def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str) -> Loss:
+    nx = diagnosis.nx
+    right, left = null_vectors(at.A)
+    left = left / (left @ right)
+    b, a = left @ at.g_x, quadratic_coefficient(at.g_yy, right, left)
+    c = cubic_coefficient(at.A, at.g_yy, at.third, right, left)
+    # Directions of the kernel of (g_x, g_y) up to b: (0, r), and (e_j, w_j) with <l, w_j> = 0.
+    w = np.linalg.solve(
+        np.block([[at.A, right[:, None]], [left[None, :], np.zeros((1, 1))]]),
+        np.vstack([-at.g_x, np.zeros((1, nx))]),
+    )[:-1]
+    kernel = np.vstack([np.append(np.zeros(nx), right), np.hstack([np.eye(nx), w.T])])
+    form = np.einsum("i,ijk,aj,bk->ab", left, at.second, kernel, kernel)
+    V = _width(diagnosis, at.z, left, a, b, c, form)
+    sizes = np.append(V, diagnosis.widths)
+    scaled = form * sizes[:, None] * sizes
+    bend, tilt, cubic = abs(a) * V**2, np.abs(b) * diagnosis.widths, abs(c) * V**3
+    mixed, square = float(np.abs(scaled[0, 1:]).max()), float(np.abs(scaled[1:, 1:]).max())
+    names = [s.name for s in diagnosis.sampler.system.x]
+    coefficients = {"a": a, **{f"b_{name}": float(value) for name, value in zip(names, b)}}
+    if max(bend, float(tilt.max()), cubic, mixed, square) == 0.0:
+        return _touching(diagnosis, at, determinant, right, left, V, note, {})
+    is_zero = ZERO_TERM * max(bend, float(tilt.max()), cubic, mixed)
+    # At a branch point b is as large as the square terms times what the place is off.
+    if float(tilt.max()) > max(is_zero, OFF * square):
+        switching = float(b @ at.slow)
+        if abs(switching) <= ZERO_TERM * float(np.abs(b) @ diagnosis.fastest):
+            switching = 0.0
+        if bend > is_zero:
+            return _fold(diagnosis, at, determinant, coefficients, a, switching, note)
+        coefficients["c"] = c
+        fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
+        # A second route to the order: near a zero of higher order c is small, not zero.
+        if cubic > ZERO_CUBIC / ZERO_TERM * is_zero and (fibre is None or fibre.order == CUBIC):
+            coefficients |= {"kappa": c * switching**2}
+            verdict = consequences.cusp(coefficients, nx)
+            test = f"det g_y = {determinant:.3g}, a"
+            return diagnosis.loss(
+                at.z, kinds.ZERO, LossKind.CUSP, test, a, verdict, coefficients=coefficients, note=note
+            )
+        return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+    is_zero = max(is_zero, ZERO_TERM * square)
+    return _branch_point(diagnosis, 
+        at, determinant, form, scaled, kernel, right, left, V,
+        flags=(bend > is_zero, cubic > is_zero), a=a, c=c, note=note,
+    )  # fmt: skip
+
+
+def _width(
+    diagnosis: Diagnosis, z: np.ndarray, left: np.ndarray, a: float, b: np.ndarray, c: float, form: np.ndarray
+) -> float:
+    """The size of v in the region: the branch's own, else its fast bounds', else where two terms balance."""
+    moved = diagnosis.extent(z, left)
+    if moved > 0.0:
+        return moved
+    mixed = float(np.max(np.abs(form[0, 1:]) * diagnosis.widths, initial=0.0))
+    if a != 0.0 and mixed > 0.0:
+        return mixed / abs(a)
+    if c != 0.0 and mixed > 0.0:
+        return float(np.sqrt(mixed / abs(c)))
+    return diagnosis.spread(left) or 1.0
+
+
+def _fold(
+    diagnosis: Diagnosis,
+    at: Local,
+    determinant: float,
+    known: dict[str, float],
+    a: float,
+    switching: float,
+    note: str,
+) -> Loss:
+    coefficients = {**known, "switching": switching, "kappa": a * switching}
+    if coefficients["kappa"] > 0.0:
+        coefficients["delay"] = OMEGA_0 * coefficients["kappa"] ** (-1.0 / 3.0)
+    verdict = consequences.fold(coefficients, diagnosis.nx)
+    return diagnosis.loss(
+        at.z,
+        kinds.ZERO,
+        LossKind.FOLD,
+        "det g_y",
+        determinant,
+        verdict,
+        coefficients=coefficients,
+        note=note,
+    )
+
+
+def _branch_point(
+    diagnosis: Diagnosis, at, determinant, form, scaled, kernel, right, left, V, *, flags, a, c, note
+) -> Loss:
+    """Where (g_x, g_y) loses rank: M0 branches. Decided by the quadratic form on its kernel."""
+    spectrum = np.linalg.eigvalsh(scaled)
+    zero = ZERO_TERM * float(np.abs(spectrum).max())
+    plus, minus = int((spectrum > zero).sum()), int((spectrum < -zero).sum())
+    coefficients = {"a": a} if flags[0] else {"c": c} if flags[1] else {}
+    test = f"det g_y = {determinant:.3g}, |<l, g_x>|"
+    value = float(np.abs(left @ at.g_x).max())
+    if (plus, minus) != (1, 1):
+        if not flags[0] and plus + minus <= 1:
+            return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+        text = f"(g_x, g_y) loses rank with {plus} positive and {minus} negative squares of the quadratic form"
+        return _degenerate(diagnosis, at, determinant, text, coefficients)
+    along = kernel[1:].T @ at.slow
+    moves = bool((np.abs(at.slow) > ZERO_TERM * diagnosis.fastest).any())
+    cross = float(np.einsum("i,ijk,j,k->", left, at.second, kernel[0], along))
+    bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
+    push = float(left @ at.push)
+    if flags[0]:
+        discriminant = 0.25 * cross**2 - a * bent
+        coefficients["discriminant"] = discriminant
+        if moves and discriminant > 0.0:
+            coefficients["lambda"] = (a * push + 0.5 * cross) / float(np.sqrt(discriminant))
+        kind, verdict = LossKind.TRANSCRITICAL, consequences.transcritical(coefficients)
+    else:
+        if moves and cross != 0.0:
+            # The tangent of the branch that is a graph over x is along + slope (0, r).
+            slope = -bent / cross
+            coefficients |= {"crossing": cross, "push": push - slope}
+        if flags[1]:
+            kind, verdict = LossKind.PITCHFORK, consequences.pitchfork(coefficients)
+        else:
+            fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
+            if fibre is None or not fibre.vanishes:
+                return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+            kind, verdict = LossKind.RANK_CHANGE, consequences.rank_change(coefficients)
+    return diagnosis.loss(at.z, kinds.ZERO, kind, test, value, verdict, coefficients=coefficients, note=note)
+
+
+def _touching(diagnosis: Diagnosis, at, determinant, right, left, V, note, coefficients) -> Loss:
+    """Neither quadratic nor cubic terms decide."""
+    fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
+    if fibre is None:
+        text = "the quadratic and cubic coefficients do not decide"
+    elif fibre.vanishes:
+        text = "g vanishes along the fast fibre and its eigenvalue does not cross zero to first order"
+    else:
+        text = f"the fast fibre has order {fibre.order:g}: v' = {fibre.plus:.4g} v^{fibre.order:g} for v > 0"
+    text = text + (f"; {note}" if note else "")
+    return _degenerate(diagnosis, at, determinant, text, coefficients)

@@ -1,0 +1,428 @@
+"""Crossings: where along the steps of a run watched functions pass through zero.
+
+Every step is looked at in `SUBDIVISIONS` pieces of its dense output. A change of sign between neighbouring points
+is a crossing, and so are the two of a dip: where |g| has a minimum among the points, it is searched for a point of
+the other sign in between. The crossing is located on the dense output to rounding, and then by running the method
+again from the step's start to the crossing, so that time and state are as good as the steps are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gsp.errors import Status
+from gsp.integration.loop import Record, advance
+from gsp.integration.methods import Method
+from gsp.kernels import ledger
+from gsp.kernels.dense_output import interpolate_many
+from gsp.lowering.compiled_flow import CompiledFlow
+
+# Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
+# dip between two points shows at the points beside it.
+SUBDIVISIONS = 8
+# A dip below the neighbouring points is about an eighth of their second difference; a factor of 8 for safety.
+DIP = 1.0
+GOLDEN = 0.3819660112501051
+DIP_ROUNDS = 40
+ROOT_ROUNDS = 200
+# Secant steps with the method's own result: two or three are taken.
+REFINEMENTS = 8
+# Width of the difference quotient on the dense output that starts them, as a share of the step.
+SLOPE_WIDTH = 1e-3
+# Crossings of the dense output nearer than this share of what was looked at may be one instant; they are if they are
+# after refinement, to some units in the last place.
+SAME_STEP = 1e-6
+SAME_TIME = 64 * 2.0**-52
+# Steps between two looks when a run may end: what lies beyond its end is wasted.
+LOOK = 64
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """The method of a run, to go again over a part of a step."""
+
+    compiled: CompiledFlow
+    p: np.ndarray
+    method: Method
+    rtol: float
+    atol: float
+
+    def between(self, first: float, y: np.ndarray, last: float) -> Record:
+        """The run from `y` at `first` to `last`, in one step when its error allows."""
+        return advance(
+            self.compiled, self.p, y, first, np.array([last]),
+            method=self.method, rtol=self.rtol, atol=self.atol, max_steps=1000,
+            rows_kept=LOOK, first_step=last - first,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive steps of a run: `times` (k + 1,), `states` (k + 1, n), `dense` (k, rows, n)."""
+
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """States (m, n) at times (m,) inside."""
+        out = np.empty((self.states.shape[1], len(t)))
+        interpolate_many(self.times, self.states, self.dense, t, out)
+        return out.T
+
+    def step(self, t: float) -> int:
+        """The step that `t` lies in."""
+        sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
+        found = int(np.searchsorted(sign * self.times, sign * t, side="right")) - 1
+        return min(max(found, 0), len(self.times) - 2)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A crossing as it is reported; `tail` is what replaces the run from `row` on, the start of the crossed step.
+
+    `is_pole` where the function changes its sign through infinity.
+    """
+
+    t: float
+    y: np.ndarray
+    tail: Record | None
+    status: Status = Status.EVENT_REACHED
+    note: str = ""
+    remedy: str = ""
+    row: int | None = None
+    is_pole: bool = False
+
+
+Settle = Callable[["Search", int, float, Piece], Settled | None]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """One watched function: which sign changes count, and the crossing of which number ends the run (0: none).
+
+    `settle` makes a crossing of the dense output, given as the search, the column, its time and its piece, into
+    what is reported; None says that it was none.
+    """
+
+    name: str
+    direction: int
+    limit: int
+    settle: Settle
+
+
+class Seen(NamedTuple):
+    """What a search has looked at: `rows` up to `time` and `state`, the `signs` there, and what it knew then.
+
+    `counts` are of the crossings found, `pieces` of the steps kept; `end` is the crossing that ends the run.
+    """
+
+    rows: int
+    time: np.ndarray
+    state: np.ndarray
+    signs: np.ndarray
+    counts: tuple[int, ...]
+    pieces: int
+    end: Settled | None = None
+
+
+class Search:
+    """Looks for crossings in the steps of a run as they are made: the `watch` of `advance`.
+
+    `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
+    the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
+    `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them.
+    """
+
+    def __init__(
+        self,
+        values: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        watched: Sequence[Watched],
+        signs: np.ndarray,
+        stepper: Stepper,
+        first: float,
+        y: np.ndarray,
+        quiet: Callable[..., bool] | None = None,
+    ) -> None:
+        self.values = values
+        self.quiet = quiet
+        self.watched = tuple(watched)
+        self.stepper = stepper
+        self.found: list[list[Settled]] = [[] for _ in watched]
+        self.spent: list[list[int]] = []
+        self.can_end = any(one.limit for one in self.watched)
+        start = np.array([first]), y[np.newaxis].copy()
+        self._pieces = [start]
+        self._signs = signs.copy()
+        self._seen = Seen(0, *start, self._signs, (0,) * len(self.watched), 1)
+
+    @property
+    def rows(self) -> int:
+        """How many rows of the record count: those looked at, or those before the end that was found."""
+        return self._seen.rows
+
+    @property
+    def end(self) -> Settled | None:
+        """The crossing that ends the run, if one was met."""
+        return self._seen.end
+
+    def __call__(self, times: np.ndarray, states: np.ndarray, dense: np.ndarray) -> bool:
+        """Look at these steps; they count as looked at once all of it is done, wherever Ctrl-C comes."""
+        seen = self._seen
+        if seen.end is not None or len(times) == 0:
+            return seen.end is not None
+        # What a look that did not come to its end has left is found again.
+        for found, count in zip(self.found, seen.counts):
+            del found[count:]
+        del self._pieces[seen.pieces :]
+        self._signs = seen.signs.copy()
+        if self.quiet is not None and self.quiet(seen.time[0], seen.state[0], times, states, dense):
+            self._pass(times, states)
+            return False
+        piece = Piece(
+            np.concatenate([seen.time, times]), np.concatenate([seen.state, states]), dense[: len(times)]
+        )
+        shares = np.arange(SUBDIVISIONS) / SUBDIVISIONS
+        t = piece.times[:-1, None] + shares * np.diff(piece.times)[:, None]
+        t = np.append(t.ravel(), piece.times[-1])
+        g = self.values(t, piece.at(t))
+        crossings = []
+        for column in range(len(self.watched)):
+            for a, b, sense in self._brackets(column, t, g[:, column], piece):
+                root = _root(lambda s, column=column: self._value(column, s, piece), a, b, sense)
+                crossings.append((root, sense, column))
+        backward = bool(piece.times[-1] < piece.times[0])
+        wanted = [found for found in crossings if self.watched[found[2]].direction in (0, found[1])]
+        wanted.sort(reverse=backward)
+        for i, (root, _, column) in enumerate(wanted):
+            one = self.watched[column]
+            settled = one.settle(self, column, root, piece)
+            if settled is None:
+                continue
+            self.found[column].append(settled)
+            if one.limit and len(self.found[column]) >= one.limit:
+                self._record_with_end(settled, root, wanted[i + 1 :], piece)
+                rows = seen.rows + piece.step(root) if settled.row is None else settled.row
+                self._seen = seen._replace(rows=rows, end=settled)
+                return True
+        self._pass(times, states)
+        return False
+
+    def _record_with_end(
+        self, end: Settled, root: float, later: Sequence[tuple[float, int, int]], piece: Piece
+    ) -> None:
+        """Enter the user's events of the instant that a run ends in, at its end."""
+        near = SAME_STEP * abs(piece.times[-1] - piece.times[0])
+        for t, _, column in later:
+            one = self.watched[column]
+            if abs(t - root) > near or one.settle is not settle_event:
+                continue
+            settled = one.settle(self, column, t, piece)
+            if settled is not None and abs(settled.t - end.t) <= SAME_TIME * max(abs(end.t), near):
+                self.found[column].append(replace(end, note=settled.note))
+
+    def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
+        if self.can_end:
+            self._pieces.append((times, states))
+        # In one assignment, which Ctrl-C cannot divide.
+        self._seen = Seen(
+            self._seen.rows + len(times), times[-1:], states[-1:], self._signs,
+            tuple(map(len, self.found)), len(self._pieces),
+        )  # fmt: skip
+
+    def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+        """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""
+        times, states = zip(*self._pieces)
+        return (
+            np.concatenate([*times, piece.times[1 : k + 1]]),
+            np.concatenate([*states, piece.states[1 : k + 1]]),
+        )
+
+    def cut(self, record: Record) -> Record:
+        """`record` up to the end that was found, with the cost of locating everything added."""
+        end = self.end
+        if end is None and not self.spent:
+            return record
+        times, states, dense, status = record.times, record.states, record.dense, record.status
+        if end is not None:
+            rows = self.rows
+            times, states, dense, status = times[: rows + 1], states[: rows + 1], dense[:rows], end.status
+            if end.tail is not None and len(end.tail.dense):
+                times = np.concatenate([times, end.tail.times[1:]])
+                states = np.concatenate([states, end.tail.states[1:]])
+                dense = np.concatenate([dense, end.tail.dense])
+        counters = [sum(column) for column in zip(record.counters, *self.spent)]
+        counters[ledger.STEPS], counters[ledger.STIFF] = len(times) - 1, record.counters[ledger.STIFF]
+        return Record(times, states, dense, status, record.method, counters)
+
+    def run(self, first: float, y: np.ndarray, last: float) -> Record:
+        """`Stepper.between`, counted."""
+        record = self.stepper.between(first, y, last)
+        self.spent.append(record.counters)
+        return record
+
+    def refined(self, column: int, t: float, piece: Piece) -> Settled:
+        """The crossing near `t` by secant steps, each with the method's own run from the start of the step.
+
+        Near a tangency, where they do not converge, the best of them stands. At a pole it is the reciprocal that
+        passes through zero.
+        """
+        k = piece.step(t)
+        start, y, end = float(piece.times[k]), piece.states[k], float(piece.times[k + 1])
+        low, high = min(start, end), max(start, end)
+        width = SLOPE_WIDTH * (high - low)
+        a, b = max(low, t - width), min(high, t + width)
+        left, middle, right = (self._value(column, at, piece) for at in (a, t, b))
+        is_pole = abs(middle) > abs(left) and abs(middle) > abs(right)
+        if is_pole:
+            left, right = _reciprocal(left), _reciprocal(right)
+        slope = (right - left) / (b - a) if b > a else 0.0
+        best: tuple[float, Settled] | None = None
+        last = (0.0, 0.0)
+        for _ in range(REFINEMENTS):
+            settled = Settled(start, y, None, is_pole=is_pole)
+            if t != start:
+                record = self.run(start, y, t)
+                settled = Settled(float(record.times[-1]), record.states[-1], record, is_pole=is_pole)
+                if not record.status.ok:
+                    # The border of the field's domain, or a step too short to be divided: as far as it gets.
+                    return settled if best is None else best[1]
+            value = self._evaluate(column, settled.t, settled.y)
+            if is_pole:
+                value = _reciprocal(value)
+            if best is not None:
+                if not abs(value) < best[0]:
+                    break
+                slope = (value - last[1]) / (t - last[0])
+            best = (abs(value), settled)
+            last = (t, value)
+            moved = t - value / slope if slope != 0.0 else t
+            t = min(max(moved, low), high)
+            if value == 0.0 or not np.isfinite(slope) or t == last[0]:
+                break
+        assert best is not None
+        return best[1]
+
+    def _evaluate(self, column: int, t: float, y: np.ndarray) -> float:
+        return float(self.values(np.array([t]), y[np.newaxis])[0, column])
+
+    def _value(self, column: int, t: float, piece: Piece) -> float:
+        return self._evaluate(column, t, piece.at(np.array([t]))[0])
+
+    def _brackets(self, column: int, t: np.ndarray, g: np.ndarray, piece: Piece):
+        """Intervals (a, b, sense) over which `g` changes its sign; keeps the sign it ends with."""
+        before = self._signs[column]
+        with np.errstate(invalid="ignore"):
+            bend = np.abs(g[2:] - 2.0 * g[1:-1] + g[:-2])
+        if np.isfinite(g).all():
+            low, high = g.min(), g.max()
+            # Far from zero on one side, as most functions are most of the time.
+            if min(abs(low), abs(high)) > DIP * bend.max() and (
+                (low > 0.0 and before >= 0.0) or (high < 0.0 and before <= 0.0)
+            ):
+                self._signs[column] = 1.0 if low > 0.0 else -1.0
+                return []
+        sign = np.where(np.isnan(g), np.nan, np.sign(g))
+        if before != 0.0:
+            sign[0] = before
+        else:
+            sign[0] = 0.0 if not np.isnan(sign[0]) else np.nan
+        result = []
+        known = np.flatnonzero(sign != 0.0)
+        for i, j in itertools.pairwise(known):
+            if sign[i] * sign[j] < 0.0:
+                result.append((float(t[i]), float(t[j]), int(sign[j])))
+            elif sign[i] == sign[j]:
+                result += self._dip(column, int(i), int(j), sign[i], t, g, bend, piece)
+        self._signs[column] = 0.0 if len(known) == 0 or np.isnan(sign[known[-1]]) else sign[known[-1]]
+        return result
+
+    def _dip(self, column, i, j, sign, t, g, bend, piece):
+        """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
+        near = min(abs(g[i]), abs(g[j]))
+        bound = DIP * bend[max(i - 2, 0) : j + 1].max(initial=0.0)
+        if j == i + 1 and near > bound:
+            return []
+        # A minimum between i and j shows as a descent before and an ascent after, or at the ends of what is known.
+        falls = i == 0 or not abs(g[i]) > abs(g[i - 1])
+        rises = j == len(g) - 1 or not abs(g[j]) > abs(g[j + 1])
+        if j == i + 1 and not (falls and rises):
+            return []
+        a, b = float(t[i]), float(t[j])
+        lowest = _lowest(lambda s: sign * self._value(column, s, piece), a, b)
+        if lowest is None:
+            return []
+        return [(a, lowest, -int(sign)), (lowest, b, int(sign))]
+
+
+def _reciprocal(value: float) -> float:
+    return 1.0 / value if value != 0.0 else np.inf
+
+
+def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    """A user's event: the refined crossing; a change of sign through a pole is no zero."""
+    settled = search.refined(column, t, piece)
+    if settled.is_pole:
+        return None
+    return replace(settled, note=f"event {search.watched[column].name}")
+
+
+def _root(g: Callable[[float], float], a: float, b: float, sense: int) -> float:
+    """The sign change of `g` between `a`, where the sign is -sense, and `b`, to rounding.
+
+    Secant steps with the Illinois weight, and a bisection whenever three of them have not halved the interval.
+    """
+    low, high = -1.0, 1.0
+    value = g(a) * sense
+    low = value if value < 0.0 else -1e-300
+    value = g(b) * sense
+    high = value if value > 0.0 else 1e-300
+    side, width, patience = 0, abs(b - a), 0
+    for _ in range(ROOT_ROUNDS):
+        middle = 0.5 * (a + b)
+        if middle in (a, b):
+            break
+        t = a - low * (b - a) / (high - low) if np.isfinite(high - low) else middle
+        if patience >= 3 or not min(a, b) < t < max(a, b):
+            t = middle
+        value = g(t) * sense
+        if value == 0.0:
+            return t
+        if value < 0.0:
+            a, low = t, value
+            high *= 0.5 if side < 0 else 1.0
+            side = -1
+        else:
+            # What is not a number lies beyond the crossing.
+            b, high = t, value if value > 0.0 else np.inf
+            low *= 0.5 if side > 0 else 1.0
+            side = 1
+        patience += 1
+        if abs(b - a) <= 0.5 * width:
+            width, patience = abs(b - a), 0
+    return a if abs(low) < abs(high) else b
+
+
+def _lowest(g: Callable[[float], float], a: float, b: float) -> float | None:
+    """A point between `a` and `b` where `g` is negative, by golden section; None when its minimum is not."""
+    left, right = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
+    at_left, at_right = g(left), g(right)
+    for _ in range(DIP_ROUNDS):
+        if at_left < 0.0:
+            return left
+        if at_right < 0.0:
+            return right
+        if at_left <= at_right:
+            b, right, at_right = right, left, at_left
+            left = a + GOLDEN * (b - a)
+            at_left = g(left)
+        else:
+            a, left, at_left = left, right, at_right
+            right = b - GOLDEN * (b - a)
+            at_right = g(right)
+    return None

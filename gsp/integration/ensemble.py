@@ -1,0 +1,390 @@
+"""Ensembles: many runs of one flow, over starts, epsilon and parameters, on all cores."""
+
+from __future__ import annotations
+
+import operator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from gsp.errors import GspError, Status, nearest
+from gsp.integration.loop import (
+    STATUS,
+    Stats,
+    check_grid,
+    check_span,
+    check_step_limit,
+    check_tolerances,
+    remedy_of,
+    stops_of,
+)
+from gsp.integration.members import Column, Columns, Members, Starts, members_of
+from gsp.integration.methods import (
+    MILD,
+    MILD_ATTEMPTS,
+    Method,
+    begins_with_series,
+    check_method,
+    choose_method,
+    solver_of,
+)
+from gsp.integration.parallel import Work, check_threads, share
+from gsp.kernels import ensemble as kernels
+from gsp.kernels import ledger
+from gsp.kernels.dop853 import dop853
+from gsp.kernels.radau import radau
+from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.taylor import taylor
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.results.drawn import Drawn
+from gsp.systems.arguments import check_noun, check_progress
+from gsp.systems.flow import Flow, frozen
+
+# Steps between two looks at an interrupt, and rows of scratch in each thread.
+_RECORD = 128
+_SHOWN_STATES = 4
+_QUANTILES = (0.05, 0.5, 0.95)
+_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853, taylor: kernels.TAYLOR}
+_WORST_FIRST = (
+    Status.NON_FINITE,
+    Status.SINGULAR_JACOBIAN,
+    Status.STEP_TOO_SMALL,
+    Status.TOO_MANY_STEPS,
+    Status.INTERRUPTED,
+    Status.SUCCESS,
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Member:
+    """One run of an ensemble in plain numbers: what it was given, how far it came, what it cost.
+
+    `y` (n, k) over the ensemble's `t` (k,) is NaN where the run did not come; `last` by name is the state at
+    `reached`, the end of its last step.
+    """
+
+    index: int
+    start: Mapping[str, float]
+    epsilon: float | None
+    parameters: Mapping[str, float]
+    status: Status
+    reached: float
+    last: Mapping[str, float]
+    t: np.ndarray
+    y: np.ndarray
+    stats: Stats
+
+    @property
+    def message(self) -> str:
+        """One line: how it ended, where, and what to do about it."""
+        if self.status.ok:
+            return f"member {self.index} reached the end: {self.place}"
+        remedy = remedy_of(self.status, self.stats)
+        return f"member {self.index} stopped: {self.status.name} at {self.place}; {remedy}"
+
+    @property
+    def place(self) -> str:
+        """Time and state at the end of the last step, in words."""
+        shown = [f"{name} = {value:.6g}" for name, value in self.last.items()]
+        more = ["..."] if len(shown) > _SHOWN_STATES else []
+        return ", ".join([f"t = {self.reached:.6g}", *shown[:_SHOWN_STATES], *more])
+
+    def __repr__(self) -> str:
+        return f"Member({self.index}, t={self.reached:.6g}, {self.status.name})"
+
+    def __str__(self) -> str:
+        values = {
+            **({} if self.epsilon is None else {"epsilon": self.epsilon}),
+            **self.parameters,
+        }
+        width = max(map(len, [*self.start, *values]))
+        lines = [f"member {self.index}, {self.stats.method.value}"]
+        lines += [
+            f"  {name:>{width}}  {first:>13.6g} -> {self.last[name]:<13.6g}".rstrip()
+            for name, first in self.start.items()
+        ]
+        lines += [f"  {name:>{width}}  {value:>13.6g}" for name, value in values.items()]
+        return "\n".join([*lines, f"  {self.message}"])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(Drawn):
+    """Many solutions of a flow at the times `t` (k,): `y` (m, n_states, k), read-only, member i in row i.
+
+    `ensemble["name"]` (m, k) is a state or an observable, `.member(i)` one run, iteration runs over all; `.epsilon` and
+    `.parameters` are what each was given. `.statuses` (m,) says how each ended; `y` is NaN at times that a member did
+    not reach, `.last` (m, n_states) is its state at the end `.reached` (m,) of its last step.
+    """
+
+    flow: Flow
+    method: Method
+    members: Members
+    t: np.ndarray
+    y: np.ndarray
+    statuses: tuple[Status, ...]
+    reached: np.ndarray
+    last: np.ndarray
+    _counters: np.ndarray = field(repr=False)
+    _explicit: np.ndarray = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.statuses)
+
+    def __iter__(self) -> Iterator[Member]:
+        return (self.member(i) for i in range(len(self)))
+
+    def __getitem__(self, key: str | sp.Symbol) -> np.ndarray:
+        """Values (m, k) of a state or an observable, NaN where not reached; raises `GspError` for any other name."""
+        name = key.name if isinstance(key, sp.Symbol) else key
+        states = [symbol.name for symbol in self.flow.states]
+        if name in states:
+            return self.y[:, states.index(name)]
+        observables = [symbol.name for symbol in self.flow.observables]
+        if name not in observables:
+            known = [*states, *observables]
+            raise GspError(
+                f"{name!r} is no state and no observable. Those are {', '.join(known)}."
+                + nearest(str(name), known)
+            )
+        # Copies: compiled code takes writable contiguous arrays only.
+        kept = np.array(self.y.transpose(0, 2, 1), order="C")
+        out = np.empty((*kept.shape[:2], len(observables)))
+        constants = np.array(self.members.constants)
+        kernels.evaluate_members(compile_flow(self.flow).observables.address, kept, constants, out)
+        # An observable may be finite where the state is not a number.
+        values = np.where(np.isnan(kept[:, :, 0]), np.nan, out[:, :, observables.index(name)])
+        return frozen(values)
+
+    def member(self, i: int) -> Member:
+        """The run with index `i`, from 0; raises `GspError` when there is none."""
+        if not 0 <= operator.index(i) < len(self):
+            raise GspError(f"the members are numbered 0 to {len(self) - 1}. Got {i}.")
+        states = [symbol.name for symbol in self.flow.states]
+        epsilon, *parameters = self.members.constants[i].tolist()
+        steps, rejected, field_calls, jacobian_calls, decompositions, stiff = self._counters[i].tolist()
+        return Member(
+            index=i,
+            start=dict(zip(states, self.members.starts[i].tolist())),
+            epsilon=None if self.flow.epsilon is None else epsilon,
+            parameters={symbol.name: value for symbol, value in zip(self.flow.parameters, parameters)},
+            status=self.statuses[i],
+            reached=float(self.reached[i]),
+            last=dict(zip(states, self.last[i].tolist())),
+            t=self.t,
+            y=self.y[i],
+            stats=Stats(
+                Method.TAYLOR if self._explicit[i] else self.method,
+                steps,
+                rejected,
+                field_calls,
+                jacobian_calls,
+                decompositions,
+                bool(stiff),
+            ),
+        )
+
+    @property
+    def starts(self) -> np.ndarray:
+        """States at the start, (m, n_states)."""
+        return self.members.starts
+
+    @property
+    def epsilon(self) -> np.ndarray | None:
+        """Each member's epsilon, (m,); `None` for a flow that has none."""
+        return None if self.flow.epsilon is None else self.members.constants[:, 0]
+
+    @property
+    def parameters(self) -> Mapping[str, np.ndarray]:
+        """Each member's value (m,) of every parameter, by name."""
+        columns = self.members.constants.T[1:]
+        return {symbol.name: column for symbol, column in zip(self.flow.parameters, columns)}
+
+    @property
+    def failed(self) -> np.ndarray:
+        """Indices of the members that did not reach the end."""
+        return np.flatnonzero([not status.ok for status in self.statuses])
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Accepted steps of each member, (m,)."""
+        return self._counters[:, ledger.STEPS]
+
+    @property
+    def message(self) -> str:
+        """A line for each way that members ended, the worst first, with the first such member and what to do."""
+        counts = Counter(self.statuses)
+        if len(counts) == 1 and Status.SUCCESS in counts:
+            return (
+                "the member reached the end" if len(self) == 1 else f"all {len(self)} members reached the end"
+            )
+        lines = []
+        for status in sorted(counts, key=_WORST_FIRST.index):
+            share = f"{counts[status]} of {len(self)}"
+            if status.ok:
+                lines.append(f"{share} reached the end")
+            else:
+                first = self.member(self.statuses.index(status))
+                remedy = remedy_of(status, first.stats)
+                lines.append(f"{share} {status.name}, first member {first.index} at {first.place}; {remedy}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        names = ", ".join(symbol.name for symbol in self.flow.states)
+        counts = Counter(status.name for status in self.statuses)
+        return (
+            f"Ensemble([{names}], members={len(self)}, times={self.t.size}, "
+            + ", ".join(f"{name}: {count}" for name, count in counts.items())
+            + ")"
+        )
+
+    def __str__(self) -> str:
+        rows: list[tuple[str, np.ndarray]] = []
+        for symbol in self.flow.states[:_SHOWN_STATES]:
+            values = self[symbol][:, -1]
+            rows.append((symbol.name, values[~np.isnan(values)]))
+        if len(self.flow.states) > _SHOWN_STATES:
+            rows.append(("...", np.empty(0)))
+        rows.append(("steps", self.steps))
+        width = max(len(name) for name, _ in rows)
+        lines = [f"ensemble of {len(self)}, {self.method.value}{_range(self.epsilon)}"]
+        heads = "".join(f"{f'{100 * q:g} %':>14}" for q in _QUANTILES)
+        lines.append(f"  {'':>{width}}{heads}  at t = {self.t[-1]:g}")
+        for name, values in rows:
+            found = np.quantile(values, _QUANTILES) if values.size else ()
+            lines.append(f"  {name:>{width}}" + "".join(f"{value:14.6g}" for value in found))
+        return "\n".join([*lines, *(f"  {line}" for line in self.message.splitlines())])
+
+
+def integrate_many(
+    flow: Flow,
+    starts: Starts,
+    *,
+    span: tuple[float, float],
+    epsilon: Column | None = None,
+    parameters: Columns | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    at: ArrayLike | None = None,
+    method: Method | str | None = None,
+    max_steps: int = 1_000_000,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Ensemble:
+    """Integrate `flow` once for each member: start, epsilon and parameter values, one for all or one for each.
+
+    `starts` is a mapping of names to numbers or arrays (m,), a sequence of mappings, or an array (m, n) in the order of
+    the flow's states. `epsilon` is a number or (m,), `parameters` a mapping of names to numbers or (m,), which stand in
+    for the flow's own. `at` (k,) are the times that are kept, by default the end of the span; nothing else is, so
+    that memory does not grow with the steps. The other arguments are those of `integrate`.
+
+    Every number is, bit for bit, what `integrate` returns for that member alone, whatever `threads` (by default one for
+    each core). A member that stops early has its own status and spoils no other. `progress` is called with the
+    fraction of members done; Ctrl-C returns what is done, with the rest INTERRUPTED. Raises `DeclarationError` for
+    arguments that are not well formed, naming the member.
+
+    >>> from gsp import VectorField
+    >>> x, k = sp.symbols("x k")
+    >>> decay = VectorField(states={x: -k * x}, epsilon=None, parameters={k: 1})
+    >>> integrate_many(decay, {"x": 1}, parameters={"k": [1, 2, 3]}, span=(0, 1))["x"][:, -1].round(6)
+    array([0.367879, 0.135335, 0.049787])
+    """
+    check_noun(flow, Flow, verb="integrate_many")
+    first, last = check_span(span)
+    rtol, atol = check_tolerances(rtol, atol)
+    check_progress(progress)
+    grid = None if at is None else check_grid(at, first, last)
+    asked = check_method(method)
+    compiled = compile_flow(flow)
+    chosen = asked or choose_method(compiled, rtol)
+    limit = check_step_limit(max_steps)
+    count = check_threads(threads)
+    members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
+    m, n = members.starts.shape
+    t = np.array([last]) if grid is None else grid
+    before = int(t[0] == first)
+    solver = solver_of(chosen, rtol)
+    program = solver.program(compiled)
+    # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
+    tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol, 0.0)
+    tries = tries and kernels.any_begins(
+        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), MILD
+    )
+    first_solver = solver_of(Method.TAYLOR, rtol) if tries else solver
+    begins = (
+        _INDEX[first_solver.kernel],
+        first_solver.program(compiled),
+        MILD if tries else 0.0,
+        MILD_ATTEMPTS,
+    )
+    # Addresses are asked for here: two threads would compile twice.
+    shared = (
+        _INDEX[solver.kernel], program,
+        members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
+        begins,
+    )  # fmt: skip
+    ends = members.starts.copy()
+    reached = np.full(m, first)
+    kept = np.full((m, t.size, n), np.nan)
+    if before:
+        kept[:, 0] = ends
+    counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
+    codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
+    explicit = np.zeros(m, dtype=np.bool_)
+
+    def worker() -> Work:
+        memory = np.zeros(solver.memory_size(n))
+        times, states = np.empty(_RECORD), np.empty((_RECORD, n))
+
+        def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
+            return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
+
+        record = record_of(chosen, solver.rows)
+        trial_record = record_of(Method.TAYLOR, first_solver.rows) if tries else record
+        rate = np.zeros(n)
+
+        def work(low: int, high: int, halt: np.ndarray) -> None:
+            kernels.run_members(
+                *shared,
+                low,
+                high,
+                halt,
+                ends,
+                reached,
+                kept,
+                counters,
+                codes,
+                explicit,
+                rate,
+                memory,
+                record,
+                trial_record,
+            )
+
+        return work
+
+    share(worker, m, threads=min(count, m), progress=progress)
+    endings = {kernels.NOT_FINISHED: Status.INTERRUPTED, **STATUS}
+    return Ensemble(
+        flow=flow,
+        method=chosen,
+        members=members,
+        t=frozen(t),
+        y=frozen(kept).transpose(0, 2, 1),
+        statuses=tuple(endings[code] for code in codes.tolist()),
+        reached=frozen(reached),
+        last=frozen(ends),
+        _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
+        _explicit=frozen(explicit),
+    )
+
+
+def _range(values: np.ndarray | None) -> str:
+    if values is None:
+        return ""
+    low, high = values.min(), values.max()
+    return f", epsilon = {low:g}" + ("" if low == high else f" to {high:g}")

@@ -1,0 +1,93 @@
+"""Why an integration failed, as far as its record tells: what is said beside the status, and the remedy."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gsp.errors import Status
+from gsp.integration.loop import Record, remedy_of
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.systems.flow import Flow
+
+# A backward run whose fast directions grow by more than e to this has lost every digit.
+LOST = 36.0
+# A solution that has grown this much, by a power law that three of its points agree on to so much, is blowing up.
+GROWN = 1e3
+AGREEMENT = 0.02
+# The points are taken where the distance from the pole stands clear of the rounding of t.
+CLEAR = 1e-9
+_FAILED = (Status.NON_FINITE, Status.STEP_TOO_SMALL, Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN)
+
+
+class Explanation(NamedTuple):
+    """What is known beyond the status, and what to do; both may be empty."""
+
+    note: str
+    remedy: str
+
+
+def explain(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation:
+    """What the record of a run towards `last` tells about its ending."""
+    status, stats = record.status, record.stats
+    if status not in _FAILED:
+        return Explanation("", status.remedy)
+    if len(record.times) == 1 and status is Status.NON_FINITE:
+        if not np.isfinite(compile_flow(flow).rates(record.states[0], p)).all():
+            return Explanation(
+                "the field is not finite at the start", "move the start into the domain of the field"
+            )
+        return Explanation("", status.remedy)
+    backward = _backward(flow, p, record, last)
+    if backward is not None:
+        return backward
+    if status in (Status.TOO_MANY_STEPS, Status.SINGULAR_JACOBIAN):
+        return Explanation("", remedy_of(status, stats))
+    return Explanation(_pole(flow, p, record), status.remedy)
+
+
+def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explanation | None:
+    """Backward in time the fast directions of an attracting stiff field grow."""
+    length = float(record.times[0]) - last
+    if not (flow.is_stiff and length > 0.0):
+        return None
+    n = len(flow.states)
+    jacobian = compile_flow(flow).derivatives(record.states[0], p).reshape(n, n)
+    if not np.isfinite(jacobian).all():
+        return None
+    rate = float(-np.linalg.eigvals(jacobian).real.min())
+    if rate * length < LOST:
+        return None
+    return Explanation(
+        f"backward in time the fast directions grow at the rate {rate:.3g}, by 1e{rate * length / np.log(10):.0f} "
+        "over this span",
+        "no integrator can follow that: integrate forward from an earlier start, or restrict() the system to its slow "
+        "manifold and run that backward",
+    )
+
+
+def _pole(flow: Flow, p: np.ndarray, record: Record) -> str:
+    """How the largest state blows up, if it does.
+
+    For y ~ C (T - t)^(-k) the quotient y/y' = (T - t)/k falls linearly in t, which gives k and T.
+    """
+    t, y = record.times, record.states
+    i = int(np.argmax(np.abs(y[-1])))
+    size = np.abs(y[:, i])
+    if not size[-1] > GROWN * (1.0 + size[0]):
+        return ""
+    with np.errstate(all="ignore"):
+        ratio = y[:, i] / compile_flow(flow).rates(y, p)[:, i]
+        clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > CLEAR * np.abs(t)))[-3:]
+        if clear.size < 3:
+            return ""
+        a, b, c = clear
+        slopes = [(ratio[j] - ratio[i_]) / (t[j] - t[i_]) for i_, j in ((a, b), (b, c))]
+        power = -1.0 / slopes[1]
+        agree = abs(slopes[0] - slopes[1]) <= AGREEMENT * abs(slopes[1])
+    if not (agree and np.isfinite(power) and power > 0.0):
+        return ""
+    pole = t[c] + power * ratio[c]
+    name = flow.states[i].name
+    return f"{name} grows without bound, like (T - t)^-{power:.3g} with T = {pole:.8g}"

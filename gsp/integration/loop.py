@@ -1,0 +1,310 @@
+"""The loop that runs an integrator to its end, and what it leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsp.errors import DeclarationError, Status
+from gsp.integration.methods import MILD_ATTEMPTS, Method, begins_with_series, choose_method, solver_of
+from gsp.kernels import ledger
+from gsp.kernels.launch import rate_at_start
+from gsp.lowering.compiled_flow import CompiledFlow
+from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
+
+# Rounding in a step is a few units in the last place; a tolerance nearer to it than this is never met.
+_SMALLEST_RTOL = 1e-14
+# Steps between two returns to Python, where Ctrl-C and progress are seen: milliseconds. Most runs end within the
+# first record, whose arrays are small enough to come from the heap.
+FIRST_RECORD = 256
+RECORD = 1024
+STATUS = {
+    ledger.FINISHED: Status.SUCCESS,
+    ledger.STEP_TOO_SMALL: Status.STEP_TOO_SMALL,
+    ledger.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
+    ledger.NON_FINITE: Status.NON_FINITE,
+    ledger.SINGULAR_JACOBIAN: Status.SINGULAR_JACOBIAN,
+}
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What an integration cost. `stiff` is a finding of the explicit method: stability bounds its step."""
+
+    method: Method
+    steps: int
+    rejected: int
+    field_calls: int
+    jacobian_calls: int
+    decompositions: int
+    stiff: bool = False
+
+
+def remedy_of(status: Status, stats: Stats) -> str:
+    """What to do about a run that ended so; `status.remedy` where the counters add nothing to it."""
+    if status is Status.TOO_MANY_STEPS and stats.stiff:
+        return "the field is stiff here: use method=Method.RODAS5P"
+    if status is Status.SINGULAR_JACOBIAN:
+        return "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
+    return status.remedy
+
+
+Numbers = Sequence[float] | np.ndarray
+Watch = Callable[[np.ndarray, np.ndarray, np.ndarray], bool]
+
+
+class Record(NamedTuple):
+    """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
+
+    `counters` are the ledger's up to STIFF.
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+    status: Status
+    method: Method
+    counters: list[int]
+
+    @property
+    def stats(self) -> Stats:
+        """Method and counters by name."""
+        *counts, stiff = self.counters
+        return Stats(self.method, *counts, stiff=stiff == 1)
+
+    @property
+    def attempts(self) -> int:
+        """Steps taken and rejected."""
+        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
+
+
+def run(
+    compiled: CompiledFlow,
+    p: Numbers,
+    y: Numbers,
+    first: float,
+    stops: np.ndarray,
+    *,
+    method: Method | None,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    dense: bool = True,
+    progress: Callable[[float], object] | None = None,
+    watch: Watch | None = None,
+    rows_kept: int = RECORD,
+    keeps: bool = False,
+) -> Record:
+    """`advance` by `method`, or by default as `choose_method` says, explicitly where the start is not stiff.
+
+    The explicit method has the few steps that such a span takes. If they do not suffice, or it fails, the implicit one
+    goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
+    """
+    chosen = method or choose_method(compiled, rtol)
+    tries = method is None and compiled.is_stiff
+    record = advance(
+        compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=max_steps,
+        dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries, keeps=keeps,
+    )  # fmt: skip
+    if not tries or record.method is not Method.TAYLOR:
+        return record
+    used = record.attempts
+    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
+        return record
+    t = record.times[-1]
+    ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
+    rest = advance(
+        compiled, p, record.states[-1], float(t), ahead, method=chosen, rtol=rtol, atol=atol,
+        max_steps=max_steps - used, dense=dense, progress=progress, keeps=keeps,
+    )  # fmt: skip
+    return _joined(record, rest)
+
+
+def _joined(one: Record, two: Record) -> Record:
+    """Both runs, the second from the end of the first; a dense output with fewer rows is filled up with zeros."""
+    rows = max(one.dense.shape[1], two.dense.shape[1])
+    dense = [np.pad(record.dense, ((0, 0), (0, rows - record.dense.shape[1]), (0, 0))) for record in (one, two)]
+    counters = [a + b for a, b in zip(one.counters, two.counters)]
+    counters[ledger.STIFF] = max(one.counters[ledger.STIFF], two.counters[ledger.STIFF])
+    return Record(
+        np.concatenate([one.times, two.times[1:]]),
+        np.concatenate([one.states, two.states[1:]]),
+        np.concatenate(dense),
+        two.status,
+        two.method,
+        counters,
+    )
+
+
+def advance(
+    compiled: CompiledFlow,
+    p: Numbers,
+    y: Numbers,
+    first: float,
+    stops: np.ndarray,
+    *,
+    method: Method,
+    rtol: float,
+    atol: float,
+    max_steps: int,
+    dense: bool = True,
+    progress: Callable[[float], object] | None = None,
+    watch: Watch | None = None,
+    rows_kept: int = RECORD,
+    first_step: float = 0.0,
+    tries: bool = False,
+    keeps: bool = False,
+) -> Record:
+    """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
+
+    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
+    by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
+    `dense` has no rows. If it `tries` and the start is such, Taylor series run in place of `method`, with their
+    attempts. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps that were made.
+    """
+    n = len(y)
+    given = np.array((first, rtol, atol, *y, *p), float)
+    if tries:
+        times = rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first)
+        if begins_with_series(compiled, rtol, times):
+            method, max_steps = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps)
+    solver = solver_of(method, rtol)
+    program = solver.program(compiled)
+    launch = solver.launch
+    work = np.zeros(solver.memory_size(n) + n)
+    if first_step != 0.0:
+        work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
+    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    # The start is row 0, so that a run of one piece is its own record.
+    length = min(FIRST_RECORD, rows_kept)
+    all_times, all_states = times, states = np.empty(length + 1), np.empty((length + 1, n))
+    records = np.empty((length if dense else 0, solver.rows, n))
+    pieces = []
+    kept = 0
+    code = ledger.RECORD_FULL
+    status = None
+    try:
+        while True:
+            code = launch(program, given, stops, max_steps, work, counters, times, states, records)
+            if watch is not None:
+                new = int(counters[ledger.STEPS]) - kept
+                if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
+                    status = Status.EVENT_REACHED
+            if progress is not None:
+                progress((float(work[ledger.TIME]) - first) / (float(stops[-1]) - first))
+            if code != ledger.RECORD_FULL or status is not None:
+                break
+            pieces.append((times[1:], states[1:], records))
+            kept += len(times) - 1
+            times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
+            records = np.empty((rows_kept if dense else 0, solver.rows, n))
+    except KeyboardInterrupt:
+        if not keeps:
+            raise
+        status = Status.INTERRUPTED
+        # It may have come between any two lines above, even before the start was entered.
+        all_times[0], all_states[0] = first, y
+    # What counts is what the counters say.
+    counts = counters.tolist()[: ledger.STIFF + 1]
+    steps = counts[ledger.STEPS]
+    if not pieces:
+        all_times, all_states, records = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
+    else:
+        new = steps - sum(len(piece[0]) for piece in pieces)
+        pieces[0] = (all_times, all_states, pieces[0][2])
+        pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
+        all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
+    return Record(all_times, all_states, records, status or STATUS[code], method, counts)
+
+
+def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
+    """The record of a run that does not begin."""
+    counters = [0] * (ledger.STIFF + 1)
+    return Record(np.array([t]), y[np.newaxis].copy(), np.empty((0, 1, y.size)), status, method, counters)
+
+
+def check_span(span: tuple[float, float]) -> tuple[float, float]:
+    """The two ends as floats; raises `DeclarationError` unless finite and different."""
+    try:
+        first, last = span
+    except (TypeError, ValueError):
+        raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(span)}.") from None
+    t0 = first if type(first) is float else as_float(first)
+    t1 = last if type(last) is float else as_float(last)
+    if t0 != t1 and math.isfinite(t1 - t0):
+        return t0, t1
+    for end, number in ((first, t0), (last, t1)):
+        if math.isnan(number) and not isinstance(end, (float, np.floating)):
+            raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(end)} in it.")
+    if t0 == t1 and math.isfinite(t0):
+        remedy = "Give an end that differs from the start."
+        raise DeclarationError(f"span must have a length. Got {shown(span)}. {remedy}")
+    raise DeclarationError(
+        f"span must be finite, and its length. Got {shown(span)}. Give the times of the start and the end."
+    )
+
+
+def check_tolerances(rtol: float, atol: float) -> tuple[float, float]:
+    """Both as floats; raises `DeclarationError` unless they are finite, positive and above rounding."""
+    if type(rtol) is type(atol) is float and _SMALLEST_RTOL <= rtol < math.inf and 0.0 < atol < math.inf:
+        return rtol, atol
+    remedy = "The defaults serve most uses."
+    return (
+        check_number(
+            rtol,
+            what="rtol",
+            be=f"a finite number, at least {_SMALLEST_RTOL:g}, which is near rounding",
+            least=_SMALLEST_RTOL,
+            remedy=remedy,
+        ),
+        check_number(
+            atol, what="atol", be="a finite number, positive, one for all states", above=0.0, remedy=remedy
+        ),
+    )
+
+
+def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
+    """Times (m,) inside the span and monotone along it; raises `DeclarationError` otherwise."""
+    grid = check_array(at, what="at", be="a sequence of times")
+    if grid.ndim != 1 or grid.size == 0:
+        raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
+    start, end = float(grid[0]), float(grid[-1])
+    if last > first:
+        steps, inside = grid[1:] - grid[:-1], first <= start and end <= last
+    else:
+        steps, inside = grid[:-1] - grid[1:], first >= start and end >= last
+    if inside and (steps.size == 0 or steps.min() > 0.0):
+        # Sorted, so that the ends decide for all; NaN fails one comparison or the other.
+        return grid
+    low, high = min(first, last), max(first, last)
+    outside = grid[~((grid >= low) & (grid <= high))]
+    if outside.size:
+        raise DeclarationError(
+            f"at must lie inside the span ({first:g}, {last:g}). Got {outside[0]:.17g}. "
+            "Drop it or lengthen the span."
+        )
+    i = int(np.argmin(steps > 0.0))
+    raise DeclarationError(
+        f"at must run from the start to the end of the span, without repeats. Got {grid[i]:.17g}, then "
+        f"{grid[i + 1]:.17g}. Sort it."
+    )
+
+
+def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
+    """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
+    if grid is None:
+        stops = np.empty(1)
+        stops[0] = last
+        return stops
+    ahead = grid[1:] if grid[0] == first else grid
+    return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
+
+
+def check_step_limit(max_steps: int) -> int:
+    """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
+    return min(check_whole(max_steps, what="max_steps", least=1, be="an integer, 1 or more"), 2**62)

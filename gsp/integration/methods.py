@@ -1,0 +1,154 @@
+"""The integrators that there are, and which of them is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from operator import attrgetter, methodcaller
+from typing import NamedTuple
+
+import numpy as np
+
+from gsp.errors import DeclarationError, nearest
+from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels.dop853 import dop853
+from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, launch_taylor
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
+from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.step_control import largest_rate
+from gsp.kernels.taylor import taylor
+from gsp.lowering.compiled_flow import CompiledFlow
+from gsp.lowering.steps.taylor import dense_rows
+from gsp.systems.arguments import shown
+
+# Which method meets a tolerance in the least time, measured over the eight stiff problems of `benchmarks/problems.py`
+# with each method's code for the flow, interleaved in one run, geometric means of the time at equal error. Rodas5P and
+# Radau of order 9 cross at an error of 5e-5 at the end and of 1e-4 over an output grid, orders 9 and 13 at 1e-8 and at
+# 2e-6. What counts is the ladder of tolerances that they make. It is flat: with the first border anywhere from 1e-4 to
+# 1e-3 and the second from 3e-7 to 3e-5 no target from 1e-3 to 1e-11, at the end or over the grid, takes 5 % more.
+_TIGHT_RTOL = 3e-4
+_TIGHTEST_RTOL = 1e-6
+# Where loops do the work Rodas5P and Radau of order 9, which decomposes nine times as much a step, cross at 1e-6 with a
+# full Jacobian of 12 states, at 5e-7 with 20 and 2e-7 with 30.
+_TIGHT_RTOL_OF_LOOPS = 1e-6
+# The default does not wait longer for its code than half a second: so many products, and parts of the expressions.
+_MOST_PRODUCTS = 5_000
+_MOST_PARTS = 3_000
+
+
+class Method(Enum):
+    """How to integrate.
+
+    RODAS5P: Rosenbrock, order 5, stiffly accurate; for fields with a fast time scale.
+    RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; the same, for tight tolerances.
+    RADAU: these three, the order following the convergence of the iteration from step to step.
+    DOP853: explicit Runge-Kutta, order 8; for reduced flows and other fields on one time scale.
+    TAYLOR: explicit, order 12 to 20 by the tolerance; for smooth fields that are barely stiff or not at all, code for
+    which takes a tenth of a second to build.
+    """
+
+    RODAS5P = "rodas5p"
+    RADAU5 = "radau5"
+    RADAU9 = "radau9"
+    RADAU13 = "radau13"
+    RADAU = "radau"
+    DOP853 = "dop853"
+    TAYLOR = "taylor"
+
+    # There is one of each: their identity serves as the key of the tables below, and costs less than their text.
+    __hash__ = object.__hash__
+
+
+class Solver(NamedTuple):
+    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take."""
+
+    kernel: Callable[..., int]
+    launch: Callable[..., int]
+    rows: int
+    program: Callable[[CompiledFlow], np.ndarray]
+
+    def memory_size(self, n: int) -> int:
+        """Entries of `memory` for `n` states."""
+        return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
+
+
+_SOLVERS = {
+    Method.RODAS5P: Solver(
+        rodas5p, launch_rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")
+    ),
+    **{
+        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages))
+        for method, stages in zip((Method.RADAU5, Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
+    },
+    Method.RADAU: Solver(radau, launch_radau, radau_tableau.STAGES[-1], attrgetter("variable_program")),
+    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program")),
+}
+# Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these
+# take 1 to 7 % longer than the best of the even orders from 8 to 24 (geometric means).
+_TAYLOR_ORDERS = ((1e-5, 12), (1e-9, 16), (0.0, 20))
+_TAYLOR = {
+    order: Solver(taylor, launch_taylor, dense_rows(order), methodcaller("taylor_program", order))
+    for _, order in _TAYLOR_ORDERS
+}
+
+
+def solver_of(method: Method, rtol: float) -> Solver:
+    """The solver of `method` at the tolerance."""
+    return _TAYLOR[taylor_order(rtol)] if method is Method.TAYLOR else _SOLVERS[method]
+
+
+def taylor_order(rtol: float) -> int:
+    """The order of a Taylor series at a tolerance."""
+    if rtol >= _TAYLOR_ORDERS[0][0]:
+        return _TAYLOR_ORDERS[0][1]
+    return _TAYLOR_ORDERS[1][1] if rtol >= _TAYLOR_ORDERS[1][0] else _TAYLOR_ORDERS[2][1]
+
+
+def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarray:
+    """The addresses that the kernel of `method` takes; see `ledger`. What is missing is compiled.
+
+    Raises `UnsupportedFunctionError` for `Method.TAYLOR` where the field has no Taylor series.
+    """
+    return solver_of(method, rtol).program(compiled)
+
+
+def choose_method(compiled: CompiledFlow, rtol: float) -> Method:
+    """What was measured to be fastest for such a flow at this tolerance."""
+    if not compiled.is_stiff:
+        return Method.DOP853
+    if rtol >= (_TIGHT_RTOL if compiled.is_written else _TIGHT_RTOL_OF_LOOPS):
+        return Method.RODAS5P
+    return Method.RADAU9 if rtol >= _TIGHTEST_RTOL else Method.RADAU13
+
+
+def check_method(method: Method | str | None) -> Method | None:
+    """The method asked for; raises `DeclarationError` when there is none such."""
+    if method is None or isinstance(method, Method):
+        return method
+    try:
+        return Method(method)
+    except (ValueError, TypeError):
+        names = [member.value for member in Method]
+        raise DeclarationError(
+            f"{shown(method)} is no method. The methods are {', '.join(names)}." + nearest(method, names)
+        ) from None
+
+
+# What has few fast times in its span, |J| (t1 - t0) at the start, is tried by Taylor series, with so many attempts.
+# Measured on the sleigh from epsilon = 0.01 to 3.2, linear fields, van der Pol's oscillator and others, with code for
+# each method's step. They draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times, with the
+# Radau methods at 200 (linear fields) to 700 (van der Pol); below they take down to half of the time, on oscillators a
+# third. DOP853, for fields without series, took 1.0 to 1.5 times as long as the Radau methods.
+MILD = 200.0
+MILD_ATTEMPTS = 250
+
+
+def fast_times(compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> float:
+    """|J| (t1 - t0) at the start."""
+    return float(largest_rate(compiled.jacobian, first, y, p)) * abs(last - first)
+
+
+def begins_with_series(compiled: CompiledFlow, rtol: float, times: float) -> bool:
+    """Whether the default tries Taylor series on a flow that is declared stiff, with so many fast times."""
+    return times <= MILD and compiled.has_series(taylor_order(rtol), products=_MOST_PRODUCTS, parts=_MOST_PARTS)

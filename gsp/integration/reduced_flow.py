@@ -1,0 +1,226 @@
+"""The reduced flow: x' = f(x, h_epsilon(x), epsilon) on the slow manifold, as a series in epsilon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError
+from gsp.slow.series import SeriesManifold
+from gsp.systems.arguments import check_noun
+from gsp.systems.declaration import reconstruction_of
+from gsp.systems.flow import Flow, Point, Values, check_order, named
+from gsp.systems.system import SlowFastSystem
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedFlow(Flow):
+    """The flow on the slow manifold through `order`; an ordinary, non-stiff `Flow`.
+
+    Its states are coordinates on the critical manifold: the slow variables, or on an implicit branch the chart's,
+    where y0 stands for the point of M0 over x and is named after the fast variable with a 0. The slow and fast
+    variables themselves, and the raw states of a split field, are among its observables. Parameters have their values.
+    `base` is the point (x, y) of M0 over a state, `driven_rates` the rates of what is reconstructed in the system's own
+    variables, `last_terms` the last two terms of the series of y after h_0. A run ends where normal hyperbolicity is
+    lost, and at orders above 0 where the series ends before.
+    """
+
+    manifold: SeriesManifold
+    order: int
+    states: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Expr, ...]
+    observables: Values
+    epsilon: sp.Symbol
+    parameters: Values = field(default_factory=dict)
+    is_stiff: bool = False
+    driven: tuple[sp.Symbol, ...] = ()
+    base: tuple[sp.Expr, ...] = ()
+    driven_rates: tuple[sp.Expr, ...] = ()
+    last_terms: tuple[tuple[sp.Expr, ...], ...] = ()
+    is_reduced = True
+
+    @property
+    def fixed(self) -> Values:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Values of the system's parameters, which the rates no longer contain."""
+        return self.manifold.branch.system.parameters
+
+    def initial(self, start: Point) -> tuple[float, ...]:
+        """State over the slow variables that `start` names.
+
+        Fast variables may be named too: on an implicit branch without a fixed sheet they choose the sheet. Otherwise
+        they say nothing: the start is moved along x = const to the graph, or to the fixed sheet even where another is
+        nearer. Quantities that are reconstructed start at 0 when not named.
+        """
+        given = named(start, what="start")
+        system = self.manifold.branch.system
+        slow = [x.name for x in system.x]
+        allowed = {*(s.name for s in system.states), *(s.name for s in self.driven)}
+        unknown = sorted(set(given) - allowed)
+        missing = [name for name in slow if name not in given]
+        if unknown or missing:
+            fact = f"start names {', '.join(unknown)}, unknown here" if unknown else ""
+            lack = f"start gives no value for {', '.join(missing)}" if missing else ""
+            raise DeclarationError(
+                f"{'; '.join(filter(None, (fact, lack)))}. Got {given}. "
+                f"A reduced flow starts at its slow variables {', '.join(slow)}."
+            )
+        x = np.array([given[name] for name in slow])
+        branch = self.manifold.branch
+        fast = [given[y.name] for y in system.y if y.name in given]
+        if branch.is_explicit:
+            z = np.concatenate([x, np.full(len(system.y), np.nan)])
+        else:
+            near = fast if len(fast) == len(system.y) and branch.seed is None else None
+            z = np.concatenate([x, branch.points(x[None, :], near=near)[0]])
+        own = [float(z[system.states.index(s)]) for s in self.manifold.coordinates]
+        return (*own, *(given.get(s.name, 0.0) for s in self.driven))
+
+    def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
+        """State array (m, n) of many starts; on an explicit branch no start costs more than its copy."""
+        if not self.manifold.branch.is_explicit:
+            return super().initials(starts)
+        # The names decide alike for all, so that one start checks them.
+        self.initial(dict.fromkeys(starts, 0.0))
+        zeros = np.zeros(len(next(iter(starts.values()))))
+        return np.stack([starts.get(state.name, zeros) for state in self.states], axis=1)
+
+    def __repr__(self) -> str:
+        return f"ReducedFlow({self.manifold.branch}, order={self.order})"
+
+    def __str__(self) -> str:
+        lines = [f"reduced flow through order {self.order}"]
+        lines += [f"  {s}' = {rate}" for s, rate in zip(self.states, self.rates)]
+        return "\n".join(lines)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ReducedFlow) and (self is other or self._key == other._key)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _key(self) -> tuple:
+        # All that a run depends on: where it ends is decided by the branch, which the rates do not tell.
+        return (
+            self.manifold.branch,
+            self.order,
+            self.states,
+            self.rates,
+            tuple(self.observables.items()),
+            self.epsilon,
+            tuple(self.parameters.items()),
+            self.is_stiff,
+            self.driven,
+            self.base,
+            self.driven_rates,
+            self.last_terms,
+        )
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key)
+
+
+def restrict(
+    manifold: SeriesManifold,
+    *,
+    order: int | None = None,
+    reconstruction: Mapping[sp.Symbol, sp.Expr] | None = None,
+) -> ReducedFlow:
+    """The reduced flow on `manifold`, cut at `order`.
+
+    `reconstruction` maps further symbols to rates in the system's variables, its observables and one another;
+    they are driven by the reduced flow (a position by velocities).
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x}, epsilon=eps)
+    >>> restrict(expand(solve_critical(system).branches[0], order=1)).rates
+    (-epsilon*y - y,)
+    """
+    check_noun(manifold, SeriesManifold, verb="restrict")
+    if order is not None:
+        check_order(order)
+    rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
+    cut = manifold.at_order(manifold.order if order is None else order).specialised
+    system = manifold.branch.system
+    ring = cut.chart.ring
+    epsilon = system.epsilon
+    values = dict(system.parameters)
+    renamed = _renamed(cut, rates_driven)
+
+    def total(elements) -> sp.Expr:
+        terms = [ring.horner(element) * epsilon**k for k, element in enumerate(elements)]
+        return sp.Add(*terms).xreplace(renamed)
+
+    rates = []
+    for coordinate in cut.coordinates:
+        if coordinate in system.x:
+            rates.append(total(cut._f[system.x.index(coordinate)]))
+            continue
+        # A fast coordinate on M0 moves with the slow ones: y0' = sum_j (D_j y0) x_j'.
+        element = ring.generator(coordinate)
+        slopes = [ring.derive(element, j) for j in range(len(system.x))]
+        moved = [
+            _sum([slope * cut._f[j][k] for j, slope in enumerate(slopes)], ring).reduced()
+            for k in range(cut.order + 1)
+        ]
+        rates.append(total(moved))
+    observables: dict[sp.Symbol, sp.Expr] = {}
+    for x in system.x:
+        if x not in cut.coordinates:
+            observables[x] = total([cut.chart.elements[x]])
+    for i, y in enumerate(system.y):
+        observables[y] = total(cut._h[i])
+    for symbol, expression in system.observables.items():
+        observables[symbol] = expression.xreplace(values).xreplace(observables)
+    states = tuple(renamed.get(c, c) for c in cut.coordinates)
+    driven = tuple(rates_driven)
+    for rate in rates_driven.values():
+        rates.append(rate.xreplace(values).xreplace(observables))
+    return ReducedFlow(
+        manifold=manifold,
+        order=cut.order,
+        states=(*states, *driven),
+        rates=tuple(rates),
+        observables=MappingProxyType(observables),
+        epsilon=epsilon,
+        driven=driven,
+        base=tuple(total([cut.chart.elements[s]]) for s in system.states),
+        last_terms=tuple(
+            tuple((ring.horner(h[k]) * epsilon**k).xreplace(renamed) for h in cut._h)
+            for k in (cut.order - 1, cut.order)
+            if cut.order > 1
+        ),
+        driven_rates=tuple(_own(rate, system) for rate in rates_driven.values()),
+    )
+
+
+def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
+    """A reconstructed rate in slow and fast variables, with the parameters' values."""
+    return rate.xreplace(dict(system.observables)).xreplace(dict(system.parameters))
+
+
+def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:
+    """Fresh symbols for the fast coordinates of M0, which are not the fast variables on M_epsilon."""
+    system = manifold.branch.system
+    taken = {s.name for s in (*system.states, *system.parameters, *system.observables, *reconstruction)}
+    result = {}
+    for symbol in manifold.coordinates:
+        if symbol in system.y:
+            name = symbol.name + "0"
+            while name in taken:
+                name += "0"
+            result[symbol] = sp.Symbol(name)
+    return result
+
+
+def _sum(elements, ring):
+    result = ring.zero
+    for element in elements:
+        result = result + element
+    return result

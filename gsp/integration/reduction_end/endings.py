@@ -1,0 +1,395 @@
+"""How a run on a reduced flow ends where the reduction does: at a fold, at another loss of normal hyperbolicity, or,
+above order 0, where the series in epsilon stops being asymptotic on the way there.
+
+The test functions of `validity` are watched at every step. Where the eigenvalue passes through zero at order 0 the run
+goes on in the desingularised flow: when that crosses the zero it is a fold, in general a singularity of the reduced
+field, and its time and place are those of the desingularised run; otherwise the reduced field is regular there and the
+crossing is located on the run itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsp.errors import HyperbolicityError, Status
+from gsp.integration.crossings import (
+    DIP,
+    LOOK,
+    SUBDIVISIONS,
+    Piece,
+    Search,
+    Settled,
+    Stepper,
+    Watched,
+    settle_event,
+)
+from gsp.integration.loop import Record, advance, standing
+from gsp.integration.methods import Method
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.validity import eigenvalues, validity_of
+from gsp.kernels.scan import clear_of_zero
+from gsp.lowering.compiled_flow import compile_flow
+
+# A start is on a loss when det g_y is below this share of what a relative change of the point makes, or H of its
+# size: points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
+ON_LOSS = 1e-7
+# A pair with a real part below this share of its modulus is imaginary.
+IMAGINARY = 1e-6
+# How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
+HORIZON = 20.0
+# det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero,
+# its slope does too, and a sign change would be an error of integration.
+TRANSVERSAL = 1e-3
+# The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
+INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
+# A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
+# that is left, det g_y falls no lower than the root of rounding.
+VANISHED = 1e-6
+# A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
+BESIDE, SMALL = 1e-9, 1e-3
+# An equilibrium of the desingularised flow is located by following it so much further, from where |det g_y| was last
+# this share of its largest value, until det g_y has fallen to this share.
+LONG_HORIZON = 400.0
+BACK = 1e-2
+TENDED = 1e-7
+# At a branch point of M0 the slow variables do not move what has the eigenvalue 0, A g_x = 0; at a folded
+# singularity A g_x f = 0 alone. |A g_x| is 0 below this share of its size on the way.
+BRANCH_POINT = 1e-3
+MAX_STEPS = 20_000
+# The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
+JOINED = 100.0
+ACROSS = "the reduction ends here; integrate the full system across"
+# The first outputs of `Validity.tests`; the borders follow.
+TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
+# At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
+# zero that the numerator has too it does not.
+APPROACH, GROWTH = (1e-3, 1e-6), 3.0
+FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y).
+
+    `is_fold` where the desingularised flow crosses it; otherwise that flow has an equilibrium there.
+    """
+
+    t: float
+    state: np.ndarray
+    point: np.ndarray
+    is_fold: bool
+    is_branch_point: bool
+
+
+class Ending:
+    """Watches one run of a reduced flow.
+
+    Raises `HyperbolicityError` when the start lies on a loss of normal hyperbolicity.
+    """
+
+    def __init__(self, flow: ReducedFlow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> None:
+        self.flow = flow
+        self.stepper = stepper
+        self.span = span
+        self.validity = validity_of(flow)
+        row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
+        self._refuse_loss(y, row)
+        zero, pair, series, *_ = row.tolist()
+        self._begins = not flow.order or series > 0.0
+        # Positive where the reduction holds; Q is made so.
+        orientation = (-1.0 if zero < 0.0 else 1.0, -1.0 if pair < 0.0 else 1.0, 1.0)
+        watched = (0, 1, 2) if self.validity.watches_pairs else (0, 2)
+        watched = watched if flow.order else watched[:-1]
+        settles = (self._zero, self._pair, self._series)
+        borders = row[len(TESTS) :]
+        self._columns = np.array([*watched, *range(len(TESTS), len(row))])
+        self._orientation = np.array(
+            [*(orientation[i] for i in watched), *np.where(borders < 0.0, -1.0, 1.0).tolist()]
+        )
+        self.watched = [Watched(TESTS[i], -1, 1, settles[i]) for i in watched]
+        self.watched += [Watched("border", -1, 1, self._border) for _ in borders]
+        self.signs = np.ones(len(self._columns))
+
+    def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """The test functions (m, w), positive where the reduction holds; -inf where M0 has no point."""
+        points = self.validity.lift(states, self.stepper.p)
+        tests = self.validity.tests(points, self.stepper.p)[:, self._columns] * self._orientation
+        return np.where(np.isnan(tests), -np.inf, tests)
+
+    def quiet(
+        self, time: float, state: np.ndarray, times: np.ndarray, states: np.ndarray, dense: np.ndarray
+    ) -> bool:
+        """Whether all test functions surely stay positive over these steps."""
+        lift, tests = self.validity.lift, self.validity.tests
+        return clear_of_zero(
+            lift.address, lift.outputs, tests.address, tests.outputs, self.stepper.p, self._columns,
+            self._orientation, DIP, SUBDIVISIONS, time, state, times, states, dense,
+        )  # fmt: skip
+
+    def at_start(self, t: float, y: np.ndarray) -> Settled | None:
+        """The ending of a run that cannot begin: the series is none at the start."""
+        if self._begins:
+            return None
+        return self._without_series(Settled(t, y, None))
+
+    def after_failure(self, record: Record) -> tuple[Record, str, str]:
+        """`record`, if it stopped early continued into the loss that stopped it; a note and a remedy then."""
+        if self.flow.order or record.status not in (Status.STEP_TOO_SMALL, Status.NON_FINITE):
+            return record, "", ""
+        loss, j = self._loss(record.times, record.states)
+        if loss is None or self._beyond(loss.t):
+            sizes = np.abs(self.values(record.times, record.states)[:, 0])
+            if not sizes[-1] <= VANISHED * sizes.max():
+                return record, "", ""
+            return (
+                record._replace(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
+            )  # fmt: skip
+        tail = self._into(loss, float(record.times[j]), record.states[j])
+        status, note, remedy = self._named(loss)
+        times, dense = np.concatenate([record.times[: j + 1], tail.times[1:]]), record.dense[:j]
+        joined = Record(
+            times,
+            np.concatenate([record.states[: j + 1], tail.states[1:]]),
+            np.concatenate([dense, tail.dense]) if len(tail.dense) else dense,
+            status,
+            record.method,
+            [len(times) - 1, *record.counters[1:]],
+        )
+        return joined, note, remedy
+
+    def fold_ahead(self, t: float, y: np.ndarray) -> Loss | None:
+        """The fold that the reduced flow of order 0 reaches from the state `y` at `t`, if it is near; else None."""
+        loss = self._ahead(t, y)
+        return loss if loss is not None and loss.is_fold else None
+
+    def _ahead(self, t: float, y: np.ndarray, *, horizon: float = HORIZON) -> Loss | None:
+        """Where the desingularised flow crosses det g_y = 0, or, at an equilibrium there, what it tends to."""
+        validity, stepper = self.validity, self.stepper
+        flow = validity.desingularised
+        z = validity.point(y, stepper.p)
+        driven = y[len(y) - len(self.flow.driven) :] if self.flow.driven else []
+        begun = np.concatenate([z, driven, [t]])
+        value, slope = validity.crossing(begun, stepper.p)
+        # dt = Delta ds: this is the way in which t runs on.
+        sense = np.sign(value) * np.sign(self.span[1] - self.span[0])
+        if not (np.isfinite(slope) and slope * sense * np.sign(value) < 0.0):
+            return None
+        length = horizon * abs(value / slope) * sense
+        inner = Stepper(
+            compile_flow(flow),
+            stepper.p,
+            Method.DOP853,
+            min(stepper.rtol, INNER_RTOL),
+            min(stepper.atol, INNER_ATOL),
+        )
+        search = Search(
+            lambda s, states: validity.crossing(states, stepper.p)[:, :1],
+            [Watched("det g_y", 0, 1, settle_event)],
+            np.array([np.sign(value)]),
+            inner,
+            0.0,
+            begun,
+        )
+        record = advance(
+            inner.compiled, stepper.p, begun, 0.0, np.array([length]),
+            method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
+            watch=search, rows_kept=LOOK,
+        )  # fmt: skip
+        end = record.states[-1] if search.end is None else search.end.y
+        reached = validity.crossing(end, stepper.p)
+        is_fold = search.end is not None and bool(abs(reached[1]) > TRANSVERSAL * abs(slope))
+        if not is_fold and not abs(reached[0]) <= TENDED * abs(value):
+            return None
+        point = end[: len(z)]
+        places = [validity.states.index(s) for s in self.flow.manifold.coordinates]
+        state = np.concatenate([point[places], end[len(z) : -1]])
+        pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
+        return Loss(float(end[-1]), state, point, is_fold, bool(pulled[1] <= BRANCH_POINT * pulled[0]))
+
+    # -- what a crossing means ---------------------------------------------------------------------
+
+    def _zero(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        k = piece.step(t)
+        start, y = float(piece.times[k]), piece.states[k]
+        loss, j = (None, k) if self.flow.order else self._loss(*search.history(k, piece))
+        if loss is not None and self._beyond(loss.t):
+            tail = search.run(start, y, self.span[1])
+            return Settled(float(tail.times[-1]), tail.states[-1], tail, tail.status)
+        if loss is not None:
+            times, states = search.history(k, piece)
+            tail = self._into(loss, float(times[j]), states[j])
+            return Settled(loss.t, loss.state, tail, *self._named(loss), row=j)
+        settled = search.refined(column, t, piece)
+        just_before = np.array([settled.t - BESIDE * (piece.times[k + 1] - start)])
+        beside = abs(self.values(just_before, piece.at(just_before))[0, 0])
+        if not beside <= SMALL * np.abs(self.values(*search.history(k, piece))[:, 0]).max():
+            return self._beyond_domain(settled)
+        return replace(
+            settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
+        )
+
+    def _loss(self, times: np.ndarray, states: np.ndarray) -> tuple[Loss | None, int]:
+        """The zero of det g_y that the order-0 run with these steps runs into, and the step from which it is joined.
+
+        What it is, is told from a step that is not yet lost in the errors beside it. A fold is located from the last
+        step: there the run is the most sensitive, and its own end is where its last step leads.
+        """
+        sizes = np.abs(self.values(times, states)[:, 0])
+        j = int(np.flatnonzero(sizes >= BACK * sizes.max())[-1])
+        last = len(times) - 1
+        loss = self._ahead(float(times[j]), states[j], horizon=LONG_HORIZON)
+        if loss is not None and loss.is_fold:
+            nearer = self._ahead(float(times[last]), states[last])
+            if nearer is not None and nearer.is_fold:
+                return nearer, last
+        return loss, j
+
+    def _named(self, loss: Loss) -> tuple[Status, str, str]:
+        """Status, note and remedy of a zero eigenvalue that the desingularised flow has found."""
+        if loss.is_fold:
+            return Status.FOLD_REACHED, self._fold_note(loss), ""
+        if loss.is_branch_point:
+            note = (
+                f"an eigenvalue of the fast Jacobian reaches zero at a branch point, {self._point(loss.point)}"
+            )
+            return Status.HYPERBOLICITY_LOST, note, ACROSS
+        note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
+        return Status.FOLD_REACHED, note, FOLDED
+
+    def _pair(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        settled = search.refined(column, t, piece)
+        values = self._eigenvalues(settled.y)
+        n = len(values)
+        i, _ = min(
+            ((i, j) for i in range(n) for j in range(i)), key=lambda ij: abs(values[ij[0]] + values[ij[1]])
+        )
+        if not abs(values[i].imag) > IMAGINARY * abs(values[i]):
+            # l and -l, real: a neutral saddle, where nothing is lost.
+            return None
+        note = (
+            f"the eigenvalues {abs(values[i].imag):.6g} i and its conjugate are imaginary at {self._shown(settled.y)}, "
+            "a Hopf point of the layer problem; the full system leaves the manifold some time after"
+        )
+        return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
+
+    def _border(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        settled = search.refined(column, t, piece)
+        k = piece.step(t)
+        length = piece.times[k + 1] - piece.times[k]
+        before = np.array([settled.t - share * length for share in APPROACH])
+        before = before[(before - piece.times[k]) * length >= 0.0]
+        points = self.validity.lift(piece.at(before), self.stepper.p)[:, :-1]
+        sizes = np.linalg.norm(self.validity.derivatives(points, self.stepper.p), axis=1)
+        if len(sizes) == len(APPROACH) and sizes[1] <= GROWTH * sizes[0]:
+            return None
+        return self._beyond_domain(settled)
+
+    def _beyond_domain(self, settled: Settled) -> Settled:
+        # A pole of the fast field, or the border of the functions that M0 is made of.
+        note = f"the critical manifold, or the fast Jacobian on it, ends at {self._shown(settled.y)}"
+        return replace(settled, status=Status.NON_FINITE, note=note)
+
+    def _series(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+        return self._without_series(search.refined(column, t, piece))
+
+    def _without_series(self, settled: Settled) -> Settled:
+        values = self._eigenvalues(settled.y)
+        least = values[np.argmin(np.abs(values))]
+        shown = f"{least.real:.3g}" if abs(least.imag) <= IMAGINARY * abs(least) else f"{least:.3g}"
+        epsilon = self.flow.epsilon.name
+        fact = f"the terms of the series in {epsilon} fall no further, fast eigenvalue {shown}"
+        fold = self.fold_ahead(settled.t, settled.y)
+        if fold is None:
+            return replace(
+                settled,
+                status=Status.HYPERBOLICITY_LOST,
+                note=f"{fact} at {self._shown(settled.y)}",
+                remedy=f"lower {epsilon}, or take the reduced flow of order 0, which holds up to the loss itself",
+            )
+        ahead = f"the flow of order 0 reaches it at t = {fold.t:.6g}"
+        return replace(
+            settled, status=Status.FOLD_REACHED, note=f"{fact}; {self._fold_note(fold)} is near, {ahead}"
+        )
+
+    # -- parts -------------------------------------------------------------------------------------
+
+    def _into(self, fold: Loss, t: float, y: np.ndarray) -> Record:
+        """The run from `y` at `t` to the fold: what the method makes of it, and a last step that ends there."""
+        stepper = self.stepper
+        record = None
+        if t != fold.t:
+            record = advance(
+                stepper.compiled, stepper.p, y, t, np.array([fold.t]),
+                method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
+                watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
+                first_step=fold.t - t,
+            )  # fmt: skip
+        if record is None:
+            return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
+        times, states, dense = record.times, record.states, record.dense
+        keep = len(times)
+        if times[-1] == fold.t:
+            scale = stepper.atol + stepper.rtol * np.abs(fold.state)
+            if not (np.abs(states[-1] - fold.state) <= JOINED * scale).all():
+                keep -= 1
+            inside = keep - 1 if keep == len(times) else keep
+        else:
+            inside = keep
+        bad = np.flatnonzero(~self._holds(states[:inside]))
+        bad = bad[bad > 0]
+        if bad.size:
+            keep = int(bad[0])
+        times, states, dense = times[:keep].copy(), states[:keep].copy(), dense[: keep - 1]
+        if times[-1] == fold.t:
+            states[-1] = fold.state
+        else:
+            times = np.append(times, fold.t)
+            states = np.vstack([states, fold.state])
+            dense = np.concatenate([dense, np.zeros((1, *record.dense.shape[1:]))])
+        return record._replace(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
+
+    def _holds(self, states: np.ndarray) -> np.ndarray:
+        return self.values(np.zeros(len(states)), states)[:, 0] > 0.0
+
+    def _beyond(self, t: float) -> bool:
+        first, last = self.span
+        return (t - last) * (last - first) > 0.0
+
+    def _eigenvalues(self, y: np.ndarray) -> np.ndarray:
+        return eigenvalues(self.validity, self.validity.point(y, self.stepper.p))
+
+    def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
+        zero, pair, _, rounding, size = np.abs(row[: len(TESTS)]).tolist()
+        on_zero = zero <= ON_LOSS * rounding
+        if not (on_zero or (self.validity.watches_pairs and pair <= ON_LOSS * size)):
+            return
+        z = self.validity.point(y, self.stepper.p)
+        values = eigenvalues(self.validity, z)
+        if not on_zero and not (np.abs(np.real(values)) <= IMAGINARY * np.abs(values)).any():
+            # A neutral saddle.
+            return
+        what = "a zero eigenvalue" if on_zero else "an imaginary pair of eigenvalues"
+        raise HyperbolicityError(
+            f"the start lies where normal hyperbolicity is lost. Got {self._point(z)}, with {what} of the fast "
+            f"Jacobian ({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full "
+            "system."
+        )
+
+    def _shown(self, y: np.ndarray) -> str:
+        z = self.validity.point(y, self.stepper.p)
+        if np.isfinite(z).all():
+            return self._point(z)
+        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
+
+    def _point(self, z: np.ndarray) -> str:
+        # What the tolerance cannot tell from 0 is 0.
+        rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
+        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
+
+    def _zero_note(self, y: np.ndarray) -> str:
+        return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"
+
+    def _fold_note(self, fold: Loss) -> str:
+        return f"the fold of the critical manifold at {self._point(fold.point)}"

@@ -1,0 +1,405 @@
+"""Integration: a flow, a start and a span of time to a `Trajectory`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from gsp.errors import DeclarationError, GspError, Named, Status, nearest
+from gsp.integration.crossings import LOOK, Search, Stepper
+from gsp.integration.events import CompiledEvents, Crossings, Event, compile_events
+from gsp.integration.explanations import explain
+from gsp.integration.loop import (
+    RECORD,
+    Record,
+    Stats,
+    check_grid,
+    check_span,
+    check_step_limit,
+    check_tolerances,
+    run,
+    standing,
+    stops_of,
+)
+from gsp.integration.methods import (
+    MILD_ATTEMPTS,
+    Method,
+    begins_with_series,
+    check_method,
+    choose_method,
+    fast_times,
+)
+from gsp.kernels.dense_output import interpolate_many
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.results.drawn import Drawn
+from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress
+from gsp.systems.flow import Flow, Point, Question, frozen
+
+if TYPE_CHECKING:
+    from gsp.integration.reduction_end.endings import Ending
+
+_SHOWN_STATES = 4
+_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Trajectory(Drawn):
+    """A solution z(t) of a flow: `t` (m,) and `y` (n_states, m), read-only, in the order of integration.
+
+    `trajectory["name"]` is a state or an observable over `t`, `.at(t)` the state at any time covered,
+    `.sample(t)` a trajectory on other times. `.status` says how it ended; when that is not SUCCESS, `t` and `y`
+    hold what was reached. `.events` maps the name of each event asked for to its `Crossings`, (times, states).
+    """
+
+    flow: Flow
+    epsilon: float | None
+    t: np.ndarray
+    y: np.ndarray
+    events: Mapping[str, Crossings]
+    _record: Record
+    _note: str
+    _remedy: str
+
+    def __init__(
+        self,
+        flow: Flow,
+        epsilon: float | None,
+        t: np.ndarray,
+        y: np.ndarray,
+        events: Mapping[str, Crossings],
+        _record: Record,
+        _note: str,
+        _remedy: str,
+    ) -> None:
+        # At once: the __init__ written for a frozen class, attribute by attribute, is a tenth of a short run.
+        self.__dict__.update(
+            flow=flow, epsilon=epsilon, t=t, y=y, events=events, _record=_record, _note=_note, _remedy=_remedy
+        )
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self._record.status
+
+    @cached_property
+    def stats(self) -> Stats:
+        """What it cost."""
+        return self._record.stats
+
+    def __getitem__(self, key: str | sp.Symbol) -> np.ndarray:
+        """Values (m,) over `t` of a state or an observable; raises `GspError` for any other name."""
+        name = key.name if isinstance(key, sp.Symbol) else key
+        states = [symbol.name for symbol in self.flow.states]
+        if name in states:
+            return self.y[states.index(name)]
+        observables = [symbol.name for symbol in self.flow.observables]
+        if name in observables:
+            values = compile_flow(self.flow).observables(self.y.T, parameter_vector(self.flow, self.epsilon))
+            return frozen(values[:, observables.index(name)].copy())
+        known = [*states, *observables]
+        raise GspError(
+            f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
+        )
+
+    def at(self, t: ArrayLike) -> np.ndarray:
+        """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
+
+        It is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, which RADAU takes by
+        turns, and 9, 12 and 15 for TAYLOR of order 12, 16 and 20. The implicit methods choose their steps so that its
+        error stays near the tolerance in slaved fast variables too; where these carry a time scale of their own,
+        RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
+
+        Raises `GspError` outside the interval covered.
+        """
+        times = check_array(t, what="t", be="a number or a one-dimensional array of times").copy(order="C")
+        if times.ndim > 1:
+            raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
+        ends, states, dense = self._record.times, self._record.states, self._record.dense
+        if len(dense) < len(ends) - 1:
+            raise GspError(
+                "the trajectory holds no values between its steps. It was integrated with dense=False. "
+                "Leave dense out, or name the times as at=..."
+            )
+        flat = times if times.ndim else times.reshape(1)
+        out = np.empty((states.shape[1], flat.size))
+        outside = interpolate_many(ends, states, dense, flat, out)
+        if outside >= 0:
+            low, high = sorted((float(ends[0]), float(ends[-1])))
+            raise GspError(
+                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {flat[outside]:.17g}. "
+                "Ask inside, or integrate over a longer span."
+            )
+        return out if times.ndim else out[:, 0]
+
+    def sample(self, t: ArrayLike) -> Trajectory:
+        """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
+        times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
+        return replace(self, t=frozen(times), y=frozen(self.at(times)))
+
+    @property
+    def message(self) -> str:
+        """One line: how it ended, where, and what to do about it."""
+        steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
+        last = self._record.states[-1]
+        shown = [f"{s.name} = {value:.6g}" for s, value in zip(self.flow.states, last)][:_SHOWN_STATES]
+        if len(last) > _SHOWN_STATES:
+            shown.append("...")
+        where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
+        if self.status.ok:
+            return f"reached the end after {steps}: {where}"
+        parts = [f"stopped after {steps}: {self.status.name} at {where}", self._note, self._remedy]
+        return "; ".join(filter(None, parts))
+
+    def __repr__(self) -> str:
+        names = ", ".join(symbol.name for symbol in self.flow.states)
+        times = self._record.times
+        return (
+            f"Trajectory([{names}], t={times[0]:.6g}..{times[-1]:.6g}, points={self.t.size}, "
+            f"{self.status.name})"
+        )
+
+    def __str__(self) -> str:
+        names = [symbol.name for symbol in self.flow.states]
+        width = max(map(len, names))
+        stats = self.stats
+        lines = [
+            f"trajectory, {stats.method.value}"
+            + ("" if self.epsilon is None else f", epsilon = {self.epsilon:g}")
+        ]
+        lines += [
+            f"  {name:>{width}}  {first:>13.6g} -> {last:<13.6g}".rstrip()
+            for name, first, last in zip(names, self._record.states[0], self._record.states[-1])
+        ]
+        lines.append(
+            f"  {stats.steps} steps, {stats.rejected} rejected, {stats.field_calls} calls of the field, "
+            f"{stats.jacobian_calls} of the Jacobian"
+        )
+        lines.append(f"  {self.message}")
+        return "\n".join(lines)
+
+
+def integrate(
+    flow: Flow | Question,
+    *,
+    start: Point | None = None,
+    span: tuple[float, float] | None = None,
+    epsilon: float | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    at: ArrayLike | None = None,
+    method: Method | str | None = None,
+    dense: bool = True,
+    max_steps: int = 1_000_000,
+    events: Event | Iterable[Event] = (),
+    progress: Callable[[float], object] | None = None,
+) -> Trajectory:
+    """Integrate z' = F(z, epsilon) from `start` over `span` = (t0, t1), forward or backward.
+
+    A `Scene` brings its own field, start, span and epsilon, in whose place those of the call stand where given.
+
+    Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
+    lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
+    inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
+    the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
+    not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
+    RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
+    makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its
+    own, RODAS5P serves down to 1e-6.
+    `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
+    steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
+    now and then with the fraction done.
+
+    A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
+    series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `UnsupportedFunctionError` for
+    TAYLOR on a field without series, `HyperbolicityError` for a reduced flow started on a loss.
+
+    >>> from gsp import VectorField
+    >>> x = sp.Symbol("x")
+    >>> decay = VectorField(states={x: -x}, epsilon=None)
+    >>> integrate(decay, start={"x": 1}, span=(0, 1), at=[0.5, 1.0])["x"].round(8)
+    array([0.60653066, 0.36787944])
+    """
+    if isinstance(flow, Question):
+        # A scene says all of it; what the call says as well stands in its place.
+        flow, start, span, epsilon = flow.asked(start, span, epsilon)
+    check_noun(flow, Flow, verb="integrate")
+    if start is None or span is None:
+        missing = "start" if start is None else "span"
+        raise DeclarationError(f"{missing} is missing. Got None. Only a Scene has one of its own.")
+    return trajectory_of(
+        flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=method, dense=dense,
+        max_steps=max_steps, events=events, progress=progress, keeps=True,
+    )  # fmt: skip
+
+
+def trajectory_of(
+    flow: Flow,
+    *,
+    start: Point,
+    span: tuple[float, float],
+    epsilon: float | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    at: ArrayLike | None = None,
+    method: Method | str | None = None,
+    dense: bool = True,
+    max_steps: int = 1_000_000,
+    events: Event | Iterable[Event] = (),
+    progress: Callable[[float], object] | None = None,
+    keeps: bool = False,
+) -> Trajectory:
+    """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
+
+    With `keeps` it is `integrate`, which returns what was made until then.
+    """
+    y = _start(flow, start)
+    first, last = check_span(span)
+    rtol, atol = check_tolerances(rtol, atol)
+    check_flag(dense, what="dense")
+    check_progress(progress)
+    grid = None if at is None else check_grid(at, first, last)
+    chosen = check_method(method)
+    limit = check_step_limit(max_steps)
+    compiled = compile_flow(flow)
+    p = compiled.parameters(epsilon)
+    asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
+    search = ending = begun = None
+    tries = asked is not None and chosen is None and flow.is_stiff
+    if tries and begins_with_series(
+        compiled, rtol, fast_times(compiled, np.array(p), np.array(y), first, last)
+    ):
+        # A step is gone over again by the method that made it, so that a watched run keeps to one.
+        found = trajectory_of(
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
+            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps,
+        )  # fmt: skip
+        if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
+            return found
+    if asked is not None or flow.is_reduced:
+        chosen = chosen or choose_method(compiled, rtol)
+        stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
+        state = np.array(y)
+        if flow.is_reduced:
+            ending = _ending(flow, stepper, (first, last), state)
+            begun = ending.at_start(first, state)
+        search = _search(asked, ending, stepper, (first, last), state)
+    if begun is not None:
+        record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
+    else:
+        record = run(
+            compiled,
+            p,
+            y,
+            first,
+            stops_of(grid, first, last),
+            method=chosen,
+            rtol=rtol,
+            atol=atol,
+            max_steps=limit,
+            dense=dense or search is not None,
+            progress=progress,
+            watch=search,
+            rows_kept=LOOK if search is not None and search.can_end else RECORD,
+            keeps=keeps,
+        )
+    note, override = ("", "") if begun is None else (begun.note, begun.remedy)
+    crossings: Mapping[str, Crossings] = _NO_EVENTS
+    if search is not None:
+        if record.status is Status.INTERRUPTED:
+            # Ctrl-C may have come between the last steps and the look at them.
+            unseen = slice(search.rows + 1, None)
+            search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
+        record = search.cut(record)
+        if search.end is not None:
+            note, override = search.end.note, search.end.remedy
+        if begun is None and ending is not None and search.end is None:
+            record, note, override = ending.after_failure(record)
+        crossings = _crossings(asked, search, len(flow.states))
+    if not record.status.ok:
+        known, remedy = explain(flow, np.array(p), record, last)
+        note, override = note or known, override or remedy
+    # The checked float, which prints.
+    small = None if flow.epsilon is None else p[0]
+    return _trajectory(flow, small, grid, record, crossings, note, override)
+
+
+def _ending(flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> Ending:
+    """What watches the run of a reduced flow."""
+    # Imported here: all that series need would be an eighth of the first solve of a flow that is not reduced.
+    from gsp.integration.reduced_flow import ReducedFlow
+    from gsp.integration.reduction_end.endings import Ending
+
+    assert isinstance(flow, ReducedFlow)
+    return Ending(flow, stepper, span, y)
+
+
+def _search(
+    asked: CompiledEvents | None,
+    ending: Ending | None,
+    stepper: Stepper,
+    span: tuple[float, float],
+    y: np.ndarray,
+) -> Search:
+    """What watches the run: the events asked for, then the reduced flow's own tests."""
+    first, last = span
+    watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
+    signs = [] if asked is None else [asked.signs(first, y, last > first)]
+    parts = [part.values for part in (asked, ending) if part is not None]
+    # Events are looked for step by step; the tests of a reduced flow alone are passed over quickly.
+    quiet = ending.quiet if ending is not None and asked is None else None
+
+    def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
+
+    signs += [ending.signs] if ending else []
+    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
+
+
+def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
+    if asked is None:
+        return _NO_EVENTS
+    result = Named()
+    for event, found in zip(asked.events, search.found):
+        states = np.array([one.y for one in found]).reshape(-1, n).T
+        result[event.name] = Crossings(frozen(np.array([one.t for one in found])), frozen(states))
+    return MappingProxyType(result)
+
+
+def _trajectory(
+    flow: Flow,
+    epsilon: float | None,
+    grid: np.ndarray | None,
+    record: Record,
+    crossings: Mapping[str, Crossings],
+    note: str,
+    remedy: str,
+) -> Trajectory:
+    times, states = frozen(record.times), frozen(record.states)
+    frozen(record.dense)
+    if grid is None:
+        t, y = times, states.T
+    else:
+        # Steps end on the grid exactly, so that equality is meant here; what was not reached is left out.
+        t, ends = (grid, times) if grid[-1] >= times[0] else (-grid, -times)
+        if not record.status.ok:
+            reached = t.searchsorted(ends[-1], side="right")
+            t, grid = t[:reached], grid[:reached]
+        t, y = frozen(grid), frozen(states[ends.searchsorted(t)].T)
+    return Trajectory(flow, epsilon, t, y, crossings, record, note, remedy)
+
+
+def _start(flow: Flow, start: Point) -> tuple[float, ...]:
+    y = flow.initial(start)
+    if len(y) != len(flow.states):
+        raise GspError(
+            f"the flow has {len(flow.states)} states. Its initial() gave {len(y)}. Report this as a bug."
+        )
+    return y

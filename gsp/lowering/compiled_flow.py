@@ -1,0 +1,367 @@
+"""Flows and expressions as machine code, by address.
+
+Every compiled function has the signature `void f(double t, double* z, double* p, double* out)` with
+p = (epsilon, *parameters), so that kernels take any model, and another epsilon or parameter value compiles nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from threading import RLock
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from llvmlite import ir
+
+from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
+from gsp.kernels.engine import Engine, build
+from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.radau_block import CODE_SIZE
+from gsp.kernels.radau_tableau import STAGES
+from gsp.lowering.remembering import remembered
+from gsp.lowering.steps.collocation import Collocation
+from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
+from gsp.lowering.steps.flow_code import FlowCode, is_worth_writing
+from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
+from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
+from gsp.lowering.steps.values import SIGNATURE, load, store
+from gsp.systems.flow import Flow, Values, check_epsilon, frozen
+
+# Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
+MOST_KEPT = 96
+
+# One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
+_MAKING = RLock()
+
+
+class _made_once(cached_property):
+    """A cached property that is made once, whatever the threads that ask for it first."""
+
+    def __get__(self, instance, owner=None):
+        with _MAKING:
+            return super().__get__(instance, owner)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledFunction:
+    """Machine code for a tuple of expressions, callable from kernels by `address` and from Python by value.
+
+    `arguments` are the symbols of z, `parameters` those of p after epsilon. The address is good for as long as
+    this object lives.
+
+    >>> x, y = sp.symbols("x y")
+    >>> f = compile_function([x * y, x - y], arguments=[x, y], epsilon=None, parameters=[])
+    >>> f([[2.0, 3.0], [1.0, 5.0]], [float("nan")])
+    array([[ 6., -1.],
+           [ 5., -4.]])
+    """
+
+    address: int
+    arguments: tuple[sp.Symbol, ...]
+    parameters: tuple[sp.Symbol, ...]
+    outputs: int
+    _engine: Engine = field(repr=False)
+
+    def __call__(self, points: np.typing.ArrayLike, p: np.typing.ArrayLike) -> np.ndarray:
+        """Values (m, outputs) at `points` (m, n), or (outputs,) at one (n,); `p` is (epsilon, *parameters).
+
+        Raises `GspError` when a shape does not fit.
+        """
+        # Copies: compiled code takes writable contiguous arrays only.
+        z = np.array(points, dtype=float, order="C")
+        constants = np.array(p, dtype=float, order="C")
+        size, length = len(self.arguments), 1 + len(self.parameters)
+        if z.ndim not in (1, 2) or z.shape[-1] != size:
+            raise GspError(
+                f"points have shape (m, {size}) or ({size},), one column for each argument. Got {z.shape}."
+            )
+        if constants.shape != (length,):
+            raise GspError(f"p has shape ({length},): epsilon, then the parameters. Got {constants.shape}.")
+        rows = z if z.ndim == 2 else z[np.newaxis]
+        out = np.empty((rows.shape[0], self.outputs))
+        if out.size:
+            evaluate_many(self.address, rows, constants, out)
+        return out if z.ndim == 2 else out[0]
+
+    def __repr__(self) -> str:
+        names = ", ".join(symbol.name for symbol in self.arguments)
+        return f"CompiledFunction(arguments=({names}), outputs={self.outputs})"
+
+
+def compile_function(
+    outputs: Sequence[sp.Expr],
+    *,
+    arguments: Sequence[sp.Symbol],
+    epsilon: sp.Symbol | None,
+    parameters: Sequence[sp.Symbol],
+) -> CompiledFunction:
+    """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
+
+    Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
+    """
+    with _MAKING:
+        return _compile(tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledFlow:
+    """Machine code of a flow: addresses of its field (n,) and its Jacobian (n, n), and its observables.
+
+    Each is compiled when first asked for, so that an explicit method never pays for the Jacobian. The addresses
+    are good for as long as this object lives. It does not hold the flow, with which it is forgotten.
+    """
+
+    expressions: FlowCode
+    """What is written into the code of a step."""
+    values: Values
+    """Values of the parameters, exact."""
+    watched: Values
+    """The flow's observables."""
+    is_stiff: bool
+
+    @property
+    def size(self) -> int:
+        """Number of states, n."""
+        return len(self.expressions.states)
+
+    @property
+    def field(self) -> int:
+        """Address of the rates z'."""
+        return self.rates.address
+
+    @property
+    def jacobian(self) -> int:
+        """Address of the derivatives d z'_i/d z_j, row by row, exact."""
+        return self.derivatives.address
+
+    @_made_once
+    def rates(self) -> CompiledFunction:
+        """The rates as a function with n outputs."""
+        return self._compiled(self.expressions.rates)
+
+    @_made_once
+    def derivatives(self) -> CompiledFunction:
+        """The Jacobian as a function with n*n outputs, row by row."""
+        n, entries = range(self.size), self.expressions.jacobian
+        return self._compiled([entries.get((i, j), sp.S.Zero) for i in n for j in n])
+
+    @_made_once
+    def rosenbrock(self) -> CompiledStep | None:
+        """A step of Rodas5P for this flow alone, or None where loops are as good."""
+        if not self.is_written:
+            return None
+        return _rosenbrock(self.expressions)
+
+    def collocation(self, stages: int) -> CompiledStep | None:
+        """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
+        known = self._collocations
+        with _MAKING:
+            if stages not in known:
+                known[stages] = _collocation(self.expressions, stages) if self.is_written else None
+        return known[stages]
+
+    @_made_once
+    def _collocations(self) -> dict[int, CompiledStep | None]:
+        return {}
+
+    def has_series(self, order: int, *, products: int, parts: int) -> bool:
+        """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
+        known = self._known_series
+        with _MAKING:
+            if (order, products, parts) not in known:
+                known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
+                    self._series is not None and self._series.products(order) <= products
+                )
+        return known[order, products, parts]
+
+    @_made_once
+    def _known_series(self) -> dict[tuple[int, int, int], bool]:
+        return {}
+
+    @_made_once
+    def _series(self) -> TaylorCode | None:
+        try:
+            return TaylorCode(self.expressions)
+        except UnsupportedFunctionError:
+            return None
+
+    def taylor_program(self, order: int) -> np.ndarray:
+        """What the kernel of Taylor series takes for an order; see `kernels.taylor`.
+
+        Raises `UnsupportedFunctionError` where a function has no series, `GspError` where the code would be too long.
+        """
+        known = self._taylor_programs.get(order)
+        if known is not None:
+            return known[0]
+        with _MAKING:
+            if order not in self._taylor_programs:
+                step = _taylor(self.expressions, order)
+                # The step is kept for its machine code.
+                self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
+            return self._taylor_programs[order][0]
+
+    @_made_once
+    def _taylor_programs(self) -> dict[int, tuple[np.ndarray, CompiledStep]]:
+        return {}
+
+    @_made_once
+    def is_written(self) -> bool:
+        """Whether code for this flow alone is better than loops for any."""
+        return is_worth_writing(self.expressions)
+
+    @_made_once
+    def explicit_program(self) -> np.ndarray:
+        """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
+        return np.array([self.field, 0, 0])
+
+    @_made_once
+    def loops_program(self) -> np.ndarray:
+        """What a kernel takes that has no code for the flow: its field and Jacobian."""
+        return self._program(None)
+
+    @_made_once
+    def rosenbrock_program(self) -> np.ndarray:
+        """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
+        return self._program(self.rosenbrock)
+
+    def collocation_program(self, stages: int) -> np.ndarray:
+        """What the kernel of the Radau methods takes for the method of so many stages."""
+        known = self._collocation_programs.get(stages)
+        if known is None:
+            known = self._collocation_programs[stages] = self._program(self.collocation(stages))
+        return known
+
+    @_made_once
+    def variable_program(self) -> np.ndarray:
+        """What that kernel takes for variable order: the codes, or zeros, for every number of stages."""
+        codes = [self.collocation(stages) for stages in STAGES]
+        parts = [(0,) * CODE_SIZE if code is None else code.program for code in codes]
+        return np.array([self.field, self.jacobian, *(entry for part in parts for entry in part)])
+
+    @_made_once
+    def _collocation_programs(self) -> dict[int, np.ndarray]:
+        return {}
+
+    def _program(self, code: CompiledStep | None) -> np.ndarray:
+        return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
+
+    @_made_once
+    def observables(self) -> CompiledFunction:
+        """The flow's observables, in their order."""
+        return self._compiled(list(self.watched.values()))
+
+    @_made_once
+    def constants(self) -> np.ndarray:
+        """(nan, *parameter values), read-only; see `parameter_vector`."""
+        return frozen(np.array(self._values))
+
+    @_made_once
+    def _values(self) -> tuple[float, ...]:
+        return float("nan"), *[nearest_double(_exact(value)) for value in self.values.values()]
+
+    def parameters(self, epsilon: float | None) -> tuple[float, ...]:
+        """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
+        symbol = self.expressions.epsilon
+        if symbol is None:
+            if epsilon is not None:
+                raise DeclarationError(
+                    f"this flow has no small parameter. Got epsilon={epsilon!r}. "
+                    "Leave epsilon out, or declare the field with one."
+                )
+            return self._values
+        if epsilon is None:
+            raise DeclarationError(
+                f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
+            )
+        return check_epsilon(epsilon), *self._values[1:]
+
+    def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
+        return compile_function(
+            outputs,
+            arguments=self.expressions.states,
+            epsilon=self.expressions.epsilon,
+            parameters=self.expressions.parameters,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledStep:
+    """A method's step for one flow: the addresses of its functions and the numbers behind them that the kernel takes.
+
+    The addresses are good for as long as this object lives.
+    """
+
+    program: tuple[int, ...]
+    _engine: Engine = field(repr=False)
+
+
+@remembered
+def compile_flow(flow: Flow) -> CompiledFlow:
+    """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
+    code = FlowCode(tuple(flow.states), tuple(map(_exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
+    return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
+
+
+def finite_rows(values: np.ndarray) -> np.ndarray:
+    """Which rows of `values` (m, ...) are finite throughout: booleans (m,)."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+
+
+def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
+    """p = (epsilon, *parameter values) for the compiled functions of `flow`, a fresh array; NaN for no epsilon.
+
+    Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
+    """
+    return np.array(compile_flow(flow).parameters(epsilon))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _compile(
+    outputs: tuple[sp.Expr, ...],
+    arguments: tuple[sp.Symbol, ...],
+    epsilon: sp.Symbol | None,
+    parameters: tuple[sp.Symbol, ...],
+) -> CompiledFunction:
+    module = ir.Module()
+    function = ir.Function(module, SIGNATURE, "f")
+    builder: Any = ir.IRBuilder(function.append_basic_block())
+    _, z, p, out = function.args
+    # All loads come before any store, so that `out` may overlap the arguments.
+    values = {symbol: load(builder, z, i) for i, symbol in enumerate(arguments)}
+    if epsilon is not None:
+        values[epsilon] = load(builder, p, 0)
+    values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
+    for i, value in enumerate(Emitter(builder, values).write(outputs)):
+        store(builder, value, out, i)
+    builder.ret_void()
+    engine = build(str(module), library=LIBRARY)
+    return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _rosenbrock(code: FlowCode) -> CompiledStep:
+    return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _collocation(code: FlowCode, stages: int) -> CompiledStep:
+    written = Collocation(code, stages)
+    return _step(written.text(), written.NAMES, written.size)
+
+
+@lru_cache(maxsize=MOST_KEPT // 3)
+def _taylor(code: FlowCode, order: int) -> CompiledStep:
+    written = TaylorCode(code)
+    return _step(written.write(order), written.NAMES, order, stride(len(code.states)))
+
+
+def _step(text: str, names: Sequence[str], *numbers: int, optimised: bool = False) -> CompiledStep:
+    engine = build(text, library=LIBRARY, optimised=optimised)
+    return CompiledStep((*map(engine.get_function_address, names), *numbers), engine)
+
+
+def _exact(expression: object) -> sp.Expr:
+    return sp.sympify(expression, strict=True)

@@ -1,0 +1,91 @@
+"""A flow as its expressions, to be written into the code of a step at whatever place it is evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy as sp
+from llvmlite import ir
+
+from gsp.algebra.differentiation import derivative
+from gsp.lowering.steps.emission import Emitter
+from gsp.lowering.steps.straight_line import Elimination, eliminate
+from gsp.lowering.steps.values import load
+
+# Above this many operations of a decomposition compiling takes seconds. A full Jacobian of 9 states takes 500, a ring
+# of 20 neurons 200.
+_ALWAYS = 500
+_MOST = 20_000
+# Between the two code pays when it does this share of the dense operations, 2 n^3/3, or less.
+_LARGEST_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class FlowCode:
+    """z' = `rates`(z), with p = (epsilon, *parameters) at run time."""
+
+    states: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Expr, ...]
+    epsilon: sp.Symbol | None
+    parameters: tuple[sp.Symbol, ...]
+
+    @cached_property
+    def jacobian(self) -> dict[tuple[int, int], sp.Expr]:
+        """The derivatives d z'_i/d z_j that are not 0 throughout, row by row."""
+        return {
+            (i, j): entry
+            for i, rate in enumerate(self.rates)
+            for j, state in enumerate(self.states)
+            if (entry := derivative(rate, state)) != 0
+        }
+
+    @property
+    def pattern(self) -> list[list[bool]]:
+        """Which entries (n, n) of the Jacobian are not 0 throughout."""
+        n = range(len(self.states))
+        return [[(i, j) in self.jacobian for j in n] for i in n]
+
+    @cached_property
+    def operations(self) -> int:
+        """Operations in the rates, near enough; a function counts as one."""
+        return sum(int(sp.count_ops(rate)) for rate in self.rates)
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """How shift - J is decomposed."""
+        return eliminate(self.pattern)
+
+    def constants(self, builder: Any, p: ir.Value) -> dict[sp.Basic, Any]:
+        """The values of epsilon and the parameters, loaded; what follows from them alone is kept with them."""
+        found: dict[sp.Basic, Any] = {} if self.epsilon is None else {self.epsilon: load(builder, p, 0)}
+        return found | {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(self.parameters)}
+
+    def field(
+        self,
+        builder: Any,
+        z: Sequence[Any],
+        constants: dict[sp.Basic, Any],
+        *,
+        width: int = 0,
+        used: int | None = None,
+    ) -> list[Any]:
+        """The rates at `z` (n,); with a `width` at as many points at once, z being vectors, of which `used` count."""
+        emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants, width=width, used=used)
+        return emitter.write(self.rates)
+
+    def linearisation(
+        self, builder: Any, z: Sequence[Any], constants: dict[sp.Basic, Any]
+    ) -> tuple[list[Any], dict[tuple[int, int], Any]]:
+        """The rates at `z` (n,) and the entries of `jacobian` there; they share what they can."""
+        emitter = Emitter(builder, dict(zip(self.states, z)), constants=constants)
+        rates = emitter.write(self.rates)
+        return rates, dict(zip(self.jacobian, emitter.write(tuple(self.jacobian.values()))))
+
+
+def is_worth_writing(flow: FlowCode) -> bool:
+    """Whether code for this flow alone is better than loops for any."""
+    operations = flow.elimination.operations
+    return operations <= max(_ALWAYS, min(_MOST, _LARGEST_SHARE * 2 * len(flow.states) ** 3 / 3))

@@ -1,0 +1,97 @@
+"""Starts and regions of a friction system carried from raw velocities to its states."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+
+from gsp.errors import DeclarationError, nearest
+from gsp.mechanics.algebra import numbers
+from gsp.mechanics.frame import MovingFrame
+from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.splitting.splitting import Splitting
+from gsp.systems.flow import Point, Values, named
+from gsp.systems.region import Interval
+from gsp.systems.system import VectorField
+
+# Points per axis of the box whose image bounds a slow momentum.
+IMAGE_POINTS = 7
+
+
+def frame_values(
+    system: LagrangianSystem,
+    frame: MovingFrame,
+    field: VectorField,
+    reconstruction: Values,
+    start: Point,
+) -> tuple[dict[str, float], dict[str, float]]:
+    """(values of the field's states, values of the reconstructed positions) at `start`, by name.
+
+    Raises `DeclarationError` for unknown names, and unless all raw or all quasi-velocities are given.
+    """
+    given = named(start, what="start")
+    raw = [v.name for v in system.velocities]
+    quasi = [s.name for s in frame.quasi_velocities]
+    places = [s.name for s in (*system.coordinates, *system.clock)]
+    for name in given:
+        if name not in (*raw, *quasi, *places):
+            raise DeclarationError(
+                f'start names "{name}", which is no position and no velocity. Those are '
+                f"{', '.join((*places, *raw))}; or {', '.join(quasi)}." + nearest(name, [*raw, *quasi, *places])
+            )
+    needed = [s.name for s in field.states if s.name in places]
+    absent = [name for name in needed if name not in given]
+    if absent:
+        raise DeclarationError(
+            f"start gives no value for {', '.join(absent)}. Got {given}. Give every position."
+        )
+    position = {name: given.get(name, 0.0) for name in places}
+    complete = all(name in given for name in quasi)
+    mixed = [name for name in raw if name in given and name not in quasi]
+    if complete and not mixed:
+        values = {name: given[name] for name in quasi}
+    elif all(name in given for name in raw) and not [
+        name for name in quasi if name in given and name not in raw
+    ]:
+        symbols = (*system.coordinates, *system.velocities)
+        point = np.array([[*(position[q.name] for q in system.coordinates), *(given[name] for name in raw)]])
+        shown = frame.expressions(system.velocities)
+        row = numbers([shown[s] for s in frame.quasi_velocities], symbols, point, system.values).reshape(-1)
+        values = {name: float(value) for name, value in zip(quasi, row)}
+    else:
+        raise DeclarationError(
+            f"start gives some velocities. Got {given}. "
+            f"Give all of {', '.join(raw)}, or all of {', '.join(quasi)}."
+        )
+    states = {s.name: (position | values)[s.name] for s in field.states}
+    return states, {s.name: position[s.name] for s in reconstruction if s.name in given}
+
+
+def new_region(splitting: Splitting, region: Mapping[str, Interval]) -> dict[str, Interval]:
+    """The box of `splitting.system` that contains the image of a box of the field's states.
+
+    Bounds on the system's own variables are kept. Raises `DeclarationError` when a slow momentum is made of
+    states that have no bounds.
+    """
+    result: dict[str, Interval] = {}
+    field = splitting.field
+    for symbol, expression in splitting.coordinates.items():
+        if symbol.name in region:
+            result[symbol.name] = region[symbol.name]
+            continue
+        used = [z for z in field.states if expression.has(z)]
+        missing = [z.name for z in used if z.name not in region]
+        if len(missing) == len(used):
+            continue
+        if missing:
+            raise DeclarationError(
+                f"the region gives no interval for {', '.join(missing)}, which {symbol} = {expression} "
+                f"is made of. Bound {', '.join(missing)} too, or bound {symbol}."
+            )
+        axes = [np.linspace(*region[z.name], IMAGE_POINTS) for z in used]
+        points = np.array(list(itertools.product(*axes)))
+        values = numbers([expression], used, points, field.parameters)
+        result[symbol.name] = (float(values.min()), float(values.max()))
+    return result

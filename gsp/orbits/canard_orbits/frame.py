@@ -1,0 +1,247 @@
+"""The surroundings of a folded node: its scales, its singular canards, and the lines on M0 where sheets begin.
+
+Along the strong and the weak eigendirection of the desingularised reduced flow (`singularities.desingularised`)
+the reduced flow has its singular canards; those in between fill the funnel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.singular.singularities import FoldedSingularity
+from gsp.singular.singularities.desingularised import FoldedError, desingularise
+from gsp.singular.singularities.folded import FoldedKind
+from gsp.systems.flow import named
+from gsp.systems.system import SlowFastSystem, VectorField
+
+# How a singular canard leaves the folded node, in units of the local scale.
+DEPARTURE = 0.02
+# Desingularised time in which a singular canard gets away from the node or never, over the eigenvalue.
+PATIENCE = 40.0
+# Singular orbits run off to infinity as a rule; what they meet within this many steps is near enough.
+STEPS = 2000
+# A section further from the node than this, in local units, does not cut the canards where they turn.
+FURTHEST_SECTION = 3.0
+# 1 - mu below which gamma_0 and gamma_w are not told apart; at 5e-4 one of the two crossings is lost.
+DEGENERATE = 2e-3
+_NOTHING = [float("nan")]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane on which the state number `index` is `value`; with M0 a line on M0."""
+
+    index: int
+    value: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame:
+    """A folded node with negative eigenvalues, numerically.
+
+    - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
+      as long as `unit` in the slow plane; `rates` are their eigenvalues;
+    - `width` is the local scale of the fast variable, (epsilon |T|)^(1/2)/|g_yy|, with T of
+      `singularities.desingularised`, `depth` that of g, epsilon |T|/|g_yy|, and `unit` of the slow variables
+      along the fold, |f| times `time` = (epsilon/|T|)^(1/2), that of slow time. In these the system near the
+      node does not depend on epsilon to leading order.
+    """
+
+    system: SlowFastSystem
+    singularity: FoldedSingularity
+    epsilon: float
+    point: np.ndarray
+    strong: np.ndarray
+    weak: np.ndarray
+    rates: tuple[float, float]
+    width: float
+    depth: float
+    unit: float
+    time: float
+    desingularised: VectorField
+    critical: CompiledFunction
+
+    def g(self, z: np.ndarray) -> float:
+        """g at epsilon = 0."""
+        return float(self.critical(z, _NOTHING)[0])
+
+    def gradient(self, z: np.ndarray) -> np.ndarray:
+        """Its gradient (3,)."""
+        return self.critical(z, _NOTHING)[1:4]
+
+    def on_critical(self, z: np.ndarray) -> np.ndarray:
+        """The point of M0 next to z."""
+        z = z.copy()
+        for _ in range(30):
+            slope = self.gradient(z)
+            step = self.g(z) * slope / (slope @ slope)
+            z -= step
+            if np.abs(step).max() <= 1e-14 * (1.0 + np.abs(z).max()):
+                break
+        return z
+
+    def strong_canard(self, side: int) -> Trajectory:
+        """The strong singular canard from beside the node outwards, against the desingularised time.
+
+        `side` is 1 on the attracting and -1 on the repelling sheet. The state `contraction` grows by
+        g_y^2 for each unit of that time: over epsilon, the powers of e by which orbits approach the sheet.
+        """
+        return self.outwards(self.point + side * DEPARTURE * self.strong, PATIENCE / abs(self.rates[0]))
+
+    def outwards(self, z: np.ndarray, span: float) -> Trajectory:
+        """The singular orbit through the point of M0 next to z, against the desingularised time."""
+        z = self.on_critical(z)
+        names = [state.name for state in self.desingularised.states]
+        start = dict(zip(names, [*z, 0.0]))
+        return trajectory_of(
+            self.desingularised, start=start, span=(0.0, -span), rtol=1e-9, atol=1e-12, max_steps=STEPS
+        )
+
+    def inwards(self, z: np.ndarray) -> Trajectory:
+        """The singular orbit from the point z of M0 in the desingularised time, which ends in the node or leaves."""
+        names = [state.name for state in self.desingularised.states]
+        start = dict(zip(names, [*z, 0.0]))
+        return trajectory_of(
+            self.desingularised,
+            start=start,
+            span=(0.0, PATIENCE / abs(self.rates[1])),
+            rtol=1e-7,
+            atol=1e-9,
+            max_steps=STEPS,
+        )
+
+
+def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
+    """The frame of a folded node.
+
+    Raises `FoldedError` where there is no folded node whose canards cross from the attracting to the repelling
+    sheet, or not two slow variables.
+    """
+    system = singularity.system
+    if len(system.x) != 2:
+        raise FoldedError(
+            f"canards of a folded node are sought for two slow variables. Got {len(system.x)}. "
+            "Hold the others constant, as parameters."
+        )
+    _check_kind(singularity)
+    flow = desingularise(system)
+    x, y = system.x, system.y[0]
+    point = np.array([float(sp.N(singularity.point[s.name])) for s in system.states])
+    jacobian = compile_function(
+        [sp.diff(flow.rates[a], b) for a in system.states for b in system.states],
+        arguments=system.states,
+        epsilon=None,
+        parameters=[],
+    )
+    values, vectors = np.linalg.eig(jacobian(point, _NOTHING).reshape(3, 3))
+    slope = [sp.diff(flow.g, s) for s in system.states]
+    bend = [sp.diff(flow.fold, s) for s in system.states]
+    local = compile_function([*bend, *flow.f], arguments=system.states, epsilon=None, parameters=[])
+    at = local(point, _NOTHING)
+    wanted = [float(sp.N(value)) for value in singularity.eigenvalues]
+    trace = abs(float(sp.N(singularity.trace)))
+    time = float(np.sqrt(epsilon / trace))
+    unit = float(np.linalg.norm(at[3:5])) * time
+    directions = []
+    for value in wanted:
+        v = np.real(vectors[:, int(np.argmin(np.abs(values - value)))])
+        # Where g_y falls the sheet attracts. Along the weak direction of a saddle-node g_y may not change.
+        v = v * (-np.sign(at[:3] @ v) or 1.0)
+        directions.append(unit * v / np.linalg.norm(v[:2]))
+    contraction = sp.Dummy("contraction")
+    states = {s: flow.rates[s] for s in system.states}
+    desingularised = VectorField(states={**states, contraction: -(flow.fold**2)}, epsilon=None)
+    critical = compile_function([flow.g, *slope, flow.fold], arguments=(*x, y), epsilon=None, parameters=[])
+    return Frame(
+        system=system,
+        singularity=singularity,
+        epsilon=epsilon,
+        point=point,
+        strong=directions[0],
+        weak=directions[1],
+        rates=(wanted[0], wanted[1]),
+        width=float(np.sqrt(epsilon * trace) / abs(at[2])),
+        depth=float(epsilon * trace / abs(at[2])),
+        unit=unit,
+        time=time,
+        desingularised=desingularised,
+        critical=critical,
+    )
+
+
+def section_of(frame: Frame, section: Mapping[str, float] | Mapping[sp.Symbol, float] | None) -> Plane:
+    """The section: by default the slow variable of the larger rate at the node takes its value there."""
+    system = frame.system
+    names = [s.name for s in system.x]
+    rates = np.array([float(sp.N(rate)) for rate in _slow_rates(frame)])
+    if section is None:
+        index = int(np.argmax(np.abs(rates)))
+        return Plane(index, float(frame.point[index]))
+    index, value = _single(section, names, what="section")
+    if abs(rates[index]) < 1e-6 * np.abs(rates).max():
+        raise DeclarationError(
+            f"the section {names[index]} = {value:g} is not crossed by the slow flow at the folded node, where "
+            f"{names[index]}' = {rates[index]:.3g}. Take the section in {names[1 - index]}."
+        )
+    off = abs(value - frame.point[index]) / (frame.unit * abs(rates[index]) / np.linalg.norm(rates))
+    if off > FURTHEST_SECTION:
+        raise DeclarationError(
+            f"the section {names[index]} = {value:g} lies {off:.1f} local units from the folded node at "
+            f"{frame.point[index]:.6g}; the canards turn within {FURTHEST_SECTION:g}. Move it to the node."
+        )
+    return Plane(index, value)
+
+
+def line_of(frame: Frame, line: Mapping[str, float] | Mapping[sp.Symbol, float], *, what: str) -> Plane:
+    """A line on M0 that the user gave as one state and its value."""
+    return Plane(*_single(line, [s.name for s in frame.system.states], what=what))
+
+
+def _slow_rates(frame: Frame) -> tuple[sp.Expr, ...]:
+    flow = desingularise(frame.system)
+    put = dict(zip(frame.system.states, map(float, frame.point)))
+    return tuple(rate.xreplace({s: sp.Float(v) for s, v in put.items()}) for rate in flow.f)
+
+
+def _single(
+    plane: Mapping[str, float] | Mapping[sp.Symbol, float], names: list[str], *, what: str
+) -> tuple[int, float]:
+    given = named(plane, what=what)
+    if len(given) != 1 or next(iter(given)) not in names:
+        raise DeclarationError(
+            f"{what} fixes one of {', '.join(names)}, as in {{{names[0]!r}: 0.5}}. Got {given or 'nothing'}."
+        )
+    name, value = next(iter(given.items()))
+    return names.index(name), value
+
+
+def _check_kind(singularity: FoldedSingularity) -> None:
+    kind = singularity.kind
+    if kind is FoldedKind.NODE and singularity.to_repelling:
+        mu = float(sp.N(singularity.mu))
+        if 1.0 - mu < DEGENERATE:
+            raise FoldedError(
+                "canards of a folded node are sought between its strong and its weak direction, gamma_0 and gamma_w. "
+                f"Got mu = {mu:.15g}: at a degenerate node, mu = 1, these are one, and from 1 - mu = {DEGENERATE:g} on "
+                "they are not told apart. Change a parameter."
+            )
+        return
+    instead = {
+        FoldedKind.NODE: "its eigenvalues are positive: orbits cross from the repelling to the attracting sheet only "
+        "(faux canards)",
+        FoldedKind.SADDLE: "a folded saddle has one canard, along its stable direction, and no others turn about it",
+        FoldedKind.FOCUS: "a folded focus has no canards: every orbit jumps at the fold",
+        FoldedKind.SADDLE_NODE_I: "mu = 0 at a folded saddle-node: the number of canards is not bounded there",
+        FoldedKind.SADDLE_NODE_II: "mu = 0 at a folded saddle-node: the number of canards is not bounded there",
+    }.get(kind, singularity.reason)
+    raise FoldedError(
+        f"canards that turn belong to a folded node with negative eigenvalues. Got a {kind.value}: {instead}. "
+        "Ask folded_singularities for another, or change a parameter."
+    )

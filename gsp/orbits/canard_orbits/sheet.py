@@ -1,0 +1,347 @@
+"""A sheet of the slow manifold up to the section through a folded node, as a family of orbit segments.
+
+Each segment joins a line on M0 with the section; together they form a curve of solutions of one boundary-value
+problem, followed by pseudo-arclength in where they begin, where they end and how long they take (Desroches,
+Krauskopf and Osinga, SIAM J. Appl. Dyn. Syst. 7 (2008) 1131-1162; Nonlinearity 23 (2010) 739-765). Beside the
+strong canard their beginnings differ by exp(-c/epsilon) only, and their ends by everything that is seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from gsp.errors import Status
+from gsp.integration.methods import Method
+from gsp.integration.trajectory import trajectory_of
+from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, sampled
+from gsp.orbits.canard_orbits.frame import Frame, Plane
+from gsp.orbits.canard_orbits.line import Line, SheetNotFound, crossing_times
+
+# Elements of a segment to begin with, and at most.
+ELEMENTS, MOST_ELEMENTS = 40, 480
+# Interpolation error of a segment, as a share of its extent; at the elements' ends it is far below.
+PRECISION = 1e-7
+# Largest turn of the curve in the section from one segment to the next, and the one aimed at, in radians.
+LARGEST_TURN, AIM_TURN = 0.5, 0.2
+# Steps in units of the frame: the first, the longest, and the shortest before giving up.
+FIRST, LONGEST, SHORTEST = 0.02, 10.0, 1e-9
+# The curve is left where its fast variable is this many local widths from the node.
+WINDOW = 10.0
+# Inwards it is left when it moves by less than this share of the width in a step, STILL times.
+RESOLUTION, STILL = 1e-8, 3
+# Segments a direction, and elements of all Newton steps a sheet, at most; 800 segments of a sheet that turns 27 times
+# take 330 000.
+SEGMENTS, WORK = 1500, 600_000
+# The curves turn by about 1 - mu between gamma_0 and gamma_w. Turns from one segment to the next are shorter by
+# SHARPER (1 - mu) where that is below one, down to FINEST.
+SHARPER, FINEST = 10.0, 0.1
+# A segment this short, in local units of time, ends the curve.
+SHRUNK = 0.05
+# A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
+NEAR, FURTHEST = 0.3, 1.5
+
+
+class SheetEnd(StrEnum):
+    """Where the curve of a sheet ends."""
+
+    WINDOW = "it leaves the window about the node"
+    LINE = "its line meets the section"
+    STILL = "it stands still, at the weak canard"
+    PASSED = "it has passed the weak canard, and the slow flow runs along its line"
+    SINGULAR = "its boundary-value problem is singular"
+    STEPS = "its steps fell below rounding"
+    SEGMENTS = "the allowed number of segments was used up"
+    WORK = "the allowed number of Newton steps was used up"
+
+    @property
+    def status(self) -> Status:
+        """The same as a `Status`."""
+        return {
+            SheetEnd.SINGULAR: Status.SINGULAR_JACOBIAN,
+            SheetEnd.STEPS: Status.STEP_TOO_SMALL,
+            SheetEnd.SEGMENTS: Status.TOO_MANY_STEPS,
+            SheetEnd.WORK: Status.TOO_MANY_STEPS,
+        }.get(self, Status.SUCCESS)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sheet:
+    """One sheet's curve in the section, from near the weak canard outwards.
+
+    - `segments` are its orbits, in the direction of time, and `ends` (k, 2) where they meet the section: the other
+      slow variable and the fast one; `slopes` (k - 1, 2, 2) their derivatives by arclength at the two ends of each
+      step, of the `lengths` (k - 1,);
+    - `line` is where on M0 they begin (or end, on the repelling sheet), `contraction` the powers of e by which orbits
+      approach the sheet between it and the node along the strong singular canard;
+    - `inner` and `outer` say how the curve ends on each side.
+    """
+
+    attracting: bool
+    line: Plane
+    section: Plane
+    contraction: float
+    segments: tuple[OrbitSegment, ...]
+    ends: np.ndarray
+    lengths: np.ndarray
+    slopes: np.ndarray
+    inner: SheetEnd
+    outer: SheetEnd
+
+    @property
+    def status(self) -> Status:
+        """SUCCESS when the whole curve about the node was found."""
+        return self.inner.status if not self.inner.status.ok else self.outer.status
+
+    def interpolated(self, i: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Place (2,) and derivative by s of the cubic Hermite interpolant from end i (s = 0) to i + 1 (s = 1)."""
+        p, q = self.ends[i], self.ends[i + 1]
+        u, v = self.lengths[i] * self.slopes[i]
+        place = (
+            p * (1 + 2 * s) * (1 - s) ** 2
+            + u * s * (1 - s) ** 2
+            + q * s * s * (3 - 2 * s)
+            + v * s * s * (s - 1)
+        )
+        slope = 6 * s * (s - 1) * (p - q) + u * (1 - s) * (1 - 3 * s) + v * s * (3 * s - 2)
+        return place, slope
+
+    def chords(self, number: int) -> np.ndarray:
+        """Places (k - 1, number + 1, 2) on the interpolant between each end and the next."""
+        share = np.linspace(0.0, 1.0, number + 1)
+        places = [self.interpolated(i, s)[0] for i in range(len(self.lengths)) for s in share]
+        return np.array(places).reshape(-1, number + 1, 2)
+
+    def curve(self, number: int = 6) -> np.ndarray:
+        """Places (m, 2) along the whole curve, from the innermost outwards."""
+        return self.chords(number).reshape(-1, 2)
+
+    def __repr__(self) -> str:
+        kind = "attracting" if self.attracting else "repelling"
+        return f"Sheet({kind}, {len(self.segments)} segments, {self.status.name})"
+
+
+@dataclass
+class _Trace:
+    segments: list[OrbitSegment]
+    steps: list[float] = field(default_factory=list)
+    slopes: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
+    ending: SheetEnd = SheetEnd.SEGMENTS
+
+
+class SheetBuilder:
+    """Builds one sheet: `attracting` from its line forward in time to the section, else backward."""
+
+    def __init__(self, frame: Frame, section: Plane, *, attracting: bool, line: Plane | None) -> None:
+        self.frame = frame
+        self.section = section
+        self.attracting = attracting
+        self.side = 1 if attracting else -1
+        self.other = 1 - section.index
+        self.solver = Collocation(frame.system)
+        self.start = Line(frame, self.side, line)
+        self.line = self.start.plane
+        mu = frame.rates[1] / frame.rates[0]
+        self.sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
+        # In the section the other slow variable varies as g does.
+        across = frame.depth / abs(frame.gradient(frame.point)[self.other])
+        scale = np.array([frame.unit, frame.unit, frame.width])
+        self.scale = np.array([across, frame.width])
+        # Beginnings and lengths of time count less: they run far while the curve in the section does not.
+        ends = scale.copy()
+        ends[self.other] = across
+        self.weights = np.concatenate([0.01 / scale**2, 1.0 / ends**2, [0.01 / self.frame.time**2]])
+
+    def build(self) -> Sheet:
+        first = self._first()
+        if first is None:
+            raise SheetNotFound(
+                f"no orbit from {self.start.named()} on the {self.start.kind} sheet meets the section near the folded "
+                f"node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
+            )
+        inner, outer = self._trace(first, inwards=True), self._trace(first, inwards=False)
+        segments = [*inner.segments[:0:-1], *outer.segments]
+        steps = [*inner.steps[::-1], *outer.steps]
+        starts = [(-b, -a) for a, b in inner.slopes[::-1]] + outer.slopes
+        ends = np.array([self._free_end(o)[[self.other, 2]] for o in segments])
+        slopes = np.array([[a, b] for a, b in starts]).reshape(-1, 2, 2)
+        return Sheet(
+            attracting=self.attracting,
+            line=self.line,
+            section=self.section,
+            contraction=self.start.contraction,
+            segments=tuple(segments),
+            ends=ends,
+            lengths=np.array(steps),
+            slopes=slopes,
+            inner=inner.ending,
+            outer=outer.ending,
+        )
+
+    # -- the first segment -------------------------------------------------------------------------
+
+    def _first(self) -> OrbitSegment | None:
+        """A segment inside the funnel, from the line to a section point near the node."""
+        found, best = None, FURTHEST
+        for z, time in self.start.starts():
+            guess = self._shoot(z, time)
+            if guess is not None and self._away(guess) < best:
+                segment = self.polished(guess)
+                found, best = (found, best) if segment is None else (segment, self._away(segment))
+            if best <= NEAR or self.solver.work > WORK // 2:
+                break
+        return found
+
+    def _away(self, orbit: OrbitSegment) -> float:
+        """How far from the node an orbit meets the section, in local units."""
+        off = (self._free_end(orbit) - self.frame.point)[[self.other, 2]]
+        return float(np.abs(off / self.scale).max())
+
+    def _shoot(self, z: np.ndarray, time: float) -> OrbitSegment | None:
+        """The orbit of the full flow from z to where it first crosses the section near the node."""
+        frame = self.frame
+        run = trajectory_of(
+            frame.system, start=dict(zip([s.name for s in frame.system.states], z)),
+            span=(0.0, self.side * (2.0 * time + 4.0 * frame.time)),
+            epsilon=frame.epsilon, rtol=1e-9, atol=1e-11, method=Method.RADAU9,
+        )  # fmt: skip
+        for k, end in crossing_times(run, self.section):
+            if abs(run.at(end)[2] - frame.point[2]) <= FURTHEST * frame.width:
+                steps = np.append(run.t[: k + 1], end)
+                return sampled(run, steps if self.attracting else steps[::-1], elements=ELEMENTS)
+        return None
+
+    def polished(self, guess: OrbitSegment, *, precision: float = PRECISION) -> OrbitSegment | None:
+        """The segment with the time of the guess, on a mesh of its own."""
+
+        def problem(orbit: OrbitSegment) -> Conditions:
+            conditions = self._base(orbit)
+            conditions.across[3, 0], conditions.wanted[3] = 1.0, guess.time - orbit.time
+            return conditions
+
+        orbit: OrbitSegment | None = guess
+        for _ in range(2):
+            if orbit is not None:
+                elements = min(MOST_ELEMENTS, max(ELEMENTS, orbit.elements_for(precision)))
+                orbit = self.solver.solve(orbit.adapted(elements), problem)
+        return orbit
+
+    # -- the boundary-value problem ----------------------------------------------------------------
+
+    def _line_end(self, orbit: OrbitSegment) -> np.ndarray:
+        return orbit.start if self.attracting else orbit.end
+
+    def _free_end(self, orbit: OrbitSegment) -> np.ndarray:
+        return orbit.end if self.attracting else orbit.start
+
+    def _base(self, orbit: OrbitSegment) -> Conditions:
+        """On M0 and on the line at one end, in the section at the other; the last row is left free."""
+        left, right, wanted = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
+        near, far = (left, right) if self.attracting else (right, left)
+        z = self._line_end(orbit)
+        near[0], wanted[0] = self.frame.gradient(z), -self.frame.g(z)
+        near[1, self.line.index], wanted[1] = 1.0, self.line.value - z[self.line.index]
+        far[2, self.section.index] = 1.0
+        wanted[2] = self.section.value - self._free_end(orbit)[self.section.index]
+        return Conditions(left, right, np.zeros((4, 1)), wanted)
+
+    def _across(self, conditions: Conditions, normal: np.ndarray, value: float) -> Conditions:
+        """The last row: a step along `normal` (7,) of length `value`, in the weights of arclength."""
+        near, far = (
+            (conditions.left, conditions.right) if self.attracting else (conditions.right, conditions.left)
+        )
+        row = normal * self.weights
+        near[3], far[3], conditions.across[3, 0], conditions.wanted[3] = row[:3], row[3:6], row[6], value
+        return conditions
+
+    def _coordinates(self, orbit: OrbitSegment) -> np.ndarray:
+        return np.concatenate([self._line_end(orbit), self._free_end(orbit), [orbit.time]])
+
+    # -- continuation ------------------------------------------------------------------------------
+
+    def _trace(self, first: OrbitSegment, *, inwards: bool) -> _Trace:
+        """Follow the family from `first`; inwards orbits take longer, for the weak canard is slower."""
+        trace = _Trace([first])
+        normal, tangent = self._tangent(first, None)
+        if tangent is None:
+            trace.ending = SheetEnd.SINGULAR
+            return trace
+        if (normal[6] > 0.0) != inwards:
+            normal, tangent = -normal, tangent.times(-1.0)
+        step, still, allowed = FIRST, 0, self.solver.work + WORK // 2
+        while len(trace.segments) < SEGMENTS:
+            if self.solver.work > allowed:
+                trace.ending = SheetEnd.WORK
+                return trace
+            here = trace.segments[-1]
+            taken = self._advance(here, normal, tangent, step)
+            turn = 0.0
+            if taken is not None:
+                new_normal, new_tangent = self._tangent(taken, normal)
+                before, after = (v[[3 + self.other, 5]] / self.scale for v in (normal, new_normal))
+                size = np.linalg.norm(before) * np.linalg.norm(after)
+                turn = np.arccos(np.clip(before @ after / size, -1.0, 1.0)) if size > 0.0 else 0.0
+                # Where the curve stands still its direction is noise.
+                if np.linalg.norm(before) * step < RESOLUTION:
+                    turn = 0.0
+            if taken is None or new_tangent is None or turn > LARGEST_TURN * self.sharpness:
+                step *= 0.5
+                if step < SHORTEST:
+                    trace.ending = SheetEnd.STEPS
+                    return trace
+                continue
+            inside = new_normal @ (self.weights * normal)
+            trace.slopes.append((normal[[3 + self.other, 5]], new_normal[[3 + self.other, 5]] / inside))
+            trace.steps.append(step)
+            trace.segments.append(taken)
+            end = self._free_end(taken)
+            moved = np.abs((end - self._free_end(here))[[self.other, 2]]) / self.scale
+            still = still + 1 if moved.max() < RESOLUTION else 0
+            ending = self._ending(taken)
+            if inwards and ending is None and still >= STILL:
+                ending = SheetEnd.STILL
+            if ending is not None:
+                trace.ending = ending
+                return trace
+            normal, tangent = new_normal, new_tangent
+            step = min(LONGEST, step * float(np.clip(AIM_TURN * self.sharpness / max(turn, 1e-3), 0.5, 1.5)))
+        return trace
+
+    def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
+        if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
+            return SheetEnd.WINDOW
+        if orbit.time < SHRUNK * self.frame.time:
+            return SheetEnd.LINE
+        return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
+
+    def _tangent(self, orbit: OrbitSegment, along: np.ndarray | None):
+        """Unit tangent of the family (7,) and the change of the whole orbit along it."""
+        normal = along
+        if normal is None:
+            normal = np.zeros(7)
+            normal[6] = 1.0
+        conditions = self._across(self._base(orbit), normal, 1.0)
+        conditions.wanted[:3] = 0.0
+        step = self.solver.linear(orbit, conditions, share=0.0)
+        if step is None:
+            return normal, None
+        ends = (step.states[0], step.states[-1]) if self.attracting else (step.states[-1], step.states[0])
+        vector = np.concatenate([*ends, step.parameters])
+        size = np.sqrt(vector @ (self.weights * vector))
+        return vector / size, step.times(1.0 / float(size))
+
+    def _advance(self, here: OrbitSegment, normal: np.ndarray, tangent, step: float) -> OrbitSegment | None:
+        anchor = self._coordinates(here)
+
+        def problem(orbit: OrbitSegment) -> Conditions:
+            gone = (self.weights * normal) @ (self._coordinates(orbit) - anchor)
+            return self._across(self._base(orbit), normal, step - float(gone))
+
+        guess = here.moved(tangent, step)
+        found = self.solver.solve(guess, problem, limit=8) if guess.time > 0.0 else None
+        if found is None:
+            return None
+        elements = min(MOST_ELEMENTS, max(ELEMENTS, found.elements_for(PRECISION)))
+        return self.solver.solve(found.adapted(elements), problem, limit=8)

@@ -1,0 +1,187 @@
+"""From a run to a first guess of a cycle: wait until it comes back to itself in a section found from the run.
+
+The section is where one state crosses the middle of its range upwards, for each state in turn; a lap is as many
+crossings as it takes to come back. The run is counted in steps, not in time: that needs no unit of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.errors import GspError, Status
+from gsp.integration.methods import Method
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.orbits.periodic.collocation import Cycle, gauss
+from gsp.orbits.periodic.mesh import FEWEST, adapted
+from gsp.orbits.periodic.newton import scales_of
+from gsp.systems.flow import Flow, Point
+
+# A lap is a guess when it closes within this share of its amplitude.
+CLOSES = 1e-3
+# Steps between two looks at the run; a relaxation oscillation takes about 200 a lap.
+BLOCK = 1500
+# Crossings of the section in a lap at most: mixed-mode orbits have several.
+MOST_CROSSINGS = 24
+# Places a step at which crossings are looked for.
+PLACES = 8
+# At rest: the last part of a run moves less than this share of what it did, and of the size of the point.
+AT_REST = 1e-7
+FOREVER = 1e150
+RTOL, ATOL = 1e-9, 1e-12
+# Intervals for each step of the run when it is sampled.
+FINER = 4
+
+
+class OrbitError(GspError):
+    """There is no periodic orbit where one was asked for; the message names what was found instead."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lap:
+    """One lap of a run, from `start` over `length` in time, both in the run's own direction."""
+
+    run: Trajectory
+    start: float
+    length: float
+
+    def cycle(self, degree: int, *, error: float, most: int) -> Cycle:
+        """The lap as a discrete cycle in forward time, on a mesh made for an error in units of its amplitudes."""
+        first, last = sorted((self.start, self.start + self.length))
+        steps = np.sort(self.run.t)
+        inside = steps[(steps > first) & (steps < last)]
+        knots = np.concatenate([[0.0], (inside - first) / (last - first), [1.0]])
+        count = max(FINER * (len(knots) - 1), FEWEST)
+        mesh = np.unique(np.interp(np.linspace(0.0, len(knots) - 1.0, count + 1), np.arange(len(knots)), knots))
+        fine = self._sampled(mesh, degree, first, last)
+        return self._sampled(adapted(fine, scales_of(fine), error, most=most), degree, first, last)
+
+    def _sampled(self, mesh: np.ndarray, degree: int, first: float, last: float) -> Cycle:
+        places = (mesh[:-1, None] + np.diff(mesh)[:, None] * gauss(degree).x).ravel()
+        values = self.run.at(np.clip(first + places * (last - first), first, last)).T
+        # The gap between the ends, spread over the lap.
+        values = values - places[:, None] * (self.run.at(last) - self.run.at(first))
+        return Cycle(mesh, values.reshape(len(mesh) - 1, degree + 1, -1), last - first)
+
+
+def settled_lap(
+    flow: Flow,
+    start: Point,
+    epsilon: float | None,
+    *,
+    closes: float,
+    backward: bool,
+    max_steps: int,
+    progress: Callable[[float], object] | None,
+) -> Lap:
+    """The last lap of a run that has settled on a cycle, closed within the share `closes` of its amplitude.
+
+    Raises `OrbitError` when the run does something else.
+    """
+    # Each run begins at the start again: a reduced flow takes no other point than its own kind of start.
+    steps = min(BLOCK, max_steps)
+    while True:
+        run = trajectory_of(
+            flow, start=start, span=(0.0, -FOREVER if backward else FOREVER), epsilon=epsilon, rtol=RTOL,
+            atol=ATOL, method=Method.RADAU13 if flow.is_stiff else Method.DOP853, max_steps=steps,
+        )  # fmt: skip
+        # Below ATOL a state is 0 as far as the run knows.
+        ends = [0.0 if abs(v) <= ATOL else float(v) for v in run.at(run.t[-1])]
+        last = {symbol.name: v for symbol, v in zip(flow.states, ends)}
+        lap = _closed_lap(run, closes)
+        if lap is not None:
+            return lap
+        if _at_rest(run):
+            raise OrbitError(
+                f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}. "
+                f"Got start {_shown(start)}. "
+                "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this equilibrium."
+            )
+        if run.status is not Status.TOO_MANY_STEPS:
+            how = (
+                "there is no cycle here: the run from start leaves for infinity"
+                if run.status.ok
+                else f"no cycle was found: the run from start ends with {run.status.name}, {run.status.meaning}"
+            )
+            if run.status is Status.STEP_TOO_SMALL:
+                how += ". It blows up there, or jumps within the rounding of time, as relaxation oscillations do at an "
+                how += "epsilon below 1e-14; then raise epsilon"
+            raise OrbitError(
+                f"{how}. Got {_shown(last)} after {run.stats.steps} steps. "
+                "Start elsewhere"
+                + (", or integrate forward." if backward else ", or backward=True for a repelling cycle.")
+            )
+        if progress is not None:
+            progress(steps / max_steps)
+        if steps >= max_steps:
+            raise OrbitError(
+                f"the run from start has not come back to itself after {steps} steps. It is at {_shown(last)}. "
+                "Raise max_steps, or give the period with a start near the cycle; a torus or chaos never closes."
+            )
+        steps = min(2 * steps, max_steps)
+
+
+def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) -> Lap:
+    """The lap of that length from `start`; raises `OrbitError` when the run does not get through it."""
+    run = trajectory_of(
+        flow, start=start, span=(0.0, period), epsilon=epsilon, rtol=RTOL, atol=ATOL,
+        method=Method.RADAU13 if flow.is_stiff else Method.DOP853,
+    )  # fmt: skip
+    if not run.status.ok:
+        raise OrbitError(
+            f"the run from start does not last one period. Got {run.message}. Move the start or the period."
+        )
+    return Lap(run, 0.0, period)
+
+
+def _at_rest(run: Trajectory) -> bool:
+    half = run.y[:, run.y.shape[1] // 2 :]
+    moved, size = np.ptp(half, axis=1), np.ptp(run.y, axis=1) + np.abs(half).max(axis=1)
+    return bool((moved <= AT_REST * size + ATOL).all())
+
+
+def _closed_lap(run: Trajectory, closes: float) -> Lap | None:
+    """The last lap of the run's second half that closes, in the section with the shortest one."""
+    t = run.t[len(run.t) // 2 :]
+    if len(t) < 4 or not np.isfinite(t).all():
+        return None
+    # A run that comes to rest takes ever longer steps, which a section has nothing to say about.
+    share = np.arange(PLACES) / PLACES
+    times = np.append((t[:-1, None] + share * np.diff(t)[:, None]).ravel(), t[-1])
+    states = run.at(times)
+    low, high = states.min(axis=1), states.max(axis=1)
+    found: Lap | None = None
+    for k in range(len(states)):
+        if high[k] - low[k] <= AT_REST * max(abs(low[k]), abs(high[k])):
+            continue
+        lap = _lap_in_section(run, times, states, k, 0.5 * (low[k] + high[k]), closes)
+        if lap is not None and (found is None or abs(lap.length) < abs(found.length) * (1.0 - 1e-3)):
+            found = lap
+    return found
+
+
+def _lap_in_section(run: Trajectory, times, states, k: int, level: float, closes: float) -> Lap | None:
+    above = states[k] > level
+    places = np.flatnonzero(above[1:] & ~above[:-1])
+    if len(places) < 2:
+        return None
+    # Both ends of each crossing are halved until they meet.
+    a, b = times[places], times[places + 1]
+    for _ in range(52):
+        middle = 0.5 * (a + b)
+        high = run.at(middle)[k] > level
+        a, b = np.where(high, a, middle), np.where(high, middle, b)
+    points = run.at(b)
+    for laps in range(1, min(MOST_CROSSINGS, len(places) - 1) + 1):
+        during = states[:, (times - b[-1 - laps]) * (times - b[-1]) <= 0.0]
+        amplitude = np.ptp(during, axis=1)
+        gap = np.abs(points[:, -1] - points[:, -1 - laps])
+        if (gap <= closes * (amplitude + 1e-6 * amplitude.max())).all():
+            return Lap(run, float(b[-1 - laps]), float(b[-1] - b[-1 - laps]))
+    return None
+
+
+def _shown(point: Point) -> str:
+    return ", ".join(f"{getattr(name, 'name', name)} = {float(value):.6g}" for name, value in point.items())

@@ -1,0 +1,267 @@
+"""A scene: one question about one system - where, from where, for how long, at which epsilon, how well."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import sympy as sp
+
+from gsp.errors import DeclarationError, is_hidden, nearest, printable
+from gsp.systems.arguments import check_noun, check_number, check_text, shown
+from gsp.systems.declaration import reconstruction_of
+from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, named
+from gsp.systems.region import Interval, check_interval, check_region
+from gsp.systems.system import SlowFastSystem, VectorField
+
+# A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
+FINEST = 1e-11
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene(Question):
+    """One question about one system; what the whole pipeline needs to answer it.
+
+    `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the
+    critical manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, `epsilon` is the
+    value asked about, `epsilons` the ladder for convergence studies (kept in descending order), `tolerance`
+    the relative accuracy wanted. `reconstruction` maps further symbols to rates that are driven by the states
+    and by each other, as position is by velocity: no state depends on them, so they are left out of the
+    reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
+    quantities (states, observables or reconstruction variables) that draw a path in the plane.
+
+    Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
+    Raises `DeclarationError`, naming the fact, the value and the remedy.
+
+    >>> x, y, eps = sp.symbols("x y epsilon")
+    >>> system = SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps, name="decay")
+    >>> Scene(system, {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 3), 0.01, (0.02, 0.01), 1e-6)
+    Scene(decay: SlowFastSystem in x, y; epsilon=0.01, span=(0.0, 3.0), tolerance=1e-06)
+    """
+
+    system: SlowFastSystem | VectorField
+    region: Mapping[str, Interval]
+    start: Mapping[str, float]
+    span: Interval
+    epsilon: float
+    epsilons: tuple[float, ...]
+    tolerance: float
+    _: KW_ONLY
+    name: str = ""
+    title: str = ""
+    source: str = ""
+    description: str = ""
+    reconstruction: Values = field(default_factory=dict)
+    reconstruction_start: Mapping[str, float] = field(default_factory=dict)
+    path: tuple[str, str] | None = None
+    claims: Mapping[str, Values] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
+        if self.system.epsilon is None:
+            raise DeclarationError(
+                f"a scene is about a small parameter. Got {self.system!r}. "
+                "Declare the field with its epsilon, or integrate it without a scene."
+            )
+        for attribute in ("name", "title", "source", "description"):
+            check_text(getattr(self, attribute), what=attribute)
+            check_words(getattr(self, attribute), what=attribute)
+        if self.name and not _NAME.fullmatch(self.name):
+            raise DeclarationError(
+                f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files). "
+                "Use letters, digits, _ and -, at most 64; `title` takes any text."
+            )
+        states = [state.name for state in self.system.states]
+        region = check_region(self.region, states)
+        drivers = reconstruction_of(self.system, self.reconstruction)
+        start, driven = _start(self.start, self.reconstruction_start, states, [s.name for s in drivers])
+        for state, (low, high) in region.items():
+            if not low <= start[state] <= high:
+                raise DeclarationError(
+                    f"the start is outside the region: {state} = {start[state]:g}, not in [{low:g}, {high:g}]. "
+                    f"Move the start or widen the region in {state}."
+                )
+        self._set("region", region)
+        self._set("reconstruction", MappingProxyType(drivers))
+        self._set("start", MappingProxyType(start))
+        self._set("reconstruction_start", MappingProxyType(driven))
+        self._set(
+            "span", check_interval(self.span, what="span", remedy="Give (t0, t1) with t0 < t1, in slow time.")
+        )
+        self._set("epsilon", check_epsilon(self.epsilon))
+        self._set("epsilons", _ladder(self.epsilons))
+        self._set("tolerance", _tolerance(self.tolerance))
+        if drivers:
+            # The field's own checks see undeclared symbols and misplaced epsilon in the reconstruction rates.
+            rates = self.full_flow.equations
+            self._set("reconstruction", MappingProxyType({symbol: rates[symbol] for symbol in drivers}))
+        self._set("claims", MappingProxyType(_claims(self.claims, self.system)))
+        watched = [*states, *(s.name for s in self.system.observables), *(s.name for s in drivers)]
+        self._set("path", _path(self.path, watched))
+
+    @cached_property
+    def full_flow(self) -> VectorField:
+        """The field with reconstruction variables behind the states, and any 1/epsilon written out."""
+        return VectorField(
+            {**dict(zip(self.system.states, self.system.rates)), **self.reconstruction},
+            epsilon=self.system.epsilon,
+            parameters=self.system.parameters,
+            name=self.system.name,
+            observables=self.system.observables,
+        )
+
+    @cached_property
+    def full_start(self) -> Mapping[str, float]:
+        """Start of `full_flow`: {name: value} for the states, then the reconstruction variables."""
+        return MappingProxyType({**self.start, **self.reconstruction_start})
+
+    def __repr__(self) -> str:
+        states = ", ".join(state.name for state in self.system.states)
+        return (
+            f"Scene({self.name or self.system.name or 'unnamed'}: {type(self.system).__name__} in {states}; "
+            f"epsilon={self.epsilon:g}, span={self.span}, tolerance={self.tolerance:g})"
+        )
+
+    def __str__(self) -> str:
+        rows = [
+            (
+                "region",
+                ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items()),
+            ),
+            ("start", ", ".join(f"{name} = {value:g}" for name, value in self.full_start.items())),
+            ("span", f"{self.span[0]:g} to {self.span[1]:g} in slow time"),
+            ("epsilon", f"{self.epsilon:g}; ladder {', '.join(f'{value:g}' for value in self.epsilons)}"),
+            ("tolerance", f"{self.tolerance:g}"),
+            *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),
+        ]
+        width = max(len(left) for left, _ in rows)
+        head = [self.title, str(self.system)] if self.title else [str(self.system)]
+        return "\n".join([*head, *(f"  {left:>{width}}  {right}" for left, right in rows)])
+
+    def _set(self, attribute: str, value: object) -> None:
+        object.__setattr__(self, attribute, value)
+
+    def _key(self) -> tuple:
+        return (
+            self.system,
+            tuple(self.region.items()),
+            tuple(self.full_start.items()),
+            self.span,
+            self.epsilon,
+            self.epsilons,
+            self.tolerance,
+            (self.name, self.title, self.source, self.description),
+            tuple(self.reconstruction.items()),
+            self.path,
+            tuple((name, tuple(rates.items())) for name, rates in self.claims.items()),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+
+def check_words(text: str, *, what: str) -> None:
+    """Refuse characters that are not seen and change what is: controls, and marks of the direction of writing."""
+    hidden = next((c for c in text if is_hidden(c) and c not in "\n\r\t"), None)
+    if hidden is not None:
+        raise DeclarationError(
+            f"{what} holds the hidden character U+{ord(hidden):04X}. Got {printable(text[:60])!r}. Remove it."
+        )
+
+
+def _start(
+    start: Mapping, extra: Mapping, states: list[str], drivers: list[str]
+) -> tuple[dict[str, float], dict[str, float]]:
+    given = named(extra, what="reconstruction_start")
+    for name in given:
+        if name not in drivers:
+            raise DeclarationError(
+                f'reconstruction_start names "{name}", which is no reconstruction variable. There are '
+                f"{', '.join(drivers) or 'none'}." + nearest(name, drivers)
+            )
+    given |= named(start, what="start")
+    for name in given:
+        if name not in states and name not in drivers:
+            known = ", ".join(states) + (f"; reconstruction variables {', '.join(drivers)}" if drivers else "")
+            raise DeclarationError(
+                f'start names "{name}", which is no state. The states are {known}.'
+                + nearest(name, [*states, *drivers])
+            )
+    missing = [name for name in states if name not in given]
+    if missing:
+        raise DeclarationError(
+            f"start gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+        )
+    return {name: given[name] for name in states}, {name: given.get(name, 0.0) for name in drivers}
+
+
+def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, Values]:
+    if not isinstance(claims, Mapping):
+        raise DeclarationError(f"claims maps names to reduced fields. Got {type(claims).__name__}.")
+    known = [*system.states, *system.observables]
+    checked: dict[str, Values] = {}
+    for name, rates in claims.items():
+        if not isinstance(name, str) or not isinstance(rates, Mapping) or not rates:
+            raise DeclarationError(
+                f"a claim is a name and a mapping of states to rates. Got {name!r}: {rates!r}."
+            )
+        epsilon = (
+            system.epsilon
+            if any(sp.sympify(r, strict=True).has(system.epsilon) for r in rates.values())
+            else None
+        )
+        check_words(name, what="the name of a claim")
+        # The field's own checks: undeclared symbols, states that the claim uses without giving them a rate.
+        field_ = VectorField(rates, epsilon=epsilon, parameters=system.parameters, name=name)
+        for symbol in field_.states:
+            if symbol not in known:
+                raise DeclarationError(
+                    f'the claim "{name}" gives a rate to {symbol}, which is no state. '
+                    f"The states are {', '.join(map(str, known))}." + nearest(str(symbol), map(str, known))
+                )
+        checked[name] = field_.equations
+    return checked
+
+
+def _ladder(epsilons: Iterable[float]) -> tuple[float, ...]:
+    remedy = "Give at least two different positive values, such as (0.04, 0.02, 0.01)."
+    values = list(check_epsilons(epsilons))
+    if len(values) < 2 or len(set(values)) < len(values):
+        raise DeclarationError(f"epsilons has too few values, or repeats one. Got {values}. {remedy}")
+    return tuple(sorted(values, reverse=True))
+
+
+def _tolerance(tolerance: float) -> float:
+    be = "a relative accuracy between 0 and 1"
+    value = check_number(tolerance, what="tolerance", be=be, above=0.0, below=1.0, remedy="Try 1e-6.")
+    if value < FINEST:
+        raise DeclarationError(
+            f"the tolerance is finer than {FINEST:g}, beyond which no run in double precision could be found wrong. "
+            f"Got {value:g}. Give {FINEST:g} or more."
+        )
+    return value
+
+
+def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | None:
+    if path is None:
+        return None
+    remedy = 'Give a pair such as ("x", "y").'
+    if isinstance(path, (str, bytes)) or not isinstance(path, Iterable):
+        raise DeclarationError(f"path is a pair of names. Got {shown(path)}. {remedy}")
+    names = [name.name if isinstance(name, sp.Symbol) else name for name in path]
+    if len(names) != 2 or names[0] == names[1]:
+        raise DeclarationError(f"path is a pair of different names. Got {names!r}. {remedy}")
+    for name in names:
+        if name not in known:
+            raise DeclarationError(
+                f'path names "{name}", which is no state, observable or reconstruction variable. '
+                f"There are {', '.join(known)}." + nearest(str(name), known)
+            )
+    return names[0], names[1]

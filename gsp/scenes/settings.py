@@ -1,0 +1,42 @@
+"""Another question about the same scene: other parameters, another epsilon, another region."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from gsp.errors import DeclarationError, nearest
+from gsp.scenes.scene import Scene
+from gsp.systems.region import Interval
+
+
+def ask_again(
+    scene: Scene,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    epsilon: float | None = None,
+    region: Mapping[str, Interval] | None = None,
+) -> Scene:
+    """The scene with other exact values of `parameters`, at another `epsilon`, and other intervals in its `region`.
+
+    The ladder of epsilons moves along in proportion. Raises `DeclarationError` for a name that the scene does not
+    have, and where what results is no scene.
+    """
+    system = scene.system.with_parameters(**parameters) if parameters else scene.system
+    states = [state.name for state in scene.system.states]
+    for name in region or {}:
+        if name not in states:
+            raise DeclarationError(
+                f'the region is given for "{name}", which is no state. The states are {", ".join(states)}.'
+                + nearest(name, states)
+            )
+    ladder = scene.epsilons
+    if epsilon is not None and scene.epsilon:
+        ladder = tuple(value * (epsilon / scene.epsilon) for value in ladder)
+    return replace(
+        scene,
+        system=system,
+        epsilon=scene.epsilon if epsilon is None else epsilon,
+        epsilons=ladder,
+        region={**scene.region, **(region or {})},
+    )

@@ -1,0 +1,284 @@
+"""Passage through a fold of the critical manifold: the delay of the slow variables and the drop that follows.
+
+Let g_y have a simple eigenvalue 0 at the fold, l . g_y = 0, g_y r = 0, l . r = 1, |r| = 1, and v = l . (y - y_0),
+s = l . g_x (x - x_0). On the centre manifold
+
+    epsilon v' = a v^2 + s + c v^3 + ...,   s' = b + d v + ...,   x' = f + F v + ...,                          (1)
+
+with a = l . g_yy(r, r)/2, b = l . g_x f, F = f_y r, d = l . g_x F. To leading order w = a v, sigma = a s solve
+epsilon w' = w^2 + sigma, sigma' = a b, a Riccati equation that Airy's function solves: w escapes where
+Ai(-(ab/epsilon^2)^(1/3) t) = 0, at t = Omega_0 (ab)^(-1/3) epsilon^(2/3), -Omega_0 the first zero of Ai. In any section
+beyond the fold
+
+    x = x_0 + f Omega_0 (ab)^(-1/3) epsilon^(2/3) + q epsilon ln epsilon + O(epsilon),                          (2)
+    q = (f/b) (b c/a^2 - d/a)/3 - (F - f d/b)/(6a).
+
+The first part of q comes from the growth of s with ln v after the escape, the second, absent for one slow variable,
+from int v dt = -(epsilon/a) ln Ai along the fold: there x_0 is where the reduced orbit through the start meets the
+fold. (Mishchenko and Rozov 1980, for the planar case; Krupa and Szmolyan, SIAM J. Math. Anal. 33 (2001) 286-314,
+Theorem 2.1, for the transition map.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+
+import flint
+import numpy as np
+
+from gsp.algebra.laurent import laurent
+from gsp.critical.continuation import SpecialPoint
+from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.singularity import identity, singular_near
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.singular.passage.drop import Drop, drop_from
+from gsp.singular.passage.failure import PassageError
+from gsp.systems.arguments import check_noun
+from gsp.systems.flow import Point, check_epsilon, complete, named
+from gsp.systems.region import Interval, check_region
+from gsp.systems.system import SlowFastSystem
+
+# A point given for the fold may miss it by this, relative to 1 + |u|.
+NEAR = 1e-2
+# Coefficients count as zero below this, relative to what they are made of.
+ZERO = 1e-8
+# A fold counts as on the region's edge within this share of its width.
+EDGE = 1e-6
+
+
+@lru_cache(maxsize=1)
+def omega0() -> float:
+    """Omega_0 = 2.338..., minus the first zero of Airy's function Ai."""
+    return -float(flint.arb.airy_ai_zero(1).mid())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoldPassage:
+    """What happens at a fold that the slow flow runs into: equations (1) and (2), and the drop.
+
+    `point` is the fold (x_0, y_0) by name; `right` and `left` (n_fast,) are r and l; `a`, `b`, `c`, `d` the numbers of
+    (1); `slow_rate` and `along` (n_slow,) are f and F; `leading` and `logarithmic` (n_slow,) multiply epsilon^(2/3) and
+    epsilon ln epsilon in (2); `drop` says where the layer flow leads.
+    """
+
+    system: SlowFastSystem
+    point: Mapping[str, float]
+    right: np.ndarray
+    left: np.ndarray
+    a: float
+    b: float
+    c: float
+    d: float
+    slow_rate: np.ndarray
+    along: np.ndarray
+    leading: np.ndarray
+    logarithmic: np.ndarray
+    drop: Drop
+    region: Mapping[str, Interval] | None = None
+
+    @property
+    def x0(self) -> np.ndarray:
+        """The slow coordinates of the fold (n_slow,)."""
+        return np.array([self.point[s.name] for s in self.system.x])
+
+    @property
+    def y0(self) -> np.ndarray:
+        """The fast coordinates of the fold (n_fast,)."""
+        return np.array([self.point[s.name] for s in self.system.y])
+
+    def delay(self, epsilon: float) -> float:
+        """Slow time between the fold and the escape, to leading order: Omega_0 (ab)^(-1/3) epsilon^(2/3)."""
+        return omega0() * (self.a * self.b) ** (-1.0 / 3.0) * check_epsilon(epsilon) ** (2.0 / 3.0)
+
+    def exit(self, epsilon: float) -> dict[str, float]:
+        """Slow coordinates after the escape, by name, through epsilon ln epsilon; the error is O(epsilon)."""
+        small = check_epsilon(epsilon)
+        x = self.x0 + self.leading * small ** (2.0 / 3.0) + self.logarithmic * small * np.log(small)
+        return {s.name: float(v) for s, v in zip(self.system.x, x)}
+
+    def __repr__(self) -> str:
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
+        return f"FoldPassage({place}; a = {self.a:.6g}, b = {self.b:.6g})"
+
+    def __str__(self) -> str:
+        names = [s.name for s in self.system.x]
+        width = max(map(len, names))
+        lines = ["passage through the fold at " + ", ".join(f"{n} = {v:.10g}" for n, v in self.point.items())]
+        lines.append(f"  a = {self.a:.8g}, b = {self.b:.8g}, Omega_0 = {omega0():.12g}")
+        for name, start, first, second in zip(names, self.x0, self.leading, self.logarithmic):
+            terms = f"{start:.8g} {first:+.8g} epsilon^(2/3) {second:+.8g} epsilon ln epsilon"
+            lines.append(f"  {name:>{width}} = {terms} + O(epsilon)")
+        lines.append(f"  {self.drop}")
+        return "\n".join(lines)
+
+
+def fold_passage(
+    system: SlowFastSystem,
+    fold: SpecialPoint | Point,
+    *,
+    region: Mapping[str, Interval] | None = None,
+) -> FoldPassage:
+    """The passage through `fold`, a special point of `continue_critical` or a point (every state named) next to one.
+
+    With several slow variables the fold's point is where the reduced orbit arrives. `region` bounds states by name:
+    the fold must be inside, and a drop that leaves it escapes.
+
+    Raises `PassageError` where there is no fold, at a cusp, at a branch point, at a canard point or a folded
+    singularity (b = 0), where the slow flow leads away from the fold, where the sheet that ends is not attracting,
+    and at the region's edge; `DeclarationError` for points that are not well formed.
+
+    >>> x, y, epsilon = sp.symbols("x y epsilon")
+    >>> system = SlowFastSystem(slow={y: 1}, fast={x: x**2 + y}, epsilon=epsilon)
+    >>> fold_passage(system, {"x": 0, "y": 0}).exit(0.001)
+    {'y': 0.02338107410459...}
+    """
+    check_noun(system, SlowFastSystem, verb="fold_passage")
+    box = None if region is None else check_region(region, [s.name for s in system.states])
+    problem, u = _located(system, fold)
+    m, n = len(system.x), len(system.y)
+    x, y = u[:m], u[m:]
+    where = _shown(problem.point(u))
+    if box is not None:
+        _check_inside(problem.point(u), box, where)
+    jacobian = problem.jacobian(u)
+    g_x, g_y = jacobian[:, :m], jacobian[:, m:]
+    r, left = _null_vectors(g_y, problem, u, where)
+    second = problem.second(u)
+    bending = np.einsum("ijk,j,k->i", second[:, m:, m:], r, r)
+    slope = left @ g_x
+    if np.abs(slope).max() <= ZERO * np.linalg.norm(left) * (np.abs(g_x).max() or 1.0):
+        raise PassageError(
+            f"two branches of the critical manifold meet at {where}: l . g_x = 0. This is no fold. "
+            "Use entry_exit along the branch that goes on."
+        )
+    a = 0.5 * float(left @ bending)
+    size = np.linalg.norm(left) * np.abs(second[:, m:, m:]).max()
+    if abs(a) <= ZERO * size or size == 0.0:
+        raise PassageError(
+            f"the fold at {where} is degenerate, a cusp: a = l . g_yy(r, r)/2 = {a:.3g}. The passage takes other "
+            "powers of epsilon there; move to a point of the fold that is not a cusp."
+        )
+    f, along = _slow_rates(system, u, r)
+    b, d = float(slope @ f), float(slope @ along)
+    if abs(b) <= ZERO * np.linalg.norm(slope) * max(np.linalg.norm(f), np.linalg.norm(along)):
+        remedy = "canard_value" if m == 1 else "folded_singularities"
+        raise PassageError(
+            f"the slow flow does not cross the fold at {where}: b = l . g_x f = {b:.3g}, a "
+            f"{'canard point' if m == 1 else 'folded singularity'}. Use {remedy}."
+        )
+    if a * b < 0.0:
+        raise PassageError(
+            f"the slow flow leads away from the fold at {where}: a b = {a * b:.3g} < 0, so that both sheets are left "
+            "there. A passage needs a b > 0; reverse the slow flow, or take another fold."
+        )
+    values = np.linalg.eigvals(g_y)
+    others = np.delete(values, np.argmin(np.abs(values)))
+    if others.size and others.real.max() >= 0.0:
+        raise PassageError(
+            f"the sheet that ends in the fold at {where} is not attracting: fast eigenvalues "
+            f"{np.array2string(values, precision=4)}. Orbits leave it before they reach the fold."
+        )
+    # The centre manifold y = y_0 + r v + h v^2/2 with l . h = 0: g_y h = 2 a r - g_yy(r, r).
+    bordered = np.block([[g_y, r[:, None]], [left[None, :], np.zeros((1, 1))]])
+    h = np.linalg.solve(bordered, np.append(2.0 * a * r - bending, 0.0))[:n]
+    cubic = np.einsum("ijkl,j,k,l->i", problem.third(u), r, r, r) / 6.0
+    c = float(left @ (cubic + 0.5 * np.einsum("ijk,j,k->i", second[:, m:, m:], r, h)))
+    leading = f * omega0() * (a * b) ** (-1.0 / 3.0)
+    logarithmic = f / b * (b * c / a**2 - d / a) / 3.0
+    if m > 1:
+        logarithmic = logarithmic - (along - f * d / b) / (6.0 * a)
+    return FoldPassage(
+        system=system,
+        point=MappingProxyType(problem.point(u)),
+        right=r,
+        left=left,
+        a=a,
+        b=b,
+        c=c,
+        d=d,
+        slow_rate=f,
+        along=along,
+        leading=leading,
+        logarithmic=logarithmic,
+        drop=drop_from(system, x, y, r * np.sign(a), 0.5 * h, rate=abs(a), region=box),
+        region=box,
+    )
+
+
+def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerProblem, np.ndarray]:
+    """The layer problem over all slow variables, and the fold next to the given point, polished."""
+    given = dict(fold.point) if isinstance(fold, SpecialPoint) else named(fold, what="fold")
+    parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
+    for symbol, value in parameters.items():
+        if symbol.name in given and given.pop(symbol.name) != value:
+            raise PassageError(
+                f"the fold lies at another value of the parameter {symbol}. Got {value!r} in the system. "
+                f"Pass system.with_parameters({symbol}=...) with the fold's value."
+            )
+    u = np.array(complete(given, system.states, what="fold"))
+    problem = LayerProblem(system, system.x, parameters)
+    scales = 1.0 + np.abs(u)
+    where = _shown(problem.point(u))
+    found = None
+    try:
+        near = singular_near(problem, identity, u)
+        found = least_norm_newton(near, u, scales, 1e-13)
+    except np.linalg.LinAlgError:
+        pass
+    if found is None or np.abs((found - u) / scales).max() > NEAR:
+        values = np.array2string(problem.eigenvalues(u[None, :])[0], precision=4)
+        g = ", ".join(f"{v:.3g}" for v in problem.residual(u))
+        raise PassageError(
+            f"there is no fold at {where}: g = {g}, fast eigenvalues {values}. Take a point of "
+            "continue_critical(system, start=...).special."
+        )
+    return problem, found
+
+
+def _null_vectors(
+    g_y: np.ndarray, problem: LayerProblem, u: np.ndarray, where: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """r and l with |r| = 1, its largest component positive, l . r = 1; raises `PassageError` at double zeros."""
+    left, sizes, right = np.linalg.svd(g_y)
+    r, unit = right[-1], left[:, -1]
+    r = r * np.sign(r[np.argmax(np.abs(r))])
+    product = float(unit @ r)
+    if len(sizes) > 1 and (sizes[-2] <= ZERO * sizes[0] or abs(product) < 1e-6):
+        values = np.array2string(problem.eigenvalues(u[None, :])[0], precision=4)
+        raise PassageError(
+            f"more than one fast eigenvalue vanishes at {where}: {values}. A fold passage has exactly one."
+        )
+    return r, unit / product
+
+
+def _slow_rates(system: SlowFastSystem, u: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """f and F = f_y r at epsilon = 0."""
+    rates = [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f]
+    m, n = len(system.x), len(system.y)
+    outputs = [*rates, *(0 if rate == 0 else rate.diff(s) for rate in rates for s in system.y)]
+    compiled = compile_function(
+        outputs, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
+    )
+    values = compiled(u, compile_flow(system).constants)
+    return values[:m], values[m:].reshape(m, n) @ r
+
+
+def _check_inside(point: Mapping[str, float], box: Mapping[str, Interval], where: str) -> None:
+    for name, (low, high) in box.items():
+        margin = EDGE * (high - low)
+        if not low - margin <= point[name] <= high + margin:
+            raise PassageError(
+                f"the fold at {where} lies outside the region: {name} in ({low:g}, {high:g}). Enlarge it."
+            )
+        if not low + margin < point[name] < high - margin:
+            raise PassageError(
+                f"the fold lies on the edge of the region, {name} = {point[name]:.6g}. Got {name} in ({low:g}, "
+                f"{high:g}). The passage leaves the region there; enlarge it."
+            )
+
+
+def _shown(point: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.8g}" for name, value in point.items())

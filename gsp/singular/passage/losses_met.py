@@ -1,0 +1,225 @@
+"""A loss of stability that a reduced orbit meets along a branch that goes on, and what it lets happen.
+
+With u = l . (y - h_0) the deviation along the critical direction of a real loss at t = 0,
+
+    epsilon u' = kappa t u + q u^2 + p u^3 + epsilon rho + ...,   q = l . g_yy(r, r)/2,                        (1)
+
+where rho = l . (g_1 - Dh_0 f) says how far the branch is from invariant. If the branch is invariant for epsilon > 0 the
+exit is delayed. If rho != 0 it is not:
+
+- q != 0, transcritical: with X = q u + kappa t/2, Y = kappa t/2 this is
+  epsilon X' = X^2 - Y^2 + lambda epsilon kappa/2, lambda = 1 + 2 q rho/kappa; lambda < 1 exchanges stability with the
+  other branch, lambda > 1 escapes at t = z (2 epsilon/kappa)^(1/2), z the first zero of the parabolic cylinder function
+  D_((lambda - 1)/2)(-sqrt(2) z), and lambda = 1 is the canard value (Krupa and
+  Szmolyan, Nonlinearity 14 (2001) 1473-1491);
+- q = 0, p < 0, supercritical pitchfork: the orbit settles on the branch on the side of rho (the same);
+  p > 0: it escapes to that side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.laurent import laurent
+from gsp.critical.continuation import SpecialKind
+from gsp.critical.layer_problem import LayerProblem
+from gsp.errors import GspError
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.singular.passage.complex_time import TurningPoint, turning_points
+from gsp.singular.passage.slow_orbit import SlowOrbit
+from gsp.slow.series import expand
+from gsp.systems.flow import check_epsilon
+
+# Coefficients count as zero below this, relative to what they are made of.
+ZERO = 1e-8
+# Zeros of the parabolic cylinder function are looked for up to here: exp(-z^2) is rounding by then.
+FARTHEST, SAMPLES = 6.5, 2000
+# Orders of the formal slow manifold that are searched for a pole at the loss, and where: distances from it in time.
+ORDERS, OFFSETS = 6, (1e-2, 1e-3)
+
+
+class Outcome(StrEnum):
+    """What follows a loss."""
+
+    DELAY = "delayed exit"
+    EXCHANGE = "exchange of stability"
+    ESCAPE = "escape at once"
+    UNDECIDED = "undecided at this order"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PassedLoss:
+    """A loss met at slow time `t` at `point`: its `kind`, the critical `eigenvalue`, its `crossing` rate d Re/dt.
+
+    `outcome` says what follows, `limit` the amount that int Re lambda dt can grow from here before orbits leave,
+    whatever their start: 0 where they leave at once, infinite where only the start counts. For a real loss
+    `coefficients` are q, p and rho of (1), and lambda; for a pair `turning_points` are those that were found.
+    """
+
+    t: float
+    point: Mapping[str, float]
+    kind: SpecialKind
+    eigenvalue: complex
+    crossing: float
+    outcome: Outcome
+    limit: float
+    coefficients: Mapping[str, float]
+    turning_points: tuple[TurningPoint, ...] = ()
+
+    def escape(self, epsilon: float) -> float | None:
+        """Slow time of an escape from a transcritical loss to leading order, O(epsilon^(1/2)) after it; else None."""
+        small = check_epsilon(epsilon)
+        value = self.coefficients.get("lambda", 0.0)
+        if self.outcome is not Outcome.ESCAPE or not value > 1.0:
+            return None
+        z = first_zero(value)
+        return None if z is None else self.t + z * float(np.sqrt(2.0 * small / self.crossing))
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{name} = {v:.8g}" for name, v in self.point.items())
+        rest = ", ".join(f"{name} = {v:.5g}" for name, v in self.coefficients.items())
+        return f"{self.kind} at {place}: {self.outcome}" + (f" ({rest})" if rest else "")
+
+    def __repr__(self) -> str:
+        return f"PassedLoss({self})"
+
+
+def first_zero(value: float) -> float | None:
+    """The first zero of D_((value - 1)/2)(-sqrt(2) z), None when it is beyond rounding."""
+    from scipy.optimize import brentq
+    from scipy.special import pbdv
+
+    order = 0.5 * (value - 1.0)
+    z = np.linspace(-FARTHEST, FARTHEST, SAMPLES)
+    values = pbdv(order, -np.sqrt(2.0) * z)[0]
+    change = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
+    if not change.size:
+        return None
+    i = int(change[0])
+    found: Any = brentq(lambda s: pbdv(order, -np.sqrt(2.0) * s)[0], z[i], z[i + 1], xtol=1e-14)
+    return float(found)
+
+
+def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool) -> PassedLoss:
+    """The loss at time `t`, where the rightmost real part rises through 0 at the rate `crossing`."""
+    z = orbit.at(t)
+    system = orbit.branch.system
+    rounding = 1e-14 * (1.0 + float(np.abs(np.vstack([panel.z for panel in orbit.panels])).max()))
+    point = {s.name: 0.0 if abs(v) < rounding else float(v) for s, v in zip(system.states, z)}
+    values = orbit.eigenvalues(z[None, :])[0]
+    size = float(np.abs(values).max())
+    leading = complex(values[0])
+    if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9:
+        if invariant:
+            return PassedLoss(
+                t,
+                point,
+                SpecialKind.HOPF,
+                leading,
+                crossing,
+                Outcome.DELAY,
+                float("inf"),
+                {"omega": leading.imag},
+            )
+        with np.errstate(all="ignore"):
+            found = turning_points(orbit, t, leading)
+        limit = found[0].level if found else float("inf")
+        return PassedLoss(
+            t,
+            point,
+            SpecialKind.HOPF,
+            leading,
+            crossing,
+            Outcome.DELAY,
+            limit,
+            {"omega": leading.imag},
+            tuple(found),
+        )
+    coefficients = _real_coefficients(orbit, z, crossing)
+    transcritical = "lambda" in coefficients
+    kind = SpecialKind.TRANSCRITICAL if transcritical else SpecialKind.PITCHFORK
+    if not transcritical and coefficients["p"] == 0.0:
+        kind = SpecialKind.BRANCH_POINT
+    rho = coefficients["rho"]
+    if invariant:
+        outcome, limit = Outcome.DELAY, float("inf")
+    else:
+        if rho == 0.0:
+            coefficients |= _higher_order(orbit, t, z, crossing)
+            rho = coefficients.get("rho_k", 0.0)
+        softens = coefficients["q"] * rho < 0.0 if transcritical else coefficients["p"] < 0.0
+    if not invariant and rho == 0.0:
+        outcome, limit = Outcome.UNDECIDED, float("inf")
+    elif not invariant:
+        outcome, limit = (Outcome.EXCHANGE if softens else Outcome.ESCAPE), 0.0
+    return PassedLoss(t, point, kind, leading.real + 0j, crossing, outcome, limit, coefficients)
+
+
+def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict[str, float]:
+    """q, p, rho of (1), and lambda where q != 0; what is zero within rounding is 0."""
+    system = orbit.branch.system
+    m, n = len(system.x), len(system.y)
+    problem = LayerProblem(system, system.x, dict(zip(system.parameters, compile_flow(system).constants[1:])))
+    left, _, right = np.linalg.svd(orbit.fast_jacobian(z))
+    r, l = right[-1], left[:, -1]  # noqa: E741
+    r = r * np.sign(r[np.argmax(np.abs(r))])
+    product = float(l @ r)
+    l = l / product if abs(product) > 1e-12 else l  # noqa: E741
+    second = problem.second(z)[:, m:, m:]
+    bending = np.einsum("ijk,j,k->i", second, r, r)
+    size = float(np.linalg.norm(l))
+    q = _settled(0.5 * float(l @ bending), size * float(np.abs(second).max()))
+    g_y = orbit.fast_jacobian(z)
+    bordered = np.block([[g_y, r[:, None]], [l[None, :], np.zeros((1, 1))]])
+    third = problem.third(z)
+    h = np.linalg.lstsq(bordered, np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
+    cubic = np.einsum("ijkl,j,k,l->i", third, r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
+    p = _settled(float(l @ cubic), size * float(np.abs(third).max() + np.abs(second).max() ** 2))
+    rates = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
+    first = orbit.equations.compiled(rates)
+    moved = orbit.velocity(z)[m:]
+    # What rho is made of along the orbit so far: at the loss alone all of it may be small.
+    path = np.vstack([panel.z for panel in orbit.panels])
+    typical = np.abs(first(path)).max() + max(np.abs(orbit.velocity(point)[m:]).max() for point in path[::8])
+    rho = _settled(float(l @ (first(z[None, :])[0] - moved)), size * float(typical))
+    result = {"q": q, "p": p, "rho": rho}
+    if q != 0.0:
+        result["lambda"] = 1.0 + 2.0 * q * rho / crossing
+    return result
+
+
+def _higher_order(orbit: SlowOrbit, t: float, z: np.ndarray, crossing: float) -> dict[str, float]:
+    """The first order k >= 2 at which the formal slow manifold has a pole at the loss, and rho_k = -kappa s l . h_k.
+
+    At a distance s from the loss h_k is -rho_k/(kappa s) to leading order: a pole is told by growth tenfold when s
+    falls tenfold. Empty when there is none up to ORDERS: all those orders pass through the loss.
+    """
+    system = orbit.branch.system
+    m = len(system.x)
+    left, _, right = np.linalg.svd(orbit.fast_jacobian(z))
+    l = left[:, -1] * np.sign(float(left[:, -1] @ right[-1]) or 1.0)  # noqa: E741
+    try:
+        series = expand(orbit.branch, order=ORDERS, symbolic=False)
+        sizes = []
+        for s in OFFSETS:
+            point = orbit.at(t - s)
+            near = None if orbit.branch.is_explicit else point[m:]
+            sizes.append(s * (np.asarray(series.terms(point[:m], 1.0, near=near)).reshape(ORDERS + 1, -1) @ l))
+    except GspError:
+        return {}
+    far, close = sizes
+    for k in range(2, ORDERS + 1):
+        if abs(close[k]) > 0.3 * abs(far[k]) and abs(close[k]) > 1e-10:
+            # At t - s the denominator kappa t is negative.
+            return {"order": float(k), "rho_k": float(crossing * close[k])}
+    return {}
+
+
+def _settled(value: float, scale: float) -> float:
+    return 0.0 if abs(value) <= ZERO * scale else value

@@ -1,0 +1,254 @@
+"""A reduced orbit of order 0 on a branch of M0, sampled to rounding, with the rightmost fast eigenvalue along it.
+
+The orbit is kept on Chebyshev panels. The rightmost real part is smooth except where another eigenvalue takes over
+or a pair is born; panels are cut there until what is left does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch
+from gsp.errors import BranchError, Status
+from gsp.fibres.decaying_signals import chebyshev, tail
+from gsp.integration.methods import Method
+from gsp.integration.trajectory import trajectory_of
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.singular.passage.failure import PassageError
+from gsp.systems.system import VectorField
+
+# A panel is resolved when its last Chebyshev coefficients are this small, relative to 1 + the largest value on it.
+RESOLVED = 2e-14
+# Panels are halved so often where a rightmost real part has a kink: 2^-24 of a panel, whose square is rounding.
+CUTS = 24
+# The first panel in units of (1 + |x|)/|f|, and the factor by which panels grow.
+FIRST, GROWTH = 0.05, 1.5
+# Panels this much shorter than the first one run into the end of the branch.
+SHORTEST = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The expressions of one branch: f and g at epsilon = 0, E with {E = 0} the branch, and their derivatives."""
+
+    branch: Branch
+
+    @cached_property
+    def f(self) -> list[sp.Expr]:
+        """Slow rates at epsilon = 0."""
+        system = self.branch.system
+        return [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)) for e in system.f]
+
+    @cached_property
+    def g(self) -> list[sp.Expr]:
+        """Fast rates at epsilon = 0."""
+        system = self.branch.system
+        return [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)) for e in system.g]
+
+    @cached_property
+    def E(self) -> tuple[sp.Expr, ...]:
+        """Equations of the branch that are regular where it is a graph."""
+        graph = self.branch.graph
+        return self.branch.equations if graph is None else tuple(y - h for y, h in graph.items())
+
+    @cached_property
+    def E_x(self) -> sp.Matrix:
+        """dE/dx, (n_fast, n_slow)."""
+        return sp.Matrix([[derivative(e, x) for x in self.branch.system.x] for e in self.E])
+
+    @cached_property
+    def E_y(self) -> sp.Matrix:
+        """dE/dy, (n_fast, n_fast)."""
+        return sp.Matrix([[derivative(e, y) for y in self.branch.system.y] for e in self.E])
+
+    @cached_property
+    def g_y(self) -> list[sp.Expr]:
+        """dg/dy row by row."""
+        return [derivative(g, y) for g in self.g for y in self.branch.system.y]
+
+    def compiled(self, outputs: Sequence[sp.Expr]) -> Callable[[np.ndarray], np.ndarray]:
+        """`outputs` as a function of points (x, y), (m, n)."""
+        system = self.branch.system
+        function = compile_function(
+            outputs, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
+        )
+        constants = compile_flow(system).constants
+        return lambda z: function(z, constants)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Chebyshev nodes `t` (m,) with the orbit `z` (m, n) at them."""
+
+    t: np.ndarray
+    z: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """The orbit at times (k,): (k, n)."""
+        return interpolate(self.t, self.z, t)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A panel or part of one on which the rightmost real part is resolved: nodes `t`, `values` of it (m,),
+    the eigenvalue itself (m,), and the primitive of `values` from the left end (m,); `has_kink` when not resolved."""
+
+    t: np.ndarray
+    values: np.ndarray
+    eigenvalue: np.ndarray
+    primitive: np.ndarray
+    has_kink: bool = False
+
+
+class SlowOrbit:
+    """The reduced orbit through x (n_slow,) on `branch`, forward in slow time from 0, panel after panel."""
+
+    def __init__(self, branch: Branch, x: np.ndarray) -> None:
+        self.branch = branch
+        self.equations = Equations(branch)
+        system = branch.system
+        self._g_y = self.equations.compiled(self.equations.g_y)
+        self._f = self.equations.compiled(self.equations.f)
+        self.panels: list[Panel] = []
+        y = branch.points(x[None, :])[0]
+        self.end, self.state = 0.0, np.concatenate([x, y])
+        speed = float(np.linalg.norm(self._f(self.state[None, :])[0]))
+        if speed == 0.0:
+            raise PassageError(
+                f"the reduced flow stands still at the start, {self.shown(self.state)}. Start where it moves."
+            )
+        self._length = self._first = FIRST * (1.0 + float(np.linalg.norm(x))) / speed
+        graph = branch.graph
+        fixed = dict(system.parameters)
+        if graph is not None:
+            rates = {s: f.xreplace(dict(graph)) for s, f in zip(system.x, self.equations.f)}
+        else:
+            moved = self.equations.E_y.LUsolve(self.equations.E_x * sp.Matrix(self.equations.f))
+            rates = {**dict(zip(system.x, self.equations.f)), **{y: -m for y, m in zip(system.y, moved)}}
+        self.flow = VectorField(rates, epsilon=None, parameters=fixed)
+
+    def shown(self, z: np.ndarray) -> str:
+        """A point by name."""
+        return ", ".join(f"{s.name} = {v:.8g}" for s, v in zip(self.branch.system.states, z))
+
+    def advance(self) -> Panel:
+        """The next panel. Raises `PassageError` where the branch or the reduced flow ends."""
+        nodes = chebyshev()[0]
+        while self._length >= SHORTEST * self._first:
+            times = self.end + 0.5 * self._length * (nodes + 1.0)
+            z = self._sampled(times)
+            if z is not None:
+                scale = 1.0 + np.abs(z).max(axis=0)
+                if (tail(z.T) <= RESOLVED * scale).all():
+                    panel = Panel(times, z)
+                    self.panels.append(panel)
+                    self.end, self.state = float(times[-1]), z[-1]
+                    self._length *= GROWTH
+                    return panel
+            self._length *= 0.5
+        raise PassageError(
+            f"the reduced orbit on the branch {self.branch} ends near {self.shown(self.state)}, slow time "
+            f"{self.end:.6g}: the branch folds there or the field is singular. At a fold use fold_passage."
+        )
+
+    def _sampled(self, times: np.ndarray) -> np.ndarray | None:
+        system, m = self.branch.system, len(self.branch.system.x)
+        state = self.state if len(self.flow.states) > m else self.state[:m]
+        run = trajectory_of(
+            self.flow,
+            start=dict(zip((s.name for s in self.flow.states), map(float, state))),
+            span=(float(times[0]), float(times[-1])),
+            rtol=1e-14,
+            atol=1e-16 * (1.0 + float(np.abs(state).max())),
+            at=times,
+            method=Method.DOP853,
+            max_steps=2000,
+        )
+        if run.status is not Status.SUCCESS:
+            return None
+        x = run.y[:m].T
+        try:
+            if self.branch.graph is not None:
+                y = self.branch.graph_values(x)
+            else:
+                y = self.branch.points(x, near=run.y[m:].T)
+                if np.abs(y - run.y[m:].T).max() > 1e-9 * (1.0 + np.abs(y).max()):
+                    return None
+        except BranchError:
+            return None
+        z = np.hstack([x, y.reshape(len(x), len(system.y))])
+        return z if np.isfinite(z).all() else None
+
+    def at(self, t: float) -> np.ndarray:
+        """The orbit (n,) at a time that has been reached."""
+        ends = [panel.t[-1] for panel in self.panels]
+        panel = self.panels[min(int(np.searchsorted(ends, t)), len(ends) - 1)]
+        return panel.at(np.array([t]))[0]
+
+    def velocity(self, z: np.ndarray) -> np.ndarray:
+        """(x', y') of the reduced flow at a point (n,) of the branch."""
+        m, n = len(self.branch.system.x), len(self.branch.system.y)
+        f = self._f(z[None, :])[0]
+        both = self.equations.compiled([*self.equations.E_x, *self.equations.E_y])(z[None, :])[0]
+        E_x, E_y = both[: n * m].reshape(n, m), both[n * m :].reshape(n, n)
+        return np.concatenate([f, -np.linalg.solve(E_y, E_x @ f)])
+
+    def eigenvalues(self, z: np.ndarray) -> np.ndarray:
+        """Eigenvalues of g_y at points (k, n), the rightmost first, conjugates with positive imaginary part first."""
+        n = len(self.branch.system.y)
+        matrices = self._g_y(z).reshape(-1, n, n)
+        if not np.isfinite(matrices).all():
+            raise PassageError(f"the fast Jacobian is not finite along the orbit, near {self.shown(z[0])}.")
+        values = np.linalg.eigvals(matrices).astype(complex)
+        order = np.lexsort((-np.imag(values), -np.real(values)), axis=1)
+        return np.take_along_axis(values, order, axis=1)
+
+    def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
+        """g_y at one point (n,)."""
+        n = len(self.branch.system.y)
+        return self._g_y(z[None, :])[0].reshape(n, n)
+
+    def pieces(self, panel: Panel) -> list[Piece]:
+        """The rightmost eigenvalue over a panel, cut where its real part has kinks."""
+        return self._cut(panel, float(panel.t[0]), float(panel.t[-1]), CUTS)
+
+    def _cut(self, panel: Panel, first: float, last: float, depth: int) -> list[Piece]:
+        nodes, _, S = chebyshev()
+        half = 0.5 * (last - first)
+        t = first + half * (nodes + 1.0)
+        leading = self.eigenvalues(panel.at(t))[:, 0]
+        values = np.real(leading)
+        resolved = tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max())
+        if resolved or depth == 0:
+            return [Piece(t, values, leading, half * (S @ values), not resolved)]
+        middle = first + half
+        return self._cut(panel, first, middle, depth - 1) + self._cut(panel, middle, last, depth - 1)
+
+
+def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (m, ...) at Chebyshev nodes `t` (m,), at other times (k,), barycentric: (k, ...)."""
+    weights = chebyshev()[1]
+    distance = at[:, None] - t[None, :]
+    hit = distance == 0.0
+    ratio = np.where(hit.any(axis=1, keepdims=True), hit, weights / np.where(hit, 1.0, distance))
+    return (ratio @ values) / ratio.sum(axis=1).reshape(-1, *([1] * (values.ndim - 1)))
+
+
+def crossing(t: np.ndarray, values: np.ndarray, level: float, i: int) -> float:
+    """The time between nodes i - 1 and i where the interpolant of `values` meets `level`, by bisection."""
+    low, high = float(t[i - 1]), float(t[i])
+    side = values[i - 1] < level
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if (interpolate(t, values, np.array([middle]))[0] < level) == side:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

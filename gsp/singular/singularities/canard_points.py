@@ -1,0 +1,199 @@
+"""Canard points of planar slow-fast systems: folds where a parameter makes the slow rate vanish.
+
+epsilon y' = g(x, y, a, epsilon), x' = f(x, y, a, epsilon), both scalar, have a canard point at (x, y, a) when, at
+epsilon = 0,
+
+    g = g_y = f = 0,   g_x != 0,  g_yy != 0,  f_y g_x < 0,  d = f_a + f_x X_a + f_y Y_a != 0,
+
+(Krupa and Szmolyan, SIAM J. Math. Anal. 33 (2001) 286-314, section 3), with (X_a, Y_a) the rate of the fold with a,
+X_a = -g_a/g_x and Y_a = -(g_ya + g_yx X_a)/g_yy. The sign of f_y g_x lets the slow flow cross the fold from the
+attracting to the repelling side; with the other sign it crosses back, for every a near by.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import sympy as sp
+
+from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
+from gsp.algebra.laurent import laurent, vanishes
+from gsp.errors import DeclarationError, GspError, nearest
+from gsp.singular.singularities.canard_series import PlanarField
+from gsp.singular.singularities.fold_starts import fold_starts
+from gsp.singular.singularities.located_points import Located, locate
+from gsp.systems.arguments import check_noun, shown
+from gsp.systems.flow import Point, named
+from gsp.systems.system import SlowFastSystem
+
+# Starts of Newton's method for equations that are not rational, in each of the states and the parameter.
+STARTS = (-3.0, -1.1, -0.2, 0.3, 1.2, 3.1)
+
+
+class CanardError(GspError):
+    """There is no canard where one was asked for; the message names what is there instead."""
+
+
+@dataclass(frozen=True, eq=False)
+class CanardPoint:
+    """A candidate: `point` by name, the parameter among them, `fault`, empty for a canard point, and the coefficients.
+
+    `coefficients` are g_x, g_yy, f_y and d of the definition; x is slow and y fast there, whatever their names.
+    """
+
+    located: Located
+    point: Mapping[str, sp.Expr]
+    coefficients: Mapping[str, sp.Expr]
+    fault: str
+
+
+def planar_field(system: SlowFastSystem, parameter: sp.Symbol | str) -> PlanarField:
+    """f and g with every parameter but one put in; raises `DeclarationError` for what is not planar."""
+    check_noun(system, SlowFastSystem, verb="canard_value")
+    if len(system.x) != 1 or len(system.y) != 1:
+        raise CanardError(
+            f"canard_value takes one slow and one fast variable. Got {len(system.x)} slow and {len(system.y)} fast. "
+            "With one fast and two slow variables use folded_singularities."
+        )
+    names = {symbol.name: symbol for symbol in system.parameters}
+    name = parameter.name if isinstance(parameter, sp.Symbol) else parameter
+    if not isinstance(name, str) or name not in names:
+        raise DeclarationError(
+            f"there is no parameter {shown(name)}. The parameters are {', '.join(names) or 'none'}. Declare the one "
+            "that moves the equilibrium across the fold." + nearest(name, names)
+        )
+    a = names[name]
+    values = {symbol: value for symbol, value in system.parameters.items() if symbol != a}
+    f, g = (e.xreplace(values) for e in (system.f[0], system.g[0]))
+    return PlanarField(f=f, g=g, x=system.x[0], y=system.y[0], a=a, epsilon=system.epsilon)
+
+
+def canard_point(
+    field: PlanarField, *, declared: sp.Rational, near: Point | None
+) -> tuple[CanardPoint, tuple[CanardPoint, ...]]:
+    """The canard point nearest to `near`, by default nearest to the declared parameter value, and the other ones.
+
+    Of two equally near in the parameter, the one where it is larger. Raises `CanardError` when there is none.
+    """
+    target = None if near is None else named(near, what="near")
+    known = [symbol.name for symbol in field.symbols]
+    for name in target or {}:
+        if name not in known:
+            raise DeclarationError(f'near names "{name}". It takes {", ".join(known)}.' + nearest(name, known))
+    candidates = _candidates(field, declared, target)
+    if target is None:
+        good = [c for c in candidates if not c.fault]
+        pool = good or candidates
+        pool.sort(key=lambda c: (round(abs(_number(c, field.a) - float(declared)), 12), -_number(c, field.a)))
+    else:
+        pool = sorted(
+            candidates,
+            key=lambda c: sum(
+                (c.located.numbers()[s] - target[s.name]) ** 2 for s in field.symbols if s.name in target
+            ),
+        )
+    chosen = pool[0]
+    if chosen.fault:
+        raise CanardError(chosen.fault)
+    return chosen, tuple(c for c in candidates if not c.fault and c is not chosen)
+
+
+def _number(candidate: CanardPoint, symbol: sp.Symbol) -> float:
+    return candidate.located.numbers()[symbol]
+
+
+def _candidates(
+    field: PlanarField, declared: sp.Rational, target: Mapping[str, float] | None
+) -> list[CanardPoint]:
+    f0, g0 = (laurent(e, field.epsilon, order=0).get(0, sp.Integer(0)) for e in (field.f, field.g))
+    x, y, a = field.symbols
+    fold = (g0, sp.diff(g0, y))
+    if vanishes(fold[1]):
+        raise CanardError(
+            f"there is no fold: the fast rate does not depend on {y}. Got g = {g0} at {field.epsilon} = 0."
+        )
+    if not (f0.has(a) or g0.has(a)):
+        raise CanardError(
+            f"{a} does not appear in the equations at {field.epsilon} = 0, so it cannot move the equilibrium across "
+            f"the fold. Got f = {f0}, g = {g0}. Choose another parameter, or rescale {a} by {field.epsilon}."
+        )
+    axes = [[target[s.name]] if target and s.name in target else list(STARTS) for s in (x, y, a)]
+    if not target or a.name not in target:
+        axes[2] = sorted({float(declared), *STARTS})
+    starts: Iterable[Sequence[float]] = itertools.product(*axes)
+    if not target:
+        starts = itertools.chain(fold_starts(g0, x, y, a, float(declared)), starts)
+    try:
+        points = locate((*fold, f0), (x, y, a), starts=starts)
+    except InfinitelyManyPoints:
+        raise CanardError(
+            f"{a} does not move the equilibrium across the fold: g = g_{y} = f = 0 along a whole curve. "
+            f"Got f = {f0}, g = {g0}. Choose another parameter."
+        ) from None
+    if not points:
+        _explain_none(field, fold, f0, declared)
+    return [_judged(field, f0, g0, located) for located in points]
+
+
+def _explain_none(
+    field: PlanarField, fold: tuple[sp.Expr, sp.Expr], f0: sp.Expr, declared: sp.Rational
+) -> None:
+    x, y, a = field.symbols
+    at = [e.xreplace({a: declared}) for e in fold]
+    try:
+        folds = locate(at, (x, y), starts=itertools.product(STARTS, STARTS))
+        shown = ", ".join(
+            f"({x}, {y}) = ({', '.join(sp.sstr(v) for v in p.expressions().values())})" for p in folds[:3]
+        )
+    except InfinitelyManyPoints:
+        folds, shown = [None], "a whole curve of points"
+    if not folds:
+        raise CanardError(
+            f"there is no fold at a finite point: g = g_{y} = 0 has no real solution found at {a} = {declared}. "
+            f"Got g = {fold[0]}. A canard needs a fold of the critical manifold."
+        )
+    raise CanardError(
+        f"the fold is a jump point: the slow rate does not vanish there for any real {a}. Got f = {f0}, and at "
+        f"{a} = {declared} the fold {shown}. Choose a parameter that brings an equilibrium to the fold."
+    )
+
+
+def _judged(field: PlanarField, f0: sp.Expr, g0: sp.Expr, located: Located) -> CanardPoint:
+    x, y, a = field.symbols
+    point = MappingProxyType({s.name: value for s, value in located.expressions().items()})
+    where = "at " + ", ".join(
+        f"{name} = {sp.sstr(sp.N(v, 10) if not v.is_Rational else v)}" for name, v in point.items()
+    )
+    g_x, g_yy, f_y = sp.diff(g0, x), sp.diff(g0, y, 2), sp.diff(f0, y)
+    values = {"g_x": g_x, "g_yy": g_yy, "f_y": f_y}
+    fault = ""
+    crossing = 0
+    if located.sign(g_x) == 0:
+        fault = (
+            f"the critical manifold is singular {where}: g_{x} = 0, two of its branches meet. This is no fold."
+        )
+    elif located.sign(g_yy) == 0:
+        fault = f"the fold {where} is degenerate, a cusp: g_{y}{y} = 0. A canard point needs a quadratic fold."
+    else:
+        crossing = located.sign(f_y * g_x)
+        X_a = -sp.diff(g0, a) / g_x
+        Y_a = -(sp.diff(g0, y, a) + sp.diff(g0, y, x) * X_a) / g_yy
+        values["d"] = sp.diff(f0, a) + sp.diff(f0, x) * X_a + f_y * Y_a
+        if crossing == 0:
+            fault = f"the canard point {where} is degenerate: f_{y} = 0, the equilibrium is not simple there."
+        elif located.sign(values["d"]) == 0:
+            fault = (
+                f"{a} does not move the equilibrium across the fold {where}: the transversality coefficient "
+                "f_a + f_x X_a + f_y Y_a is 0. Choose another parameter."
+            )
+        elif crossing > 0:
+            fault = (
+                f"the slow flow crosses the fold {where} from the repelling to the attracting side "
+                f"(f_{y} g_{x} > 0, a faux canard): such orbits exist for every {a} near by, and there is no canard "
+                "value. Look at the other folds, or reverse the slow flow."
+            )
+    exact = {name: located.value(e) for name, e in values.items()}
+    return CanardPoint(located, point, MappingProxyType(exact), fault)

@@ -1,0 +1,74 @@
+"""Where Newton's method starts for canard points that algebra does not give: at the folds of M0, in any units."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import sympy as sp
+
+from gsp.hyperbolicity.losses import gauss_newton
+from gsp.lowering.compiled_flow import compile_function
+
+# Sizes of the states at which folds are looked for, and how many a decade: along M0, and in the plane where M0 is not
+# solved for the slow variable.
+DECADES = (-4, 4)
+ALONG = 64
+IN_PLANE = 1
+BISECTIONS = 40
+
+
+def fold_starts(
+    g: sp.Expr, x: sp.Symbol, y: sp.Symbol, a: sp.Symbol, declared: float
+) -> Iterator[tuple[float, float, float]]:
+    """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over eight decades of y."""
+    here = g.xreplace({a: sp.Rational(declared)})
+    slope = sp.diff(here, x)
+    found = _in_plane(here, x, y) if slope.has(x) or slope == 0 else _along(here, slope, x, y)
+    return ((u, v, declared) for u, v in found)
+
+
+def _sizes(a_decade: int) -> np.ndarray:
+    low, high = DECADES
+    sizes = np.logspace(low, high, (high - low) * a_decade + 1)
+    return np.concatenate([-sizes[::-1], [0.0], sizes])
+
+
+def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
+    """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
+    graph = -g.xreplace({x: sp.Integer(0)}) / slope
+    function = compile_function(
+        [graph, sp.diff(g, y).xreplace({x: graph})], arguments=[y], epsilon=None, parameters=[]
+    )
+    rows = _sizes(ALONG)
+    signs = np.sign(function(rows[:, None], [0.0])[:, 1])
+    changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+    low, high = rows[changed], rows[changed + 1]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        same = np.sign(function(middle[:, None], [0.0])[:, 1]) == signs[changed]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    for v, u in zip(low, function(low[:, None], [0.0])[:, 0]):
+        if np.isfinite(u):
+            yield float(u), float(v)
+
+
+def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
+    """Folds that Newton's method reaches from sizes of x and y."""
+    equations = sp.Matrix([g, sp.diff(g, y)])
+    function = compile_function(
+        [*equations, *equations.jacobian([x, y])], arguments=[x, y], epsilon=None, parameters=[]
+    )
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values = function(u[None, :], [0.0])[0]
+        return values[:2], values[2:].reshape(2, 2)
+
+    known: list[np.ndarray] = []
+    for start in itertools.product(_sizes(IN_PLANE), repeat=2):
+        u = gauss_newton(evaluate, np.array(start))
+        if u is None or any(np.abs(u - v).max() < 1e-6 * (1.0 + np.abs(u).max()) for v in known):
+            continue
+        known.append(u)
+        yield float(u[0]), float(u[1])

@@ -1,0 +1,282 @@
+"""Folded singularities: where slow orbits cross a fold of the critical manifold, and how many ways there are.
+
+The folded singularities of epsilon y' = g(x, y, epsilon), x' = f(x, y, epsilon), one fast y and slow x, are the
+equilibria on the fold of the desingularised reduced flow: g = g_y = 0, q = g_x . f = 0 (Szmolyan and Wechselberger,
+J. Differential Equations 177 (2001) 419-453; Wechselberger, Trans. Amer. Math. Soc. 364 (2012) 3289-3309). Its two
+eigenvalues there that are not 0 for structural reasons decide how orbits cross.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
+from gsp.critical.sampling import grid
+from gsp.lowering.compiled_flow import compile_function
+from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
+from gsp.singular.singularities.located_points import Located, locate
+from gsp.systems.declaration import exact
+from gsp.systems.region import Interval, check_region
+from gsp.systems.system import SlowFastSystem
+
+# Starts of Newton's method at most, for equations that are not rational.
+START_LIMIT = 1500
+
+
+class FoldedKind(StrEnum):
+    """What the desingularised reduced flow has on the fold."""
+
+    NODE = "folded node"
+    SADDLE = "folded saddle"
+    FOCUS = "folded focus"
+    SADDLE_NODE_I = "folded saddle-node I"
+    SADDLE_NODE_II = "folded saddle-node II"
+    DEGENERATE = "degenerate folded singularity"
+
+    @property
+    def has_canards(self) -> bool:
+        """Whether orbits cross the fold here in finite time."""
+        return self in (FoldedKind.NODE, FoldedKind.SADDLE, FoldedKind.SADDLE_NODE_I, FoldedKind.SADDLE_NODE_II)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoldedSingularity:
+    """A folded singularity: its `kind`, `point` by name, `eigenvalues` and what follows.
+
+    - `eigenvalues` are the two of `Desingularised`, the larger in modulus first; `trace` and `determinant` T and D;
+    - `mu` is lambda_w/lambda_s in (0, 1] at a node, 0 at a saddle-node, `None` elsewhere;
+    - `s_max` = floor((mu + 1)/(2 mu)) at a node, else `None`: how often the sheets twist about the weak canard
+      (Wechselberger, SIAM J. Appl. Dyn. Syst. 4 (2005) 101-139; Brons, Krupa and Wechselberger, 2006);
+    - `secondary_canards` = s_max - 1 at a node with negative eigenvalues, else 0;
+    - `is_resonant`: 1/mu is an odd whole number from 3 on, where the last secondary canard leaves the weak one;
+    - `to_repelling`: whether orbits go from the attracting to the repelling sheet along the canards: at nodes and
+      saddle-nodes with negative eigenvalues, and along one of the two directions of a saddle. At a node with
+      positive eigenvalues there are faux canards only;
+    - `is_exact`: point and eigenvalues are exact numbers; floats of many digits otherwise;
+    - `reason` says what is degenerate, and is empty otherwise.
+    """
+
+    system: SlowFastSystem
+    kind: FoldedKind
+    point: Mapping[str, sp.Expr]
+    eigenvalues: tuple[sp.Expr, sp.Expr]
+    trace: sp.Expr
+    determinant: sp.Expr
+    mu: sp.Expr | None
+    s_max: int | None
+    secondary_canards: int
+    is_resonant: bool
+    to_repelling: bool
+    is_exact: bool
+    reason: str
+
+    def __getitem__(self, name: str) -> sp.Expr:
+        return self.point[name]
+
+    def __repr__(self) -> str:
+        place = ", ".join(f"{name} = {float(value):.6g}" for name, value in self.point.items())
+        tail = "" if self.mu is None else f", mu = {float(self.mu):.6g}"
+        return f"FoldedSingularity({self.kind.value} at {place}{tail})"
+
+    def __str__(self) -> str:
+        lines = [f"{self.kind.value} at " + ", ".join(f"{n} = {sp.N(v, 10)}" for n, v in self.point.items())]
+        lines.append("  eigenvalues " + ", ".join(str(sp.N(v, 10)) for v in self.eigenvalues))
+        if self.mu is not None:
+            lines.append(f"  mu = {sp.N(self.mu, 10)}")
+        if self.s_max is not None:
+            lines.append(f"  s_max = {self.s_max}, secondary canards: {self.secondary_canards}")
+        if self.reason:
+            lines.append(f"  {self.reason}")
+        return "\n".join(lines)
+
+
+def folded_singularities(
+    system: SlowFastSystem, *, region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval]
+) -> tuple[FoldedSingularity, ...]:
+    """The folded singularities in a region of a system with one fast and two slow variables.
+
+    `region` bounds states by (low, high); for rational systems with few solutions, found exactly, some suffice.
+    Others need every state bounded: Newton's method starts from samples of the box, and singularities that no start
+    leads to are missed. Points on the edge of the region count. Empty when every fold in the region is a jump.
+
+    Raises `FoldedError` when there is no fold, with one slow variable (use `canard_value`), and when the
+    singularities are not isolated, as with more than two slow variables; `folded_singularity` classifies one of those.
+
+    >>> x, z, y, eps = sp.symbols("x z y epsilon")
+    >>> node = SlowFastSystem(
+    ...     slow={x: z/18 - 10*y/9, z: 1}, fast={y: x + y**2}, epsilon=eps)
+    >>> folded_singularities(node, region={"y": (-1, 1)})
+    (FoldedSingularity(folded node at x = 0, z = 0, y = 0, mu = 0.111111),)
+    """
+    flow = desingularise(system)
+    if len(flow.x) == 1:
+        raise FoldedError(
+            "with one slow variable an equilibrium meets the fold only for single parameter values. Use canard_value."
+        )
+    names = [s.name for s in system.states]
+    box = check_region(region, names)
+    if len(flow.x) > 2:
+        raise FoldedError(
+            f"with {len(flow.x)} slow variables the folded singularities form a manifold of dimension "
+            f"{len(flow.x) - 2}; they are not isolated. Classify single ones with folded_singularity(system, near=...)."
+        )
+    equations = (flow.g, flow.fold, flow.q)
+    try:
+        points = locate(equations, system.states, starts=_starts(flow, region, names))
+    except InfinitelyManyPoints:
+        raise FoldedError(
+            f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve. "
+            f"Got g = {flow.g}, f = {', '.join(map(str, flow.f))}. The slow flow is tangent to the fold all along."
+        ) from None
+    inside = [p for p in points if _inside(p, box)]
+    return tuple(_classified(system, flow, p) for p in inside)
+
+
+def folded_singularity(
+    system: SlowFastSystem, *, near: Mapping[str, float] | Mapping[sp.Symbol, float]
+) -> FoldedSingularity:
+    """The folded singularity over the slow values given in `near`, for one fast and any number of slow variables.
+
+    With n slow variables `near` names every state: n - 2 slow ones are held at the exact values given (the last
+    ones declared), and the others and the fast one are solved for from there. Raises `FoldedError` when Newton's
+    method finds none.
+
+    >>> x, z, u, y, eps = sp.symbols("x z u y epsilon")
+    >>> system = SlowFastSystem(slow={x: u*z - y, z: 1, u: y}, fast={y: -x + y**2}, epsilon=eps)
+    >>> folded_singularity(system, near={"x": 0, "z": 0, "u": -0.1, "y": 0}).kind
+    <FoldedKind.NODE: 'folded node'>
+    """
+    flow = desingularise(system)
+    start = dict(zip([s.name for s in system.states], system.initial(near)))
+    if len(flow.x) < 2:
+        raise FoldedError("with one slow variable there are canard points instead. Use canard_value.")
+    held = {s: exact(start[s.name]) for s in flow.x[2:]}
+    free = (*flow.x[:2], flow.y)
+    equations = [e.xreplace(held) for e in (flow.g, flow.fold, flow.q)]
+    try:
+        points = locate(equations, free, starts=[[start[s.name] for s in free]])
+    except InfinitelyManyPoints:
+        raise FoldedError(
+            f"the folded singularities over {held} are not isolated. Declare other slow variables last, to be held."
+        ) from None
+    if not points:
+        raise FoldedError(
+            f"there is no folded singularity near {start}: g = g_{flow.y} = g_x f = 0 has no real solution there. "
+            "The folds near by are jump points."
+        )
+    point = min(points, key=lambda p: sum((p.numbers()[s] - start[s.name]) ** 2 for s in free))
+    return _classified(system, flow, point, held=held)
+
+
+def _starts(
+    flow: Desingularised, region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval], names: list[str]
+) -> Iterator[np.ndarray]:
+    """Samples of a region that bounds every state, those nearest to the fold first; not asked for by algebra."""
+    box = check_region(region, names, required=names)
+    samples = grid(np.array([box[name] for name in names], dtype=float))
+    compiled = compile_function(
+        [flow.g, flow.fold, flow.q], arguments=(*flow.x, flow.y), epsilon=None, parameters=[]
+    )
+    values = np.abs(compiled(samples, [0.0]))
+    scale = np.nanmedian(np.where(np.isfinite(values), values, np.nan), axis=0)
+    size = np.where(np.isfinite(values), values, np.inf) / np.where(scale > 0.0, scale, 1.0)
+    yield from samples[np.argsort(size.sum(axis=1))[:START_LIMIT]]
+
+
+def _inside(point: Located, box: Mapping[str, Interval]) -> bool:
+    values = {symbol.name: value for symbol, value in point.numbers().items()}
+    return all(
+        low - 1e-12 * (1 + abs(low)) <= values[name] <= high + 1e-12 * (1 + abs(high))
+        for name, (low, high) in box.items()
+    )
+
+
+def _classified(
+    system: SlowFastSystem,
+    flow: Desingularised,
+    located: Located,
+    held: Mapping[sp.Symbol, sp.Rational] | None = None,
+) -> FoldedSingularity:
+    put = dict(held or {})
+
+    def at(expression: sp.Expr) -> sp.Expr:
+        return expression.xreplace(put)
+
+    def sign(expression: sp.Expr) -> int:
+        return located.sign(at(expression))
+
+    T, D = flow.trace, flow.determinant
+    trace, determinant = sign(T), sign(D)
+    discriminant = sign(T**2 - 4 * D)
+    kind, reason = FoldedKind.DEGENERATE, ""
+    if sign(sp.diff(flow.g, flow.y, 2)) == 0:
+        reason = f"the fold is degenerate here, a cusp: g_{flow.y}{flow.y} = 0"
+    elif all(sign(sp.diff(flow.g, s)) == 0 for s in flow.x):
+        reason = "the critical manifold is singular here: g_x = 0"
+    elif determinant < 0:
+        kind = FoldedKind.SADDLE
+    elif determinant > 0:
+        kind = FoldedKind.NODE if discriminant >= 0 else FoldedKind.FOCUS
+        if trace == 0:
+            kind, reason = FoldedKind.DEGENERATE, "a folded centre: the eigenvalues are imaginary"
+    elif trace == 0:
+        reason = "both eigenvalues are 0"
+    else:
+        at_rest = all(sign(rate) == 0 for rate in flow.f)
+        kind = FoldedKind.SADDLE_NODE_II if at_rest else FoldedKind.SADDLE_NODE_I
+    values = {**{s: sp.sympify(v, strict=True) for s, v in put.items()}, **located.expressions()}
+    t, d = located.value(at(T)), located.value(at(D))
+    root = sp.sqrt(located.value(at(T**2 - 4 * D)))
+    strong, weak = ((t - root) / 2, (t + root) / 2) if trace <= 0 else ((t + root) / 2, (t - root) / 2)
+    if determinant == 0:
+        strong, weak = t, sp.Integer(0)
+    mu: sp.Expr | None = None
+    s_max, resonant = None, False
+    if kind in (FoldedKind.SADDLE_NODE_I, FoldedKind.SADDLE_NODE_II):
+        mu = sp.Integer(0)
+    elif kind is FoldedKind.NODE:
+        mu = sp.Integer(1) if discriminant == 0 else weak / strong
+        mu = sp.radsimp(mu) if t.is_Rational and d.is_Rational else mu
+        s_max, resonant = _twists(located, at(T), at(D), discriminant)
+    crossing = kind.has_canards and (trace < 0 or kind is FoldedKind.SADDLE)
+    return FoldedSingularity(
+        system=system,
+        kind=kind,
+        point=MappingProxyType({s.name: values[s] for s in system.states}),
+        eigenvalues=(strong, weak),
+        trace=t,
+        determinant=d,
+        mu=mu,
+        s_max=s_max,
+        secondary_canards=s_max - 1 if s_max is not None and crossing else 0,
+        is_resonant=resonant,
+        to_repelling=crossing,
+        is_exact=located.exact is not None,
+        reason=reason,
+    )
+
+
+def _twists(located: Located, T: sp.Expr, D: sp.Expr, discriminant: int) -> tuple[int, bool]:
+    """s_max and whether 1/mu is an odd whole number, by comparing T^2/D = 1/mu + 2 + mu with its boundary values.
+
+    s_max >= s exactly when 1/mu >= m = 2 s - 1, that is (T^2/D) m >= (m + 1)^2: no root is taken.
+    """
+    if discriminant <= 0:
+        return 1, False
+    ratio = float(sp.N(located.value(T), 30) ** 2 / sp.N(located.value(D), 30))
+    inverse = (ratio - 2 + (max(ratio * (ratio - 4), 0.0)) ** 0.5) / 2
+    s = max(1, int((inverse + 1) / 2) - 1)
+
+    def reaches(s: int) -> int:
+        m = 2 * s - 1
+        return located.sign(m * T**2 - (m + 1) ** 2 * D)
+
+    while reaches(s + 1) >= 0:
+        s += 1
+    return s, s > 1 and reaches(s) == 0

@@ -1,0 +1,183 @@
+"""Isolated real points of analytic equations: exactly where algebra allows it, else by Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import flint
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.algebraic_numbers import AlgebraicPoint, arb, rational_point, real_points
+from gsp.hyperbolicity.losses import gauss_newton
+from gsp.lowering.compiled_flow import compile_function
+
+# Digits to which a point without a formula is refined at first, and below which a value there counts as zero.
+DIGITS = 60
+ZERO = sp.Float("1e-30", 30)
+# A Newton step that stays larger than this, relative to the point, leads to no point.
+NOT_A_POINT = sp.Float("1e-8", 20)
+# Larger denominators are not taken for exact values of numerical roots.
+DENOMINATOR_LIMIT = 10**6
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """A solution of `equations`: `exact` when it has a formula, else `near`, correct to `DIGITS` digits.
+
+    Values below `zero` at a point without a formula count as zero.
+    """
+
+    equations: tuple[sp.Expr, ...]
+    unknowns: tuple[sp.Symbol, ...]
+    exact: AlgebraicPoint | None
+    near: Mapping[sp.Symbol, sp.Float]
+    zero: sp.Float = ZERO
+
+    def expressions(self) -> dict[sp.Symbol, sp.Expr]:
+        """Coordinates: exact numbers, or floats of `DIGITS` digits."""
+        return dict(self.near) if self.exact is None else self.exact.expressions()
+
+    def numbers(self) -> dict[sp.Symbol, float]:
+        """Coordinates as floats."""
+        if self.exact is None:
+            return {symbol: float(value) for symbol, value in self.near.items()}
+        return self.exact.numbers()
+
+    def value(self, expression: sp.Expr) -> sp.Expr:
+        """The value of an expression here: an exact number where there is one, zero told from tiny."""
+        if self.exact is not None and expression.is_rational_function():
+            try:
+                return self.exact.field.expression(self.exact.value(expression))
+            except ZeroDivisionError:
+                return sp.zoo
+        value = expression.xreplace(self.expressions())
+        if self.exact is not None:
+            value = sp.simplify(value)
+            return value if value.is_zero or value.is_Rational or sp.N(abs(value), 40) > ZERO else sp.Integer(0)
+        number = sp.N(value, DIGITS)
+        return sp.Integer(0) if number.is_finite and abs(number) < self.zero else number
+
+    def sign(self, expression: sp.Expr) -> int:
+        """-1, 0 or 1; 0 is decided exactly at exact points, to 30 digits at others."""
+        if self.exact is not None and expression.is_rational_function():
+            return self.exact.field.sign(self.exact.value(expression))
+        value = self.value(expression)
+        return 0 if value == 0 else (1 if sp.N(value, 30) > 0 else -1)
+
+    def balls(self, bits: int) -> dict[sp.Symbol, flint.arb]:
+        """Enclosures of the coordinates with about `bits` correct bits."""
+        if self.exact is not None:
+            return {s: self.exact.field.ball(value, bits) for s, value in self.exact.values.items()}
+        digits = max(DIGITS, int(bits * 0.30103) + 10)
+        near, _ = polish(self.equations, self.unknowns, self.near, digits=digits)
+        radius = arb(sp.Rational(1, 10 ** (digits - 8)))
+        return {
+            s: flint.arb(sp.sstr(v, full_prec=True)) + radius * (1 + abs(float(v))) * flint.arb(0, 1)
+            for s, v in near.items()
+        }
+
+
+def locate(
+    equations: Sequence[sp.Expr],
+    unknowns: Sequence[sp.Symbol],
+    *,
+    starts: Iterable[Sequence[float] | np.ndarray],
+) -> list[Located]:
+    """Every real solution of rational equations; of others, those that Newton's method reaches from `starts`.
+
+    Raises `InfinitelyManyPoints` when rational equations have solutions that are not isolated.
+    """
+    unknowns, equations = tuple(unknowns), tuple(equations)
+    exact = real_points(equations, unknowns)
+    if exact is not None:
+        return [Located(equations, unknowns, point, {}) for point in exact]
+    matrix = sp.Matrix(list(equations))
+    compiled = compile_function(
+        [*matrix, *matrix.jacobian(list(unknowns))], arguments=unknowns, epsilon=None, parameters=[]
+    )
+    count = len(equations)
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values = compiled(u[None, :], [0.0])[0]
+        return values[:count], values[count:].reshape(count, len(unknowns))
+
+    found: list[np.ndarray] = []
+    for start in starts:
+        u = gauss_newton(evaluate, np.array(start, dtype=float))
+        if u is None or any(np.abs(u - v).max() < 1e-6 * (1.0 + np.abs(u).max()) for v in found):
+            continue
+        value, slope = evaluate(u)
+        # Roots at infinity: the residual is small, but the next step is not.
+        if np.linalg.norm(np.linalg.lstsq(slope, value, rcond=None)[0]) < 1e-3 * (1.0 + np.linalg.norm(u)):
+            found.append(u)
+    located: list[Located] = []
+    for u in found:
+        rough = {s: sp.Float(float(v), 30) for s, v in zip(unknowns, u)}
+        near, step = polish(equations, unknowns, rough, digits=DIGITS)
+        if step > NOT_A_POINT:
+            continue
+        point = Located(
+            equations, unknowns, _recognised(equations, near, step), near, sp.Max(ZERO, sp.sqrt(step))
+        )
+        # Roots that are approached linearly arrive here several times.
+        if not any(_same(point, other) for other in located):
+            located.append(point)
+    return sorted(located, key=lambda point: tuple(point.numbers().values()))
+
+
+def _same(a: Located, b: Located) -> bool:
+    first, second = a.numbers(), b.numbers()
+    return all(abs(first[s] - second[s]) < 1e-6 * (1.0 + abs(first[s])) for s in a.unknowns)
+
+
+def polish(
+    equations: Sequence[sp.Expr],
+    unknowns: Sequence[sp.Symbol],
+    near: Mapping[sp.Symbol, sp.Expr],
+    *,
+    digits: int,
+) -> tuple[dict[sp.Symbol, sp.Float], sp.Float]:
+    """Newton's method from `near` to `digits` digits, in at most 40 steps; with the relative size of the last one.
+
+    Multiple roots are approached linearly, and roots at infinity by steps that do not shrink.
+    """
+    matrix = sp.Matrix(list(equations))
+    jacobian = matrix.jacobian(list(unknowns))
+    u = {s: sp.Float(near[s], digits + 10) for s in unknowns}
+    size = sp.Float(1, 20)
+    for _ in range(40):
+        value = matrix.xreplace(u).evalf(digits + 10)
+        slope = jacobian.xreplace(u).evalf(digits + 10)
+        if all(entry == 0 for entry in value):
+            return u, sp.Float(10, 20) ** (-digits)
+        try:
+            step = slope.LUsolve(value)
+        except (ValueError, ZeroDivisionError):
+            break
+        if not all(entry.is_finite for entry in step):
+            return u, sp.Float(1, 20)
+        u = {s: sp.Float(u[s] - step[i], digits + 10) for i, s in enumerate(unknowns)}
+        size = sp.Float(max(abs(entry) for entry in step) / (1 + max(abs(v) for v in u.values())), 20)
+        if size < sp.Float(10, 20) ** (3 - digits):
+            break
+    return u, size
+
+
+def _recognised(
+    equations: Sequence[sp.Expr], near: Mapping[sp.Symbol, sp.Float], step: sp.Float
+) -> AlgebraicPoint | None:
+    """The rational point that `near` is, when it solves the equations exactly."""
+    tolerance = sp.Max(sp.Float("1e-40", 20), 100 * step)
+    values = {}
+    for symbol, value in near.items():
+        guess = sp.Rational(sp.sstr(value, full_prec=True)).limit_denominator(DENOMINATOR_LIMIT)
+        if tolerance > sp.Float("1e-30", 20):
+            guess = sp.Rational(sp.sstr(value, full_prec=True)).limit_denominator(1000)
+        if abs(guess - value) > tolerance:
+            return None
+        values[symbol] = sp.Rational(guess)
+    if any(sp.simplify(e.xreplace(values)) != 0 for e in equations):
+        return None
+    return rational_point(values)

@@ -1,0 +1,147 @@
+"""Coordinates on a branch of the critical manifold, and the exact functions on it.
+
+On an explicit branch the coordinates are the slow variables. On an implicit one the fast variables are adjoined,
+and a slow variable that an equation gives polynomially (y = x^3/3 - x on van der Pol's) is dropped instead, so
+that every function on the branch has one representation. The derivations are the total derivatives along M0,
+D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative, jacobian
+from gsp.algebra.functions import are_rational, require_rules
+from gsp.algebra.laurent import laurent
+from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.critical.critical_manifold import Branch
+from gsp.errors import HyperbolicityError
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The ring of functions on a branch: `coordinates`, the element of every x and y, and g_y^-1."""
+
+    branch: Branch
+    ring: LocalisedRing
+    coordinates: tuple[sp.Symbol, ...]
+    elements: dict[sp.Symbol, Element]
+    inverse_jacobian: list[list[Element]]
+
+
+def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None) -> Chart:
+    """The chart of a branch; `substitute` puts exact values for parameters.
+
+    Raises `HyperbolicityError` when the fast Jacobian is singular on the whole branch.
+    """
+    system = branch.system
+    values = substitute or {}
+
+    def put(expression: sp.Expr) -> sp.Expr:
+        return expression.xreplace(values)
+
+    graph = _eliminated(branch)
+    graph = {symbol: put(value) for symbol, value in graph.items()}
+    coordinates = tuple(symbol for symbol in (*system.x, *system.y) if symbol not in graph)
+    parameters = tuple(p for p in system.parameters if p not in values)
+    require_rules({f"{s.name}'": rate for s, rate in zip(system.states, (*system.f, *system.g))})
+    g0 = [put(laurent(g, system.epsilon, order=0).get(0, sp.Integer(0))) for g in system.g]
+    g_y, g_x = jacobian(g0, system.y), jacobian(g0, system.x)
+    # Functions of eliminated variables become functions of their graphs, so those are counted too.
+    expressions = [put(e) for e in (*system.f, *system.g)] + [*g_y, *g_x, *graph.values()]
+    ring = LocalisedRing(
+        coordinates,
+        constants=parameters,
+        functions=not are_rational(expressions),
+        derivations=len(system.x),
+    )
+    for j, x in enumerate(system.x):
+        if x in coordinates:
+            ring.set_derivative(x, j, ring.one)
+    elements = {symbol: ring.generator(symbol) for symbol in coordinates}
+    cache: dict = {}
+    for symbol, value in graph.items():
+        elements[symbol] = read(value, ring, {}, cache).reduced()
+    cache = {}
+    matrix = [[read(g_y[i, j], ring, elements, cache) for j in range(g_y.cols)] for i in range(g_y.rows)]
+    try:
+        inverse = invert(matrix, ring)
+    except HyperbolicityError:
+        raise HyperbolicityError(
+            f"the fast Jacobian g_y is singular on the whole branch {branch}: det g_y = 0 for every "
+            f"{', '.join(s.name for s in system.x)}. The branch is nowhere normally hyperbolic; "
+            "check which variables are fast."
+        ) from None
+    for i, y in enumerate(system.y):
+        if y in coordinates:
+            for j in range(len(system.x)):
+                column = [read(g_x[k, j], ring, elements, cache) for k in range(g_x.rows)]
+                slope = dot(inverse[i], column, ring)
+                ring.set_derivative(y, j, (-slope).reduced())
+    return Chart(branch, ring, coordinates, elements, inverse)
+
+
+def dot(a: Sequence[Element], b: Sequence[Element], ring: LocalisedRing) -> Element:
+    """sum_i a_i b_i."""
+    total = ring.zero
+    for x, y in zip(a, b):
+        if not x.is_zero and not y.is_zero:
+            total = total + x * y
+    return total
+
+
+def invert(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
+    """Inverse by the Faddeev-LeVerrier recursion, which divides by integers and by the determinant only.
+
+    Gaussian elimination would make every pivot a denominator of the ring.
+    """
+    n = len(matrix)
+    identity = [[ring.one if i == j else ring.zero for j in range(n)] for i in range(n)]
+    adjugate, product, coefficient = identity, matrix, ring.one
+    for k in range(1, n + 1):
+        if k > 1:
+            adjugate = [
+                [product[i][j] + (coefficient if i == j else ring.zero) for j in range(n)] for i in range(n)
+            ]
+            columns = [[adjugate[i][j] for i in range(n)] for j in range(n)]
+            product = [[dot(row, column, ring).reduced() for column in columns] for row in matrix]
+        trace = ring.zero
+        for i in range(n):
+            trace = trace + product[i][i]
+        coefficient = (trace * ring.constant(sp.Rational(-1, k))).reduced()
+    # A adj = -c_n 1 with the last coefficient c_n of the characteristic polynomial.
+    scale = (-coefficient).inverse()
+    return [[(scale * entry).reduced() for entry in row] for row in adjugate]
+
+
+def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
+    """Variables that the branch's equations give as polynomials or, when explicit, as the graph."""
+    if branch.graph is not None:
+        return dict(branch.graph)
+    system = branch.system
+    variables = [*system.y, *system.x]
+    equations = [sp.numer(sp.together(e)) for e in branch.equations]
+    graph: dict[sp.Symbol, sp.Expr] = {}
+    while equations:
+        found = None
+        for i, equation in enumerate(equations):
+            for symbol in variables:
+                slope = derivative(equation, symbol)
+                # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there.
+                if slope != 0 and not slope.has(*variables):
+                    found = (i, symbol, sp.expand(-equation.subs(symbol, 0) / slope))
+                    break
+            if found:
+                break
+        if found is None:
+            break
+        i, symbol, value = found
+        del equations[i]
+        graph = {s: sp.expand(v.subs(symbol, value)) for s, v in graph.items()}
+        graph[symbol] = value
+        equations = [sp.numer(sp.together(e.subs(symbol, value))) for e in equations]
+        variables.remove(symbol)
+    return graph

@@ -1,0 +1,369 @@
+"""Points of the slow manifold from orbit segments of the full flow, for every type of normal hyperbolicity.
+
+Over a slow point x a segment of the full flow is sought with its slow coordinates at time 0 fixed at x. Its stable
+fast directions are fixed at the upstream end and its unstable ones at the downstream end (J. Guckenheimer and
+C. Kuehn, "Computing slow manifolds of saddle type", SIAM Journal on Applied Dynamical Systems 8 (2009) 854-879);
+what is fixed there wrongly has decayed by exp(-gap T/epsilon) at time 0, and how much of it is left is read off
+the linear system that was solved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsp.collocation.gauss import gauss_tableau
+from gsp.critical.branch import Branch
+from gsp.errors import Status, UnsupportedFunctionError
+from gsp.kernels import orbit_segments as kernel
+from gsp.kernels.zero_derivative import CONVERGED
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.tape import Tape, write_tape
+from gsp.slow.slow_points import climb
+from gsp.slow.slow_track import LEFT, Track, follow_slow_flow
+
+# Gauss points an element: order 12, which rounding meets on elements of `slow_track.DECAY`.
+STAGES = 6
+# Bounds on the decay that a segment is made for, in powers of e.
+SHORTEST, LONGEST = 12.0, 60.0
+# Fractions of epsilon along which a segment that fails is approached.
+LADDER = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 0.7, 0.85, 1.0)
+# Order of the zero-derivative principle in the guess, which only has to be in Newton's reach.
+GUESS_ORDER = 2
+# Share of the tolerance that may come from where a segment begins, and how often it is lengthened for that.
+SHARE = 0.1
+EXTENSIONS = 2
+# What is left of a segment's length when it fails or comes out badly, and how often it is shortened.
+RETREAT, RETREATS = 0.8, 7
+# Elements are halved until the change this makes, over 2^STAGES (the order of a stiff limit), is below SHARE of
+# the tolerance, but not more often than this.
+HALVINGS = 3
+_STATUS = {
+    kernel.NOT_CONVERGED: Status.NOT_CONVERGED,
+    kernel.NON_FINITE: Status.NON_FINITE,
+    kernel.SINGULAR: Status.SINGULAR_JACOBIAN,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """What k segments gave: the fast variables `y` (k, n_fast) over the slow points, NaN where Newton failed.
+
+    `selection` (k,) is what is left of the ends' errors, `discretisation` (k,) the estimated error of collocation;
+    `status` says how each ended, `cut` which were shortened, as a rule because their orbit leaves the branch, to
+    end at the places `ends` (k, n) after a decay by `decayed` (k,) powers of e, and `reached` (k,) the largest
+    epsilon at which a segment was solved.
+    """
+
+    y: np.ndarray
+    selection: np.ndarray
+    discretisation: np.ndarray
+    status: list[Status]
+    cut: np.ndarray
+    ends: np.ndarray
+    decayed: np.ndarray
+    reached: np.ndarray
+    iterations: int
+
+    @property
+    def error(self) -> np.ndarray:
+        """Both errors together (k,)."""
+        return self.selection + self.discretisation
+
+
+class SegmentSolver:
+    """Solves segments of one branch at one epsilon; `unstable` is the number of unstable fast directions."""
+
+    def __init__(self, branch: Branch, *, epsilon: float, unstable: int, tolerance: float) -> None:
+        self.branch = branch
+        self.system = branch.system
+        self.epsilon = epsilon
+        self.unstable = unstable
+        self.tolerance = tolerance
+        self.flow = compile_flow(self.system)
+        self.tape: Tape | None
+        try:
+            self.tape = write_tape(self.system)
+        except UnsupportedFunctionError:
+            # Max, Piecewise and the like have no jets; segments do not need them, only good guesses do.
+            self.tape = None
+        self.c, self.b, self.A = gauss_tableau(STAGES)
+        # From the polynomial through an element's start and stages to both its halves.
+        nodes = np.append(0.0, self.c)
+        wanted = np.concatenate([self.c / 2, [0.5], (1 + self.c) / 2])
+        basis = np.arange(STAGES + 1)
+        self.halving = (wanted[:, None] ** basis) @ np.linalg.inv(nodes[:, None] ** basis)
+
+    def solve(self, x: np.ndarray, y: np.ndarray) -> Segments:
+        """Segments through the slow points x (k, n_slow), from points y (k, n_fast) of M0 over them."""
+        # Orbits that leave the domain of the field give infinities, which are looked for where they matter.
+        with np.errstate(all="ignore"):
+            return self._solved(x, y)
+
+    def _solved(self, x: np.ndarray, y: np.ndarray) -> Segments:
+        first = self._tracks(x, y, np.full(len(x), SHORTEST))
+        drift = np.max([track.drift for track in first], axis=0)
+        goal = np.clip(np.log(np.maximum(drift, 1e-300) / (SHARE * SHARE * self.tolerance)), SHORTEST, LONGEST)
+        result = self._attempt(x, y, goal)
+        for _ in range(EXTENSIONS):
+            short = (result.selection > SHARE * self.tolerance) & ~result.cut & (goal < LONGEST)
+            if not short.any():
+                break
+            wanted = 3.0 + np.log(result.selection[short] / (SHARE * self.tolerance))
+            goal[short] = np.minimum(goal[short] + wanted, LONGEST)
+            _replace(result, short, self._attempt(x[short], y[short], goal[short]))
+        goal = np.minimum(goal, result.decayed)
+        for _ in range(RETREATS):
+            # An orbit on its way to a fold, say: a shorter segment may be solved where the whole one is not, or badly.
+            poor = np.array([not status.ok for status in result.status])
+            poor |= result.cut & (result.error > self.tolerance)
+            if not poor.any():
+                break
+            goal[poor] *= RETREAT
+            _replace(result, poor, self._attempt(x[poor], y[poor], goal[poor], cut=True))
+        return result
+
+    # -- one attempt -------------------------------------------------------------------------------
+
+    def _tracks(self, x: np.ndarray, y: np.ndarray, goal: np.ndarray) -> list[Track]:
+        """The slow flow from x to where each end of a segment lies: upstream, then downstream."""
+        fast = len(self.system.y)
+        sides = [
+            follow_slow_flow(
+                self.branch, x, y, epsilon=self.epsilon, goal=goal, side=side, unstable=self.unstable
+            )
+            if count
+            else Track.empty(x, y)
+            for side, count in ((LEFT, fast - self.unstable), (1 - LEFT, self.unstable))
+        ]
+        return sides
+
+    def _attempt(self, x: np.ndarray, y: np.ndarray, goal: np.ndarray, *, cut: bool = False) -> Segments:
+        upstream, downstream = self._tracks(x, y, goal)
+        nx, n = len(self.system.x), len(self.system.states)
+        k = len(x)
+        counts = upstream.counts + downstream.counts
+        width = int(counts.max(initial=1))
+        lengths = np.zeros((k, width))
+        z = np.zeros((k, width + 1, n))
+        rates = np.zeros((k, width + 1, n))
+        for q in range(k):
+            a, b = int(upstream.counts[q]), int(downstream.counts[q])
+            lengths[q, :a] = upstream.lengths[q, :a][::-1]
+            lengths[q, a : a + b] = downstream.lengths[q, :b]
+            for target, name in ((z, "states"), (rates, "rates")):
+                target[q, : a + 1] = getattr(upstream, name)[q, : a + 1][::-1]
+                target[q, a : a + b + 1] = getattr(downstream, name)[q, : b + 1]
+        rows = np.arange(k)
+        ends = (z[rows, 0].copy(), z[rows, counts].copy())
+        problem = _Problem(
+            x=np.ascontiguousarray(x),
+            lengths=lengths,
+            counts=counts,
+            middles=upstream.counts.copy(),
+            z=z,
+            stages=self._stages(lengths, z, rates),
+            bases=(self._basis(ends[0], stable=True), self._basis(ends[1], stable=False)),
+        )
+        status, reached, iterations = self._newton(problem)
+        failed = np.array([not s.ok for s in status])
+        solution = np.where(failed[:, None], np.nan, z[rows, problem.middles, nx:])
+        discretisation = self._refine(problem, solution, np.flatnonzero(~failed))
+        response, moved = problem.response, problem.moved
+        fast = len(self.system.y)
+        selection = np.zeros(k)
+        for side, track, columns in (
+            (0, upstream, slice(0, fast - self.unstable)),
+            (1, downstream, slice(fast - self.unstable, fast)),
+        ):
+            # Taken off M_epsilon by as much as M_epsilon is off M0, at most.
+            error = track.drift + moved[:, side]
+            selection += np.linalg.norm(response[:, :, columns], axis=(1, 2)) * error
+        downwards = downstream.cut if not cut else upstream.decayed > downstream.decayed
+        where = np.where(downwards[:, None], ends[1], ends[0])
+        return Segments(
+            y=solution,
+            selection=np.where(failed, np.inf, selection),
+            discretisation=discretisation,
+            status=status,
+            cut=upstream.cut | downstream.cut | cut,
+            ends=where,
+            decayed=np.minimum(upstream.decayed, downstream.decayed),
+            reached=reached,
+            iterations=int(iterations.sum()),
+        )
+
+    def _refine(self, problem: _Problem, solution: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Halve the elements until the solution stands still; returns the estimated error left (k,)."""
+        error = np.full(len(solution), np.inf)
+        part, nx = problem, len(self.system.x)
+        taken = np.arange(len(problem.x))
+        for _ in range(HALVINGS):
+            if not rows.size:
+                break
+            part = part.halved(np.searchsorted(taken, rows), self.halving)
+            taken = rows
+            every = np.arange(len(rows))
+            codes, _ = self._solve(part, every, self.epsilon)
+            better = codes == kernel.CONVERGED
+            y = part.z[every, part.middles, nx:]
+            change = np.linalg.norm(y - solution[rows], axis=1)
+            solution[rows[better]] = y[better]
+            problem.response[rows[better]], problem.moved[rows[better]] = (
+                part.response[better],
+                part.moved[better],
+            )
+            error[rows] = np.where(better, change / 2.0**STAGES, np.minimum(error[rows], change))
+            rows = rows[better & (error[rows] > SHARE * self.tolerance * (1.0 + np.linalg.norm(y, axis=1)))]
+        return error
+
+    def _stages(self, lengths: np.ndarray, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Cubic Hermite guesses (k, m, s, n) inside the elements."""
+        c = self.c[:, None]
+        start, end = z[:, :-1, None, :], z[:, 1:, None, :]
+        h = lengths[:, :, None, None]
+        return np.ascontiguousarray(
+            start * (1 + 2 * c) * (1 - c) ** 2
+            + end * c**2 * (3 - 2 * c)
+            + h * (rates[:, :-1, None, :] * c * (1 - c) ** 2 + rates[:, 1:, None, :] * c**2 * (c - 1))
+        )
+
+    def _basis(self, z: np.ndarray, *, stable: bool) -> np.ndarray:
+        """Rows (k, n_fast, n_fast), of which the first span the left eigenvectors to be fixed."""
+        fast = len(self.system.y)
+        count = fast - self.unstable if stable else self.unstable
+        if count in (0, fast):
+            return np.broadcast_to(np.eye(fast), (len(z), fast, fast)).copy()
+        values, vectors = np.linalg.eig(self.fast_jacobian(z).transpose(0, 2, 1))
+        wanted = np.real(values) < 0 if stable else np.real(values) > 0
+        spanning = np.where(wanted[:, None, :], vectors, 0.0)
+        return (
+            np.linalg.svd(np.concatenate([np.real(spanning), np.imag(spanning)], axis=2))[0]
+            .transpose(0, 2, 1)
+            .copy()
+        )
+
+    def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
+        """g_y (k, n_fast, n_fast) at points z (k, n)."""
+        n, nx = len(self.system.states), len(self.system.x)
+        J = self.flow.derivatives(z, parameter_vector(self.system, self.epsilon)).reshape(-1, n, n)
+        return self.epsilon * J[:, nx:, nx:]
+
+    # -- Newton's method ---------------------------------------------------------------------------
+
+    def _newton(self, problem: _Problem) -> tuple[list[Status], np.ndarray, np.ndarray]:
+        every = np.arange(len(problem.x))
+        guess = problem.z.copy(), problem.stages.copy()
+        self._refine_guess(problem, every, self.epsilon)
+        codes, iterations = self._solve(problem, every, self.epsilon)
+        reached = np.where(codes == kernel.CONVERGED, self.epsilon, 0.0)
+        failed = np.flatnonzero(codes != kernel.CONVERGED)
+        if failed.size:
+            problem.z[failed], problem.stages[failed] = guess[0][failed], guess[1][failed]
+            self._refine_guess(problem, failed, LADDER[0] * self.epsilon)
+        for fraction in LADDER:
+            if not failed.size:
+                break
+            value = fraction * self.epsilon
+            codes[failed], more = self._solve(problem, failed, value)
+            iterations[failed] += more
+            failed = failed[codes[failed] == kernel.CONVERGED]
+            reached[failed] = value
+        return [_STATUS.get(int(code), Status.SUCCESS) for code in codes], reached, iterations
+
+    def _refine_guess(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> None:
+        """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges."""
+        for array in (problem.z, problem.stages):
+            part = array[rows]
+            flat = part.reshape(-1, part.shape[-1])
+            flat[:, len(self.system.x) :] = self._improved(flat, epsilon, order=GUESS_ORDER)
+            array[rows] = flat.reshape(part.shape)
+
+    def _improved(self, z: np.ndarray, epsilon: float, *, order: int | None) -> np.ndarray:
+        nx = len(self.system.x)
+        if self.tape is None:
+            return z[:, nx:]
+        y, _, error, codes, _ = climb(
+            self.tape, self.branch, z[:, :nx], z[:, nx:], epsilon, order=order, tolerance=SHARE * self.tolerance
+        )
+        # Newton's method may find another sheet: kept only when the way there is not longer than what is corrected.
+        good = (codes == CONVERGED) & (error <= np.linalg.norm(y - z[:, nx:], axis=1) + 1e-9)
+        return np.where(good[:, None], y, z[:, nx:])
+
+    def _solve(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
+        """Newton's method on some segments, and again when the ends have moved from where they were fixed."""
+        fast, k = len(self.system.y), len(rows)
+        p = parameter_vector(self.system, epsilon)
+        codes, iterations = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
+        total = np.zeros(k, dtype=np.int64)
+        z, stages = problem.z[rows], problem.stages[rows]
+        response = np.zeros((k, fast, fast))
+        counts = problem.counts[rows]
+        number = (np.full(k, fast - self.unstable), np.full(k, self.unstable))
+        bases = [basis[rows] for basis in problem.bases]
+        index = np.arange(k)
+
+        def fixed() -> list[np.ndarray]:
+            values = []
+            for basis, place in zip(bases, (np.zeros(k, dtype=np.int64), counts)):
+                y = self._improved(z[index, place], epsilon, order=None)
+                values.append(np.einsum("kij,kj->ki", basis, y))
+            return values
+
+        values = fixed()
+        for _ in range(2):
+            kernel.solve_segments(
+                self.flow.field, self.flow.jacobian, p, self.A, self.b, problem.lengths[rows], counts,
+                problem.middles[rows], problem.x[rows], bases[0], values[0], number[0], bases[1], values[1],
+                number[1], z, stages, response, codes, iterations,
+            )  # fmt: skip
+            total += iterations
+            old, values = values, fixed()
+            moved = np.stack([np.linalg.norm(a - b, axis=1) for a, b in zip(values, old)], axis=1)
+            felt = np.linalg.norm(response, axis=(1, 2)) * moved.sum(axis=1)
+            if not (felt[codes == kernel.CONVERGED] > SHARE * self.tolerance).any():
+                break
+        problem.moved[rows] = moved
+        problem.z[rows], problem.stages[rows], problem.response[rows] = z, stages, response
+        return codes, total
+
+
+class _Problem:
+    """The arrays of k segments that one attempt works on."""
+
+    def __init__(self, *, x, lengths, counts, middles, z, stages, bases) -> None:
+        fast = bases[0].shape[1]
+        self.x, self.lengths, self.counts, self.middles = x, lengths, counts, middles
+        self.z, self.stages, self.bases = z, stages, bases
+        self.response = np.zeros((len(x), fast, fast))
+        self.moved = np.zeros((len(x), 2))
+
+    def halved(self, rows: np.ndarray, matrix: np.ndarray) -> _Problem:
+        """Some of the segments with every element cut in two, by `matrix` (2 s + 1, s + 1)."""
+        z, stages = self.z[rows], self.stages[rows]
+        k, m, s, n = stages.shape
+        inside = np.einsum("ij,kmjn->kmin", matrix, np.concatenate([z[:, :-1, None], stages], axis=2))
+        new_z = np.empty((k, 2 * m + 1, n))
+        new_z[:, ::2] = z
+        new_z[:, 1::2] = inside[:, :, s]
+        new_stages = np.stack([inside[:, :, :s], inside[:, :, s + 1 :]], axis=2).reshape(k, 2 * m, s, n)
+        return _Problem(
+            x=self.x[rows],
+            lengths=np.repeat(0.5 * self.lengths[rows], 2, axis=1),
+            counts=2 * self.counts[rows],
+            middles=2 * self.middles[rows],
+            z=new_z,
+            stages=np.ascontiguousarray(new_stages),
+            bases=tuple(basis[rows] for basis in self.bases),
+        )
+
+
+def _replace(result: Segments, rows: np.ndarray, new: Segments) -> None:
+    """Put `new` for some rows of `result`, where it is better."""
+    places = np.flatnonzero(rows)
+    better = (new.error < result.error[places]) | ~np.isfinite(result.error[places])
+    for name in ("y", "selection", "discretisation", "cut", "ends", "decayed", "reached"):
+        getattr(result, name)[places[better]] = getattr(new, name)[better]
+    for place, status in zip(places[better], np.array(new.status, dtype=object)[better]):
+        result.status[place] = status

@@ -1,0 +1,420 @@
+"""The slow manifold and the reduced field as exact power series in epsilon.
+
+y = h_epsilon(x) = h_0 + epsilon h_1 + ... solves the invariance equation epsilon Dh f(x, h, epsilon) =
+g(x, h, epsilon) (Fenichel 1979; Kaper 1999, section 2), order by order:
+
+    g_y h_k = sum_(i<k) Dh_i f_(k-1-i) - [g(x, h_0 + ... + epsilon^(k-1) h_(k-1), epsilon)]_k .
+
+The coefficients live in the chart's ring, so parameters stay symbolic and nothing is rounded.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.power_series import SeriesProgram
+from gsp.algebra.ring import Element
+from gsp.critical.critical_manifold import Branch
+from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError
+from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.slow.coordinates import Chart, chart, dot
+from gsp.slow.truncation import AHEAD, best, errors, past
+from gsp.systems.arguments import check_flag, check_noun
+from gsp.systems.flow import as_points, check_epsilon, check_order
+
+# A term has lost its digits when moving the point by so many units in the last place changes it by this share, and
+# the change is larger than rounding of the sum would be.
+JITTER = (1.0, 2.0, 3.0)
+LOST = 0.1
+AUDIBLE = 1e-13
+# Coefficients with more terms than this are not for reading, and longer ones than that are not sought ahead.
+READABLE = 300
+LONGEST = 600
+
+
+class Components(tuple):
+    """Expressions in the order of some symbols, indexed by place, by symbol or by name."""
+
+    symbols: tuple[sp.Symbol, ...]
+
+    def __new__(cls, symbols: Iterable[sp.Symbol], values: Iterable[sp.Expr]) -> Components:
+        self = super().__new__(cls, values)
+        self.symbols = tuple(symbols)
+        return self
+
+    def __getitem__(self, key):  # pyright: ignore[reportIncompatibleMethodOverride]
+        if isinstance(key, (str, sp.Symbol)):
+            names = [symbol.name for symbol in self.symbols]
+            name = key if isinstance(key, str) else key.name
+            if name not in names:
+                raise KeyError(f"{name} is none of {', '.join(names)}")
+            return super().__getitem__(names.index(name))
+        return super().__getitem__(key)
+
+    def as_dict(self) -> dict[sp.Symbol, sp.Expr]:
+        """The same as a mapping."""
+        return dict(zip(self.symbols, self))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SeriesManifold:
+    """The slow manifold of `branch` to `order` in epsilon, and the reduced field on it.
+
+    `coefficients[k]` is h_k, by place or name of the fast variables; `reduced_field[k]` is f_k, by slow variables.
+    On an implicit branch they are functions on M0: the fast symbols in them stand for the point y of M0 over x.
+    """
+
+    branch: Branch
+    order: int
+    chart: Chart = field(repr=False)
+    _h: list[list[Element]]
+    _f: list[list[Element]]
+    _exact: bool = True
+
+    @cached_property
+    def coefficients(self) -> tuple[Components, ...]:
+        """h_0, ..., h_n: exact expressions in x, the parameters and, on implicit branches, y on M0."""
+        return self._components(self._h, self.branch.system.y)
+
+    @cached_property
+    def reduced_field(self) -> tuple[Components, ...]:
+        """f_0, ..., f_n with x' = sum_k epsilon^k f_k on the slow manifold."""
+        return self._components(self._f, self.branch.system.x)
+
+    @cached_property
+    def sizes(self) -> tuple[int, ...]:
+        """Terms in the longest numerator of h_k and f_k, for k = 0, ..., n: what printing them would take."""
+        rows = (*self._h, *self._f)
+        return tuple(max(len(row[k].numerator) for row in rows) for k in range(self.order + 1))
+
+    @property
+    def coordinates(self) -> tuple[sp.Symbol, ...]:
+        """The symbols in which the coefficients are written."""
+        return self.chart.coordinates
+
+    def at_order(self, order: int) -> SeriesManifold:
+        """The same series cut at a lower order."""
+        if not 0 <= order <= self.order:
+            raise DeclarationError(
+                f"the series is known through order {self.order}. Got order {order}. Expand the branch further."
+            )
+        rows = order + 1
+        return SeriesManifold(
+            self.branch,
+            order,
+            self.chart,
+            [h[:rows] for h in self._h],
+            [f[:rows] for f in self._f],
+            self._exact,
+        )
+
+    def readable(self, limit: int) -> SeriesManifold:
+        """What of the series can be printed in at most `limit` terms a coefficient.
+
+        The series itself where that is so; else with the parameters' values put in; else that cut at a lower order.
+        """
+        if max(self.sizes) <= limit:
+            return self
+        numbers = self.specialised
+        short = [k for k, size in enumerate(numbers.sizes) if max(numbers.sizes[: k + 1]) <= limit]
+        return numbers.at_order(short[-1] if short else 0)
+
+    @cached_property
+    def specialised(self) -> SeriesManifold:
+        """The same series with the parameters' values put in first, as every numerical evaluation wants it.
+
+        Expanded numerators with symbolic parameters lose their digits near a denominator's zero.
+        """
+        if not self._exact:
+            return self
+        return _expand(self.branch, self.order, dict(self.branch.system.parameters))
+
+    @cached_property
+    def _ahead(self) -> SeriesManifold:
+        """The series with the parameters' values in, and the next two orders as far as they look short."""
+        sizes = self.specialised.sizes
+        growth = max(1.0, sizes[-1] / sizes[-2]) if self.order and sizes[-2] else 1.0
+        further = sum(max(sizes) * growth**k <= LONGEST for k in range(1, AHEAD + 1))
+        if not further:
+            return self.specialised
+        return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
+
+    def evaluate(
+        self, x, epsilon: float, *, order: int | None = None, near=None, masked: bool = False
+    ) -> np.ndarray:
+        """h_epsilon(x) through `order`, shape (m, n_fast), or (n_fast,) for one point; see `Branch.points`.
+
+        Where the terms no longer fall by then the sum is no value of h: such points are beyond the series' reach, which
+        a `BeyondReachWarning` says, or NaN with `masked`. The sum of `terms` is the same without that check. Raises
+        `HyperbolicityError` where the series is singular, unless `masked`.
+        """
+        n = self._order(order)
+        check_flag(masked, what="masked")
+        terms, single = self._ahead._terms(x, epsilon, near, masked=masked)
+        # Singular points, which only `masked` lets through, have no sum.
+        terms = np.where(np.isfinite(terms), terms, np.nan)
+        result = terms[:, : n + 1].sum(axis=1)
+        estimates = errors(np.linalg.norm(terms, axis=2), n)
+        beyond = past(estimates)
+        if beyond.any():
+            if masked:
+                result[beyond] = np.nan
+            else:
+                warnings.warn(self._beyond(x, estimates, beyond), BeyondReachWarning, stacklevel=2)
+        return result[0] if single else result
+
+    def terms(self, x, epsilon: float, *, near=None) -> np.ndarray:
+        """The terms epsilon^k h_k(x), shape (m, n + 1, n_fast), or (n + 1, n_fast) for one point."""
+        terms, single = self._terms(x, epsilon, near)
+        return terms[0] if single else terms
+
+    def terms_at(self, coordinates: np.ndarray, epsilon: float) -> np.ndarray:
+        """The terms (m, n + 1, n_fast) at the chart's `coordinates` (m, k), not finite where the series is singular."""
+        h = self._h_function(coordinates, parameter_vector(self.branch.system, epsilon))
+        powers = epsilon ** np.arange(self.order + 1)
+        return h.reshape(-1, self.order + 1, len(self.branch.system.y)) * powers[None, :, None]
+
+    def residual(self, x, epsilon: float, *, order: int | None = None, near=None) -> np.ndarray:
+        """Defect of the invariance equation, epsilon Dh f(x, h, epsilon) - g(x, h, epsilon), as `evaluate`.
+
+        It is O(epsilon^(n+1)) for the series through order n, and the error of h is about
+        (g_y)^-1 times the residual.
+        """
+        n = self._order(order)
+        value = check_epsilon(epsilon)
+        array, coordinates, single = self._on_branch(x, near)
+        system = self.branch.system
+        ny, nx = len(system.y), len(system.x)
+        powers = value ** np.arange(n + 1)
+        inputs = (coordinates, parameter_vector(system, value))
+        h = self._h_function(*inputs).reshape(-1, self.order + 1, ny)[:, : n + 1]
+        slopes = self._slope_function(*inputs).reshape(-1, self.order + 1, ny, nx)[:, : n + 1]
+        y = np.einsum("k,mki->mi", powers, h)
+        Dh = np.einsum("k,mkij->mij", powers, slopes)
+        rates = self._rates_function(np.hstack([array, y]), parameter_vector(system, value))
+        defect = value * np.einsum("mij,mj->mi", Dh, rates[:, :nx]) - rates[:, nx:]
+        return defect[0] if single else defect
+
+    def optimal_order(self, x, epsilon: float, *, near=None) -> np.ndarray | int:
+        """Order at which to stop, that of the least `truncation_error`: an int for one point or an array (m,).
+
+        The series is asymptotic, not convergent, as a rule: its error is about the first terms left out, so it is best
+        cut before the smallest ones. Two orders more than the series has are looked at, where they are short enough;
+        when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
+        without digits do not count: the order before the first of them is the last.
+        """
+        estimates, single = self._estimates(x, epsilon, near)
+        found = best(estimates)
+        return int(found[0]) if single else found
+
+    def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
+        """Estimated error |h - sum| at the optimal order, in the fast variables' Euclidean norm.
+
+        Three times the envelope of the next two terms, summed as a geometric series: no bound, but meant to be above
+        the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
+        """
+        estimates, single = self._estimates(x, epsilon, near)
+        error = np.fmin.reduce(estimates, axis=1)
+        return float(error[0]) if single else error
+
+    # -- evaluation --------------------------------------------------------------------------------
+
+    def _components(self, rows: list[list[Element]], symbols) -> tuple[Components, ...]:
+        ring = self.chart.ring
+        return tuple(
+            Components(symbols, [ring.to_sympy(row[k]) for row in rows]) for k in range(self.order + 1)
+        )
+
+    def _order(self, order: int | None) -> int:
+        return self.order if order is None else self.at_order(order).order
+
+    def _on_branch(self, x, near) -> tuple[np.ndarray, np.ndarray, bool]:
+        """(x, the chart's coordinates, single): slow points and their coordinates on M0."""
+        system = self.branch.system
+        array, single = as_points(system.x, x, what="x")
+        if self.branch.is_explicit:
+            return array, array, single
+        z = np.hstack([array, self.branch.points(array, near=near)])
+        places = [system.states.index(symbol) for symbol in self.coordinates]
+        return array, z[:, places], single
+
+    def _estimates(self, x, epsilon: float, near) -> tuple[np.ndarray, bool]:
+        """Estimated errors (m, order + 1) at every order, NaN at orders whose terms have no digits."""
+        ahead = self._ahead
+        terms, single = ahead._terms(x, epsilon, near)
+        sizes = np.linalg.norm(terms, axis=2)
+        last = ahead._last_with_digits(x, terms, epsilon, near)
+        # Terms without digits say nothing about the error either.
+        sizes[np.arange(sizes.shape[1]) > last[:, None]] = np.nan
+        return errors(sizes, self.order), single
+
+    def _beyond(self, x, estimates: np.ndarray, beyond: np.ndarray) -> str:
+        """What is beyond the reach, for a warning."""
+        system = self.branch.system
+        array, _ = as_points(system.x, x, what="x")
+        i = int(np.argmax(np.where(beyond, np.nan_to_num(estimates[:, -1], nan=np.inf), -1.0)))
+        place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, array[i]))
+        many = f", and at {beyond.sum() - 1} more of {len(beyond)} points" if beyond.sum() > 1 else ""
+        order, last = int(best(estimates[i : i + 1])[0]), estimates.shape[1] - 1
+        return (
+            f"the series through order {last} is beyond its reach at {place}{many}: its terms fall no more after order "
+            f"{order}, and the error is about {estimates[i, -1]:.2g}. Take order=series.optimal_order(x, epsilon), a "
+            "smaller epsilon, or solve_manifold; masked=True gives NaN."
+        )
+
+    def _terms(self, x, epsilon: float, near, *, masked: bool = False) -> tuple[np.ndarray, bool]:
+        value = check_epsilon(epsilon)
+        array, coordinates, single = self._on_branch(x, near)
+        system = self.branch.system
+        terms = self.terms_at(coordinates, value)
+        finite = np.isfinite(terms).all(axis=(1, 2))
+        if not finite.all() and not masked:
+            point = array[np.argmin(finite)]
+            place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
+            raise HyperbolicityError(
+                f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there. "
+                "Stay on the normally hyperbolic part of the branch; classify() says where that is."
+            )
+        return terms, single
+
+    def _last_with_digits(self, x, terms: np.ndarray, epsilon: float, near) -> np.ndarray:
+        """The highest order (m,) up to which all `terms` (m, k, n_fast) have digits, seen by moving the point by ulps.
+
+        Expanded numerators of long series cancel: a term may be rounding altogether, and look like any other.
+        """
+        _, coordinates, _ = self._on_branch(x, near)
+        noise = np.zeros(terms.shape[:2])
+        for i, ulps in enumerate(JITTER):
+            signs = 1.0 - 2.0 * ((np.arange(coordinates.shape[1]) + i) % 2)
+            moved = self.terms_at(coordinates * (1.0 + ulps * signs * np.finfo(float).eps), epsilon)
+            noise = np.maximum(noise, np.linalg.norm(moved - terms, axis=2))
+        sizes = np.linalg.norm(terms, axis=2)
+        lost = (noise > LOST * sizes) & (noise > AUDIBLE * (1.0 + sizes[:, :1]))
+        return np.where(lost.any(axis=1), np.maximum(np.argmax(lost, axis=1) - 1, 0), terms.shape[1] - 1)
+
+    @cached_property
+    def _h_function(self):
+        special = self.specialised
+        outputs = [special._h[i][k] for k in range(self.order + 1) for i in range(len(special._h))]
+        return self._compiled(outputs)
+
+    @cached_property
+    def _slope_function(self):
+        special = self.specialised
+        ring = special.chart.ring
+        outputs = [
+            ring.derive(special._h[i][k], j).reduced()
+            for k in range(self.order + 1)
+            for i in range(len(special._h))
+            for j in range(ring.derivations)
+        ]
+        return self._compiled(outputs)
+
+    def _compiled(self, elements: list[Element]):
+        system = self.branch.system
+        ring = self.specialised.chart.ring
+        return compile_function(
+            tuple(ring.horner(element) for element in elements),
+            arguments=self.coordinates,
+            epsilon=system.epsilon,
+            parameters=tuple(system.parameters),
+        )
+
+    @cached_property
+    def _rates_function(self):
+        system = self.branch.system
+        return compile_function(
+            (*system.f, *system.g),
+            arguments=system.states,
+            epsilon=system.epsilon,
+            parameters=tuple(system.parameters),
+        )
+
+    def __repr__(self) -> str:
+        return f"SeriesManifold({self.branch}, order={self.order})"
+
+    def __str__(self) -> str:
+        lines = [f"slow manifold of {self.branch}, through order {self.order}"]
+        for k in range(self.order + 1):
+            lines += [f"  h_{k}: {y} = {e}" for y, e in self.coefficients[k].as_dict().items()]
+        for k in range(self.order + 1):
+            lines += [f"  f_{k}: {x}' = {e}" for x, e in self.reduced_field[k].as_dict().items()]
+        return "\n".join(lines)
+
+    def _repr_latex_(self) -> str:
+        eps = sp.latex(self.branch.system.epsilon)
+        rows = []
+        for y in self.branch.system.y:
+            terms = [sp.latex(self.coefficients[k][y]) for k in range(self.order + 1)]
+            powers = [f"{eps}^{{{k}}}" if k > 1 else ("" if k == 0 else eps) for k in range(self.order + 1)]
+            body = " + ".join(f"{p}\\left({t}\\right)" for p, t in zip(powers, terms))
+            rows.append(f"{sp.latex(y)} = {body}")
+        return r"$\displaystyle " + r" \\ ".join(rows) + "$"
+
+
+def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesManifold:
+    """The slow manifold over `branch` and its reduced field as exact series through `order` in epsilon.
+
+    With `symbolic=False` the parameters' exact values are put in first: the same series, much shorter where there
+    are many parameters. Works on explicit and implicit branches, with any number of slow and fast variables,
+    symbolic parameters and elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
+    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, and
+    `UnsupportedFunctionError` for functions without a power series rule.
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=eps)
+    >>> expand(solve_critical(system).branches[0], order=2).coefficients
+    ((y,), (y,), (y,))
+    """
+    check_noun(branch, Branch, verb="expand")
+    check_order(order)
+    check_flag(symbolic, what="symbolic")
+    return _expand(branch, order, {} if symbolic else dict(branch.system.parameters))
+
+
+def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr]) -> SeriesManifold:
+    system = branch.system
+    values = dict(substitute)
+    place = chart(branch, substitute=values)
+    ring = place.ring
+    h: list[list[Element]] = [[place.elements[y]] for y in system.y]
+    program = SeriesProgram(
+        ring,
+        epsilon=system.epsilon,
+        inputs=dict(zip(system.y, h)),
+        constants={x: place.elements[x] for x in system.x},
+    )
+    f = [program.compile(rate.xreplace(values)) for rate in system.f]
+    g = [program.compile(rate.xreplace(values)) for rate in system.g]
+    slopes: list[list[list[Element]]] = []
+
+    def differentiate(k: int) -> None:
+        slopes.append([[ring.derive(row[k], j).reduced() for j in range(len(system.x))] for row in h])
+
+    program.extend(0)
+    differentiate(0)
+    for k in range(1, order + 1):
+        for row in h:
+            row.append(ring.zero)
+        # With h_k = 0 the program gives what the lower orders contribute to [g]_k.
+        program.extend(k)
+        defect = []
+        for i in range(len(h)):
+            total = g[i].coefficients[k]
+            for lower in range(k):
+                rates = [rate.coefficients[k - 1 - lower] for rate in f]
+                total = total - dot(slopes[lower][i], rates, ring)
+            defect.append(total.reduced())
+        for i, row in enumerate(h):
+            row[k] = (-dot(place.inverse_jacobian[i], defect, ring)).reduced()
+        program.extend(k)
+        if k < order:
+            differentiate(k)
+    reduced = [[c.reduced() for c in rate.coefficients[: order + 1]] for rate in f]
+    return SeriesManifold(branch, order, place, h, reduced, not values)

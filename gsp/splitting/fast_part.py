@@ -1,0 +1,199 @@
+"""The layer problem of a field with a simple pole: F = L/epsilon + G with L = N f, and the rank of its equilibria."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+from gsp.algebra.first_integrals import common_factor
+from gsp.algebra.laurent import laurent, pole_order
+from gsp.errors import SplittingError
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.systems.system import VectorField
+
+# Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.
+SEARCH_STARTS = 64
+SEARCH_STEPS = 60
+SEARCH_TOLERANCE = 1e-10
+RANK_TOLERANCE = 1e-7
+# Expressions with more operations are not rewritten for looks.
+TIDY_LIMIT = 120
+RATIONAL_LIMIT = 5000
+# Determinants are expanded by rows up to this size; the number of terms grows like the factorial.
+LAPLACE = 4
+
+
+def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
+    """(L, G) with F = L/epsilon + G, term by term so that nothing is expanded needlessly."""
+    epsilon = field.epsilon
+    assert epsilon is not None
+    layer, drift = [], []
+    for rate in field.rates:
+        pole, regular = [], []
+        # Expansion in epsilon only: products of sums that contain it are multiplied out, the rest is kept.
+        for term in sp.Add.make_args(sp.collect(sp.expand_mul(rate), epsilon, evaluate=True)):
+            for part in sp.Add.make_args(sp.expand_mul(term)):
+                if not pole_order(part, epsilon):
+                    regular.append(part)
+                    continue
+                residue = laurent(part, epsilon, order=-1)[-1]
+                pole.append(residue)
+                if (part - residue / epsilon).expand() != 0:
+                    regular.append(sp.cancel(part - residue / epsilon))
+        total = sp.Add(*pole)
+        layer.append(tidy(total))
+        drift.append(sp.Add(*regular))
+    return layer, drift
+
+
+def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
+    """Rank of DL on the critical manifold: the one met most often on zeros of L that Gauss-Newton finds.
+
+    The parameters have their values; the number of states when every zero found is isolated.
+    """
+    if all(component == 0 for component in layer):
+        raise SplittingError(f"no rate has a pole in {field.epsilon}. Got {shown(field, layer)}.")
+    _refuse_constants(layer, field)
+    states = field.states
+    matrix = jacobian(layer, states)
+    compiled = [
+        compile_function(
+            tuple(outputs), arguments=states, epsilon=field.epsilon, parameters=tuple(field.parameters)
+        )
+        for outputs in (layer, matrix)
+    ]
+    p = compile_flow(field).constants
+    z = np.random.default_rng(0).standard_normal((SEARCH_STARTS, len(states)))
+    z[: SEARCH_STARTS // 2] = np.abs(z[: SEARCH_STARTS // 2])
+    found: list[tuple[int, int]] = []
+    for start in z:
+        point, converged = _equilibrium(start, compiled, p)
+        if converged:
+            there = _matrix(compiled[1], point, p)
+            found.append((_numerical_rank(there), _numerical_rank(there @ there)))
+    if not found:
+        raise SplittingError(
+            f"the fast part {shown(field, layer)} has no real equilibrium, so there is no critical manifold. "
+            "A fast rotation or drift is averaged, not reduced; or check the parameters' values."
+        )
+    if max(rank for rank, _ in found) == 0:
+        raise SplittingError(
+            f"the fast part {shown(field, layer)} vanishes to second order on its zeros, so no direction is "
+            "hyperbolic there. Rescale the fast variables."
+        )
+    # Isolated equilibria have full rank and say nothing about the manifold next to them.
+    on_manifolds = [rank for rank, _ in found if 0 < rank < len(states)]
+    if not on_manifolds:
+        return len(states)
+    rank = max(on_manifolds, key=on_manifolds.count)
+    if (rank, rank) not in found:
+        raise SplittingError(
+            f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent there), "
+            "so no direction is normally hyperbolic. Rescale the fast variables, or average."
+        )
+    return rank
+
+
+def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
+    for state, component in zip(field.states, layer):
+        if component != 0 and not component.has(*field.states):
+            raise SplittingError(
+                f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium. "
+                "A fast drift or rotation is averaged, not reduced."
+            )
+
+
+def _equilibrium(start: np.ndarray, compiled, p: np.ndarray) -> tuple[np.ndarray, bool]:
+    z = start.copy()
+    for _ in range(SEARCH_STEPS):
+        value = compiled[0](z, p)
+        if not np.isfinite(value).all():
+            return z, False
+        step = np.linalg.lstsq(_matrix(compiled[1], z, p), value, rcond=1e-10)[0]
+        if not np.isfinite(step).all():
+            return z, False
+        length = np.linalg.norm(step)
+        z = z - step * min(1.0, (1.0 + np.linalg.norm(z)) / max(length, 1e-300))
+        if length < SEARCH_TOLERANCE * (1 + np.linalg.norm(z)):
+            residual = np.linalg.norm(compiled[0](z, p))
+            return z, bool(residual < 1e-8 and np.linalg.norm(z) < 1e6)
+    return z, False
+
+
+def _matrix(compiled, z: np.ndarray, p: np.ndarray) -> np.ndarray:
+    values = np.nan_to_num(compiled(z, p))
+    return values.reshape(-1, len(z))
+
+
+def _numerical_rank(matrix: np.ndarray) -> int:
+    singular_values = np.linalg.svd(matrix, compute_uv=False)
+    return int((singular_values > RANK_TOLERANCE * (1 + singular_values[0])).sum())
+
+
+def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix]:
+    """(N, f) with L = N f; off {f = 0} exactly when N is constant or one-dimensional, else on {f = 0}."""
+    states = list(field.states)
+    L = sp.Matrix(layer)
+    if rank == 1:
+        f = common_factor(layer, states)
+        if f.has(*states):
+            return sp.ImmutableMatrix((L / f).applyfunc(sp.cancel)), sp.ImmutableMatrix([f])
+    DL = jacobian(L, states)
+    values = {
+        s: sp.Rational(sp.prime(i + 3), sp.prime(i + 6)) for i, s in enumerate((*states, *field.parameters))
+    }
+    for rows in itertools.combinations(range(len(states)), rank):
+        for columns in itertools.combinations(range(len(states)), rank):
+            block = DL.extract(list(rows), list(columns))
+            if block.subs(values).det() != 0:
+                # DL = N Df on {f = 0}, so N follows from any invertible block.
+                N = DL.extract(list(range(len(states))), list(columns)) * inverse(block)
+                return sp.ImmutableMatrix(N.applyfunc(reduced)), sp.ImmutableMatrix([layer[i] for i in rows])
+    raise SplittingError(f"the fast part {shown(field, layer)} has no {rank} independent components.")
+
+
+def inverse(matrix: sp.Matrix) -> sp.Matrix:
+    """The inverse by cofactors, expanded by rows: nothing is simplified, which can take minutes."""
+    n = matrix.rows
+    cofactors = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
+    return cofactors / sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+
+
+def _determinant(matrix: sp.Matrix) -> sp.Expr:
+    if matrix.rows == 0:
+        return sp.Integer(1)
+    if matrix.rows > LAPLACE:
+        return matrix.det(method="berkowitz")
+    terms = [
+        (-1) ** j * matrix[0, j] * _determinant(matrix.minor_submatrix(0, j))
+        for j in range(matrix.cols)
+        if matrix[0, j] != 0
+    ]
+    return sp.Add(*terms)
+
+
+def reduced(expression: sp.Expr) -> sp.Expr:
+    """`expression` in lowest terms, unless it is long: `cancel` takes minutes on nested sines and roots."""
+    limit = RATIONAL_LIMIT if expression.is_rational_function() else TIDY_LIMIT
+    return expression if sp.count_ops(expression) > limit else sp.cancel(expression)
+
+
+def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matrix:
+    """Derivatives of the entries of `column` (rows) by `states` (columns)."""
+    return sp.Matrix([[derivative(entry, z) for z in states] for entry in column])
+
+
+def tidy(expression: sp.Expr) -> sp.Expr:
+    """The shortest of a few equal forms; long expressions are left as they are."""
+    if sp.count_ops(expression) > TIDY_LIMIT:
+        return expression
+    forms = (expression, sp.factor(expression), sp.cancel(expression), sp.factor_terms(expression))
+    return min(forms, key=sp.count_ops)
+
+
+def shown(field: VectorField, layer: Sequence[sp.Expr]) -> str:
+    return ", ".join(f"{z}' = ({e})/{field.epsilon}" for z, e in zip(field.states, layer) if e != 0)

@@ -1,0 +1,345 @@
+"""Splitting: from any field z' = F(z, epsilon) with a simple pole to slow and fast variables.
+
+F = N(z) f(z)/epsilon + G(z, epsilon). The slow coordinates are first integrals of the layer problem z' = N f
+(for constant N, linear ones); fast coordinates are raw states. Where no integrals are found the splitting is
+coordinate-free: the leading-order reduced field is Pi G with Pi = 1 - N (Df N)^-1 Df on {f = 0}
+(Fenichel 1979; Wechselberger 2020, chapter 3).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.first_integrals import first_integrals
+from gsp.algebra.inversion import solve_for
+from gsp.algebra.laurent import laurent, pole_order
+from gsp.errors import DeclarationError, SplittingError
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.splitting.fast_part import (
+    factorised,
+    inverse,
+    jacobian,
+    layer_rank,
+    principal_part,
+    reduced,
+    shown,
+    tidy,
+)
+from gsp.systems.arguments import check_noun
+from gsp.systems.system import SlowFastSystem, VectorField
+
+
+@dataclass(frozen=True, eq=False)
+class Splitting:
+    """How a field splits into slow and fast variables.
+
+    `system` is the standard form, or `None` when the field stays non-standard. `coordinates` maps each new symbol
+    to its expression in the raw states, `inverse` each raw state to its expression in the new ones. F = N f/epsilon + G
+    with `N` (n, k), `layer` f (k, 1), `drift` G (n, 1). `route` names how the slow coordinates were found.
+    """
+
+    field: VectorField
+    system: SlowFastSystem | None
+    coordinates: Mapping[sp.Symbol, sp.Expr]
+    inverse: Mapping[sp.Symbol, sp.Expr]
+    N: sp.ImmutableMatrix
+    layer: sp.ImmutableMatrix
+    drift: sp.ImmutableMatrix
+    route: str
+    nonzero: tuple[sp.Expr, ...] = ()
+    rescaled: bool = False
+
+    @property
+    def is_standard(self) -> bool:
+        """Whether a standard form x' = f, epsilon y' = g was reached."""
+        return self.system is not None
+
+    @property
+    def conserved(self) -> tuple[sp.Symbol, ...]:
+        """The slow variables that do not move at all: conserved quantities of the field, not only of its fast part."""
+        return () if self.system is None else tuple(x for x, rate in self.system.slow.items() if rate == 0)
+
+    @cached_property
+    def fast_jacobian(self) -> sp.ImmutableMatrix:
+        """Df N (k, k) on {f = 0}: its eigenvalues decide normal hyperbolicity, whatever the coordinates."""
+        return (jacobian(self.layer, self.field.states) * self.N).applyfunc(reduced).as_immutable()
+
+    @cached_property
+    def projection(self) -> sp.ImmutableMatrix:
+        """Pi = 1 - N (Df N)^-1 Df (n, n), valid on {f = 0}: the projection along the fast fibres."""
+        Df = jacobian(self.layer, self.field.states)
+        identity = sp.eye(len(self.field.states))
+        return (identity - self.N * inverse(self.fast_jacobian) * Df).applyfunc(reduced).as_immutable()
+
+    @cached_property
+    def reduced_field(self) -> sp.ImmutableMatrix:
+        """Pi G at epsilon = 0 (n, 1): the leading-order reduced field in raw states, valid on {f = 0}."""
+        epsilon = self.field.epsilon
+        assert epsilon is not None
+        drift = self.drift.applyfunc(lambda e: laurent(e, epsilon, order=0).get(0, sp.Integer(0)))
+        return (self.projection * drift).applyfunc(reduced).as_immutable()
+
+    def to_new(self, values: Mapping[str, float]) -> dict[str, float]:
+        """New coordinates, by name, of raw values given by name."""
+        return _evaluated(self.coordinates, values, self.field)
+
+    def to_raw(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Raw states, by name, of new coordinates given by name."""
+        return _evaluated(self.inverse, values, self.field)
+
+    def explain(self) -> str:
+        """The reasons, in words."""
+        states = ", ".join(s.name for s in self.field.states)
+        epsilon = self.field.epsilon
+        lines = [f"The field in ({states}) is F = N f/{epsilon} + G with"]
+        if self.rescaled:
+            lines.insert(0, f"The field is given in fast time; it was divided by {epsilon} to be in slow time.")
+        lines += [f"  f = {list(self.layer)}", f"  N = {self.N.tolist()}"]
+        if self.system is None:
+            lines.append(
+                "No full set of first integrals of the layer problem z' = N f was found (linear, polynomial to "
+                "degree 3, one quadrature), so the system stays non-standard. The leading-order reduced field is "
+                f"Pi G = {list(self.reduced_field)} on {{f = 0}}."
+            )
+            return "\n".join(lines)
+        lines.append(self.route)
+        lines += [f"  slow {x} = {self.coordinates[x]}" for x in self.system.x]
+        lines += [f"  fast {y} = {self.coordinates[y]}" for y in self.system.y]
+        lines += [f"Conserved: {x} = {self.coordinates[x]}, for {x}' = 0." for x in self.conserved]
+        if self.nonzero:
+            conditions = ", ".join(f"{e} != 0" for e in self.nonzero)
+            lines.append(f"The change of coordinates is invertible where {conditions}.")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        if self.system is None:
+            return f"Splitting(non-standard, f = {list(self.layer)})"
+        slow = ", ".join(f"{x} = {self.coordinates[x]}" for x in self.system.x)
+        return f"Splitting(slow: {slow}; fast: {', '.join(y.name for y in self.system.y)})"
+
+    def __str__(self) -> str:
+        return self.explain()
+
+
+def split(field: VectorField | SlowFastSystem) -> Splitting:
+    """Slow and fast variables of a field z' = F(z, epsilon) with a simple pole in epsilon.
+
+    A field in fast time, F = F_0 + epsilon F_1, is first divided by epsilon. Raises `SplittingError`, naming the
+    offending term, when F has a pole of higher order, when the fast part has no equilibria, vanishes to second
+    order, or leaves no slow variable.
+
+    >>> x, y, eps = sp.symbols("x y epsilon")
+    >>> split(VectorField({x: (y - x)/eps, y: (x - y)/eps - y}, epsilon=eps))
+    Splitting(slow: p = x + y; fast: x)
+    """
+    if isinstance(field, SlowFastSystem):
+        rates = dict(zip(field.states, field.rates))
+        field = VectorField(
+            rates,
+            epsilon=field.epsilon,
+            parameters=field.parameters,
+            name=field.name,
+            observables=field.observables,
+        )
+    check_noun(field, (VectorField, SlowFastSystem), verb="split")
+    epsilon = field.epsilon
+    if epsilon is None:
+        raise SplittingError(
+            f"the field in {', '.join(s.name for s in field.states)} has no small parameter (epsilon=None). "
+            "It can be integrated, not split. Declare epsilon and write the fast rates with 1/epsilon."
+        )
+    field, rescaled = _slow_time(field)
+    layer, drift = principal_part(field)
+    rank = layer_rank(layer, field)
+    n = len(field.states)
+    if rank == n:
+        raise SplittingError(
+            f"every state is fast: the fast part {shown(field, layer)} has isolated equilibria, so there is no "
+            "slow variable and no slow manifold. Check which rates carry 1/epsilon."
+        )
+    integrals = first_integrals(layer, field.states, wanted=n - rank)
+    if len(integrals) == n - rank:
+        # The first choice that is invertible without roots and logarithms, whose domains are restricted.
+        choices = _fast_choices(integrals, layer, field, rank)
+        forms = (_standard_form(field, layer, drift, integrals, fast, rescaled) for fast in choices)
+        found: Splitting | None = None
+        for form in forms:
+            if form is not None and (found is None or not _is_restricted(form)):
+                found = form
+            if found is not None and not _is_restricted(found):
+                break
+        if found is not None:
+            return found
+    N, f = factorised(layer, field, rank)
+    return Splitting(
+        field=field,
+        system=None,
+        coordinates=MappingProxyType({}),
+        inverse=MappingProxyType({}),
+        N=N,
+        layer=f,
+        drift=sp.ImmutableMatrix(drift),
+        route="coordinate-free",
+        rescaled=rescaled,
+    )
+
+
+def _slow_time(field: VectorField) -> tuple[VectorField, bool]:
+    """The field with its pole; a field in fast time is divided by epsilon."""
+    epsilon = field.epsilon
+    assert epsilon is not None
+    orders = {z: pole_order(rate, epsilon) for z, rate in field.equations.items()}
+    highest = max(orders.values())
+    if highest > 1:
+        state = max(orders, key=lambda z: orders[z])
+        terms = sp.Add.make_args(sp.expand(field.equations[state]))
+        term = max(terms, key=lambda part: pole_order(part, epsilon))
+        raise SplittingError(
+            f"the rate of {state} has a pole of order {highest} in {epsilon}: the term {term}. "
+            f"Only simple poles split into two time scales. Rescale {epsilon}, or treat the fastest scale first."
+        )
+    if highest == 1:
+        return field, False
+    divided = {z: sp.expand(rate / epsilon) for z, rate in field.equations.items()}
+    return (
+        VectorField(
+            divided,
+            epsilon=epsilon,
+            parameters=field.parameters,
+            name=field.name,
+            observables=field.observables,
+        ),
+        True,
+    )
+
+
+def _fast_choices(integrals, layer, field: VectorField, rank: int):
+    """Sets of raw states to serve as fast coordinates, best first: those the layer problem depends on."""
+    states = field.states
+    gradient = sp.Matrix([[sp.diff(phi, z) for z in states] for phi in integrals])
+    own = {phi for phi in integrals if phi in states}
+    candidates = []
+    for chosen in itertools.combinations(range(len(states)), rank):
+        if any(states[i] in own for i in chosen):
+            continue
+        others = [i for i in range(len(states)) if i not in chosen]
+        determinant = sp.factor(gradient[:, others].det(method="berkowitz"))
+        at_values = determinant.subs(dict(field.parameters))
+        if determinant == 0 or at_values == 0:
+            continue
+        used = sum(any(component.has(states[i]) for component in layer) for i in chosen)
+        moving = sum(layer[i] != 0 for i in chosen)
+        constant = not determinant.has(*states)
+        candidates.append(((-constant, -used, -moving), chosen, determinant))
+    for _, chosen, _determinant in sorted(candidates, key=lambda c: c[0]):
+        yield tuple(states[i] for i in chosen)
+
+
+def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting | None:
+    states = field.states
+    epsilon = field.epsilon
+    eliminated = [z for z in states if z not in fast]
+    names = _new_symbols(field, integrals)
+    # Each integral takes the place of one raw state; a state that is itself an integral keeps its own.
+    coordinates = dict(zip(names, integrals))
+    unknown = [z for z in eliminated if z not in coordinates]
+    equations = {symbol: phi for symbol, phi in coordinates.items() if symbol != phi}
+    solved = solve_for(unknown, equations)
+    if solved is None:
+        return None
+    inverse = {z: solved.get(z, z) for z in states}
+    slow = {}
+    for symbol, phi in coordinates.items():
+        raw = sp.Add(*[sp.diff(phi, z) * rate for z, rate in zip(states, drift)])
+        slow[symbol] = tidy(tidy(raw).xreplace(solved))
+    place = {z: i for i, z in enumerate(states)}
+    fast_rates = {}
+    for y in fast:
+        i = place[y]
+        fast_rates[y] = tidy(layer[i].xreplace(solved)) + sp.Add(
+            *[epsilon * term for term in sp.Add.make_args(tidy(drift[i].xreplace(solved)))]
+        )
+    order = sorted(slow, key=lambda s: min(place[z] for z in coordinates[s].free_symbols if z in place))
+    observables = {z: e for z, e in inverse.items() if z not in slow and z not in fast}
+    observables |= {o: e.xreplace(inverse) for o, e in field.observables.items()}
+    system = SlowFastSystem(
+        slow={s: slow[s] for s in order},
+        fast=fast_rates,
+        epsilon=epsilon,
+        parameters=field.parameters,
+        name=field.name,
+        observables=observables,
+    )
+    N, f = factorised(layer, field, len(fast))
+    gradient = sp.Matrix([[sp.diff(coordinates[s], z) for z in unknown] for s in equations])
+    determinant = sp.factor(gradient.det(method="berkowitz")) if unknown else sp.Integer(1)
+    return Splitting(
+        field=field,
+        system=system,
+        coordinates=MappingProxyType({**{s: coordinates[s] for s in order}, **{y: y for y in fast}}),
+        inverse=MappingProxyType(inverse),
+        N=N,
+        layer=f,
+        drift=sp.ImmutableMatrix(drift),
+        route=_route(coordinates, states, field.epsilon),
+        nonzero=_vanishing_factors(determinant),
+        rescaled=rescaled,
+    )
+
+
+def _vanishing_factors(determinant: sp.Expr) -> tuple[sp.Expr, ...]:
+    """What has to be nonzero for `determinant` to be: its factors without numbers, powers and exponentials."""
+    factors = [f.as_base_exp()[0] if f.is_Pow else f for f in sp.Mul.make_args(determinant)]
+    return tuple(f for f in factors if not f.is_number and not isinstance(f, sp.exp))
+
+
+def _is_restricted(splitting: Splitting) -> bool:
+    pieces = {p for e in splitting.inverse.values() for p in e.atoms(sp.log, sp.atanh, sp.sign, sp.Pow)}
+    return any(not p.is_Pow or (p.exp.is_Rational and not p.exp.is_Integer) for p in pieces)
+
+
+def _route(coordinates: Mapping[sp.Symbol, sp.Expr], states, epsilon) -> str:
+    new = {s: phi for s, phi in coordinates.items() if s != phi}
+    if not new:
+        return f"The field is in standard form already: the rates that carry 1/{epsilon} are the fast ones."
+    many = len(new) > 1
+    integral = "are {} first integrals" if many else "is a {} first integral"
+    listed = ", ".join(s.name for s in new)
+    if all(phi.is_polynomial(*states) and sp.Poly(phi, *states).total_degree() == 1 for phi in new.values()):
+        return f"The directions N are constant, so {listed} {integral.format('linear')} of the layer problem:"
+    return (
+        f"The directions N depend on the state; {listed} {integral.format('nonlinear')} of the layer problem:"
+    )
+
+
+def _new_symbols(field: VectorField, integrals: Sequence[sp.Expr]) -> list[sp.Symbol]:
+    """A raw state that is an integral keeps its name; the others are p, or p1, p2, ..."""
+    taken = {str(s) for s in (*field.states, *field.parameters, *field.observables, field.epsilon)}
+    new = [phi for phi in integrals if phi not in field.states]
+    stems = itertools.chain("pqruxyz", (f"slow{i}" for i in itertools.count()))
+    for stem in stems:
+        names = [stem] if len(new) == 1 else [f"{stem}{i + 1}" for i in range(len(new))]
+        if not taken & set(names):
+            break
+    fresh = iter(sp.Symbol(name) for name in names)
+    return [phi if phi in field.states else next(fresh) for phi in integrals]
+
+
+def _evaluated(mapping: Mapping[sp.Symbol, sp.Expr], values: Mapping[str, float], field: VectorField):
+    given = {sp.Symbol(name): value for name, value in values.items()}
+    symbols = sorted({s for e in mapping.values() for s in e.free_symbols} - set(field.parameters), key=str)
+    missing = [s.name for s in symbols if s not in given]
+    if missing:
+        raise DeclarationError(f"no value for {', '.join(missing)}. Got {dict(values)}. Give each a number.")
+    function = compile_function(
+        tuple(mapping.values()), arguments=symbols, epsilon=None, parameters=tuple(field.parameters)
+    )
+    numbers = function(np.array([given[s] for s in symbols], dtype=float), compile_flow(field).constants)
+    return {symbol.name: float(number) for symbol, number in zip(mapping, numbers)}

@@ -1,0 +1,215 @@
+"""The checks of a declaration: equations, names, parameters and their exact values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from sympy.core.function import AppliedUndef
+
+from gsp.algebra.laurent import misplaced_epsilon
+from gsp.errors import DeclarationError, nearest
+from gsp.systems.arguments import shown
+from gsp.systems.flow import Values
+
+# Numbers given as text: a larger exponent would be written out in full.
+DECIMAL = re.compile(r"[+-]?\d{1,60}(\.\d{0,60})?([eE][+-]?\d{1,3}|/\d{1,60})?")
+
+
+def exact(value: float | str | sp.Expr) -> sp.Rational:
+    """Exact rational of a number; a float counts as the shortest decimal that prints it, 0.2 as 1/5."""
+    if isinstance(value, sp.Rational):
+        return value
+    if isinstance(value, (bool, np.bool_, complex)) or value is None:
+        raise DeclarationError(f"{shown(value)} is no number. Give an int, a float or a Fraction.")
+    if isinstance(value, int):
+        return sp.Integer(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, str) and not DECIMAL.fullmatch(value):
+        raise DeclarationError(
+            f"{value[:80]!r} is no number. Give an int, a float or a Fraction, or digits as text."
+        )
+    if isinstance(value, sp.Float):
+        # SymPy prints 15 digits; a double needs up to 17 to come back.
+        value = float(value) if getattr(value, "_prec", 53) <= 53 else sp.sstr(value, full_prec=True)
+    try:
+        number = sp.Rational(str(value))
+    except (TypeError, ValueError):
+        number = None
+    if not isinstance(number, sp.Rational):
+        raise DeclarationError(f"{shown(value)} is no finite real number. Give an int, a float or a Fraction.")
+    return number
+
+
+def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
+    """`equations` as symbols to exact expressions; `what` names the argument in errors."""
+    if not isinstance(equations, Mapping):
+        raise DeclarationError(f"{what} maps symbols to expressions. Got {shown(equations)}.")
+    result: dict[sp.Symbol, sp.Expr] = {}
+    for symbol, expression in equations.items():
+        if not isinstance(symbol, sp.Symbol):
+            raise DeclarationError(f"{what} is keyed by SymPy symbols. Got the key {shown(symbol)}.")
+        if isinstance(expression, (float, complex, np.inexact)):
+            try:
+                expression = exact(expression)
+            except DeclarationError as error:
+                raise DeclarationError(
+                    f"{what}: the right-hand side of {symbol} is no number. {error}"
+                ) from None
+        try:
+            expression = sp.sympify(expression, strict=True)
+        except (sp.SympifyError, TypeError, ValueError):
+            raise DeclarationError(
+                f"{what}: the right-hand side of {symbol} is a {type(expression).__name__}, {shown(expression)}. "
+                "Give a SymPy expression; text is read by gsp.load only."
+            ) from None
+        if not isinstance(expression, sp.Expr) or isinstance(expression, (sp.MatrixBase, sp.MatrixExpr)):
+            raise DeclarationError(
+                f"{what}: the right-hand side of {symbol} is no scalar expression. Got {shown(expression)}."
+            )
+        result[symbol] = _exact_numbers(expression)
+    return result
+
+
+def _exact_numbers(expression: sp.Expr) -> sp.Expr:
+    floats = expression.atoms(sp.Float)
+    return expression.xreplace({number: exact(number) for number in floats}) if floats else expression
+
+
+def checked_parameters(
+    *,
+    states: tuple[sp.Symbol, ...],
+    expressions: tuple[sp.Expr, ...],
+    observables: Mapping[sp.Symbol, sp.Expr],
+    epsilon: sp.Symbol | None,
+    parameters: Mapping,
+) -> dict[sp.Symbol, sp.Rational]:
+    """Parameter values, exact, in the order given, after every check that does not depend on the noun."""
+    if epsilon is not None and not isinstance(epsilon, sp.Symbol):
+        raise DeclarationError(f"epsilon is a SymPy symbol. Got {shown(epsilon)}; its value is given later.")
+    if not isinstance(parameters, Mapping):
+        raise DeclarationError(f"parameters maps symbols to numbers. Got {shown(parameters)}.")
+    values: dict[sp.Symbol, sp.Rational] = {}
+    for symbol, value in parameters.items():
+        if not isinstance(symbol, sp.Symbol):
+            raise DeclarationError(f"parameters is keyed by SymPy symbols. Got the key {symbol!r}.")
+        if value is None:
+            raise DeclarationError(f"the parameter {symbol} has no value. Give it a number.")
+        try:
+            values[symbol] = exact(value)
+        except DeclarationError as error:
+            raise DeclarationError(f"the parameter {symbol} has the value {shown(value)}. {error}") from None
+    everything = (*expressions, *observables.values())
+    used = set().union(*(e.free_symbols for e in everything))
+    own = () if epsilon is None else (epsilon,)
+    _check_names([*states, *own, *values, *(used - set(states) - set(own) - set(values)), *observables])
+    for role, symbols in (("epsilon", own), ("a parameter", values), ("an observable", observables)):
+        for symbol in symbols:
+            if symbol in states:
+                raise DeclarationError(
+                    f"{symbol} is a state and also {role}. Give one of the two another name."
+                )
+    for symbol in observables:
+        if symbol in values or symbol in own:
+            role = "epsilon" if symbol in own else "a parameter"
+            raise DeclarationError(f"{symbol} is an observable and also {role}. Give it another name.")
+    if epsilon in values:
+        raise DeclarationError(
+            f"{epsilon} is epsilon and also a parameter. Its value is given when integrating."
+        )
+    unknown = sorted(used - set(states) - set(own) - set(values), key=str)
+    if unknown:
+        names = ", ".join(map(str, unknown))
+        known = [s.name for s in (*states, *values, *own)]
+        raise DeclarationError(
+            f"{names} has no value: it is no state and no parameter. "
+            f"Add it as parameters={{{unknown[0]}: ...}}." + nearest(unknown[0].name, known)
+        )
+    for expression in everything:
+        _check_expression(expression)
+        if epsilon is not None:
+            wrong = misplaced_epsilon(expression, epsilon)
+            if wrong is not None:
+                raise DeclarationError(
+                    f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}. "
+                    f"Replace it by its Taylor polynomial in {epsilon}, or rescale."
+                )
+    return values
+
+
+def _check_names(symbols: Iterable[sp.Symbol]) -> None:
+    seen: dict[str, sp.Symbol] = {}
+    for symbol in symbols:
+        if not symbol.name.isidentifier() or len(symbol.name) > 64:
+            raise DeclarationError(
+                f"the symbol {symbol.name[:80]!r} is no plain word. Use letters, digits and _, at most 64."
+            )
+        other = seen.setdefault(symbol.name, symbol)
+        if other != symbol:
+            raise DeclarationError(
+                f"two different symbols are named {symbol.name} (their assumptions differ). Use one object throughout."
+            )
+
+
+def _check_expression(expression: sp.Expr) -> None:
+    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+        raise DeclarationError(f"{expression} is not finite. Remove the division by zero.")
+    if expression.has(sp.I):
+        raise DeclarationError(f"{expression} is complex. Declare real and imaginary parts as separate states.")
+    applied = expression.atoms(AppliedUndef)
+    if applied:
+        raise DeclarationError(
+            f"{expression} contains the unknown function {sorted(map(str, applied))[0]}. "
+            "Use plain symbols for states; for time declare a state t with t' = 1."
+        )
+    for piece in sp.preorder_traversal(expression):
+        if isinstance(piece, (sp.Derivative, sp.Integral)):
+            raise DeclarationError(f"{expression} contains {piece}. Carry out derivatives and integrals first.")
+
+
+def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[sp.Symbol, sp.Expr]:
+    """`parameters` with other exact values for those that `values` names."""
+    names = {symbol.name: symbol for symbol in parameters}
+    result = dict(parameters)
+    for name, value in values.items():
+        if name not in names:
+            raise DeclarationError(
+                f'there is no parameter "{name}". The parameters are {", ".join(names) or "none"}.'
+                + nearest(name, names)
+            )
+        result[names[name]] = exact(value)
+    return result
+
+
+def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Symbol, sp.Expr]:
+    """Rates of variables that `field` drives, exact, {} for None; no symbol of the field's is one of them.
+
+    Raises `DeclarationError` for what is no mapping of new symbols to expressions in what is known.
+    """
+    rates = equations_of({} if reconstruction is None else reconstruction, "reconstruction")
+    roles = {state.name: "a state" for state in field.states}
+    roles |= {symbol.name: "a parameter" for symbol in field.parameters}
+    roles |= {symbol.name: "an observable" for symbol in field.observables}
+    roles[str(field.epsilon)] = "epsilon"
+    for symbol in rates:
+        if symbol.name in roles:
+            raise DeclarationError(
+                f"{symbol} is a reconstruction variable and also {roles[symbol.name]}. Give it another name."
+            )
+    known = {*roles, *(symbol.name for symbol in rates)}
+    for symbol, rate in rates.items():
+        try:
+            _check_expression(rate)
+        except DeclarationError as error:
+            raise DeclarationError(f"the reconstruction of {symbol}: {error}") from None
+        unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)
+        if unknown:
+            raise DeclarationError(
+                f"the reconstruction of {symbol} contains {unknown[0]}, which is no state, observable or parameter. "
+                f"There are {', '.join(known)}." + nearest(unknown[0], known)
+            )
+    return rates

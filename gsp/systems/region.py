@@ -1,0 +1,76 @@
+"""Regions: boxes of named intervals, and the checks that every box goes through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError, nearest
+from gsp.systems.arguments import shown
+from gsp.systems.flow import LARGEST, named
+
+Interval = tuple[float, float]
+
+
+def check_interval(bounds: Iterable[float], *, what: str, remedy: str) -> Interval:
+    """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
+    be = "are" if what == "bounds" else "is"
+    if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
+        raise DeclarationError(f"{what} {be} a pair of numbers. Got {shown(bounds)}. {remedy}")
+    ends = tuple(bounds) if not isinstance(bounds, np.ndarray) or bounds.ndim else ()
+    if len(ends) != 2:
+        raise DeclarationError(f"{what} {be} a pair of numbers. Got {len(ends)} of them. {remedy}")
+    values = named({"low": ends[0], "high": ends[1]}, what=f"the {what}")
+    low, high = values["low"], values["high"]
+    if not low < high:
+        fact = f"{be} empty" if low == high else f"{be} reversed"
+        raise DeclarationError(f"the {what} {fact}. Got ({low:g}, {high:g}). {remedy}")
+    return low, high
+
+
+def check_region(
+    region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval],
+    names: Sequence[str],
+    *,
+    required: Sequence[str] = (),
+) -> Mapping[str, Interval]:
+    """`region` as {name: (low, high)} in the order of `names`, every `required` name among them.
+
+    Raises `DeclarationError` for unknown names, missing ones, and intervals that are empty, reversed, or so large or
+    narrow that double precision does not hold their third powers.
+    """
+    if not isinstance(region, Mapping):
+        raise DeclarationError(f"region maps states to intervals (low, high). Got {shown(region)}.")
+    given: dict[str, Interval] = {}
+    for key, bounds in region.items():
+        name = key.name if isinstance(key, sp.Symbol) else key
+        if name not in names:
+            raise DeclarationError(
+                f'region bounds "{name}", which is no state. The states are {", ".join(names)}.'
+                + nearest(str(name), names)
+            )
+        if name in given:
+            raise DeclarationError(f'region bounds "{name}" twice. Give one interval.')
+        given[name] = check_interval(
+            bounds, what=f"region of {name}", remedy="Give (low, high) with low < high."
+        )
+        low, high = given[name]
+        if max(abs(low), abs(high)) > LARGEST or high - low < 1.0 / LARGEST:
+            raise DeclarationError(
+                f"the region of {name} reaches beyond {LARGEST:g} or is narrower than {1.0 / LARGEST:g}. "
+                f"Got ({low:g}, {high:g}). Rescale {name}, or move the region."
+            )
+    if not given:
+        raise DeclarationError(
+            f"region bounds no state. Got {{}}. Give at least one of {', '.join(required or names)} "
+            "an interval (low, high)."
+        )
+    missing = [name for name in required if name not in given]
+    if missing:
+        raise DeclarationError(
+            f"region gives no interval for {', '.join(missing)}. Got {given}. Give each (low, high)."
+        )
+    return MappingProxyType({name: given[name] for name in names if name in given})

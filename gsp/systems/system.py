@@ -1,0 +1,268 @@
+"""Declaration: a slow-fast system in standard form, or any field with poles in epsilon.
+
+x' = f(x, y, epsilon), epsilon y' = g(x, y, epsilon), equation (19) of Eldering (2015): x slow, y fast,
+' = d/dt in slow time. All checks are here; later stages trust what they are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import sympy as sp
+
+from gsp.algebra.laurent import pole_order
+from gsp.errors import DeclarationError
+from gsp.systems.arguments import check_text
+from gsp.systems.declaration import checked_parameters, equations_of, updated_parameters
+from gsp.systems.flow import Flow, Values
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SlowFastSystem(Flow):
+    """A system in standard form, x' = f(x, y, epsilon), epsilon y' = g(x, y, epsilon).
+
+    `slow` maps each slow symbol to f, `fast` each fast symbol to g (without the factor 1/epsilon);
+    `epsilon` is the small parameter, `parameters` gives every other symbol its value, `observables` are
+    further quantities to read off a trajectory. f and g are rational in epsilon and regular at 0.
+
+    Raises `DeclarationError`, naming the fact, the value and the remedy.
+
+    >>> s, c, eps, kappa = sp.symbols("s c epsilon kappa")
+    >>> SlowFastSystem(slow={s: -s + s*c}, fast={c: s - (s + kappa)*c}, epsilon=eps, parameters={kappa: 1})
+    SlowFastSystem(slow=[s], fast=[c], epsilon=epsilon, parameters={kappa: 1})
+    """
+
+    slow: Mapping[sp.Symbol, sp.Expr]
+    fast: Mapping[sp.Symbol, sp.Expr]
+    epsilon: sp.Symbol
+    parameters: Values = field(default_factory=dict)
+    name: str = ""
+    observables: Values = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_text(self.name, what="name")
+        slow, fast = equations_of(self.slow, "slow"), equations_of(self.fast, "fast")
+        if not slow or not fast:
+            raise DeclarationError(
+                f"a SlowFastSystem has slow and fast variables. Got {len(slow)} slow and {len(fast)} fast. "
+                "Declare a VectorField for a field that is not split."
+            )
+        twice = [symbol.name for symbol in fast if symbol in slow]
+        if twice:
+            raise DeclarationError(f"{', '.join(twice)} is declared slow and fast. Keep it in one of the two.")
+        if self.epsilon is None:
+            raise DeclarationError(
+                "a SlowFastSystem has a small parameter. Got epsilon=None. "
+                "Pass the symbol that multiplies the fast rates."
+            )
+        observables = equations_of(self.observables, "observables")
+        parameters = checked_parameters(
+            states=(*slow, *fast),
+            expressions=(*slow.values(), *fast.values()),
+            observables=observables,
+            epsilon=self.epsilon,
+            parameters=self.parameters,
+        )
+        for kind, equations in (("slow", slow), ("fast", fast)):
+            for symbol, expression in equations.items():
+                order = pole_order(expression, self.epsilon)
+                if order:
+                    raise DeclarationError(
+                        f"the {kind} rate of {symbol} has a pole of order {order} in {self.epsilon}: {expression}. "
+                        "Write epsilon y' = g with g regular, or declare a VectorField and split it."
+                    )
+        _freeze(self, slow=slow, fast=fast, parameters=parameters, observables=observables)
+        object.__setattr__(self, "states", (*slow, *fast))
+        object.__setattr__(self, "rates", (*slow.values(), *(g / self.epsilon for g in fast.values())))
+
+    @property
+    def x(self) -> tuple[sp.Symbol, ...]:
+        """The slow symbols."""
+        return tuple(self.slow)
+
+    @property
+    def y(self) -> tuple[sp.Symbol, ...]:
+        """The fast symbols."""
+        return tuple(self.fast)
+
+    @cached_property
+    def f(self) -> sp.ImmutableMatrix:
+        """Slow rates f(x, y, epsilon), a column."""
+        return sp.ImmutableMatrix(list(self.slow.values()))
+
+    @cached_property
+    def g(self) -> sp.ImmutableMatrix:
+        """Fast rates g(x, y, epsilon), a column; epsilon y' = g."""
+        return sp.ImmutableMatrix(list(self.fast.values()))
+
+    def with_parameters(self, **values: float) -> SlowFastSystem:
+        """The same system with other values for some parameters, given by name."""
+        return SlowFastSystem(
+            slow=self.slow,
+            fast=self.fast,
+            epsilon=self.epsilon,
+            parameters=updated_parameters(self.parameters, values),
+            name=self.name,
+            observables=self.observables,
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"SlowFastSystem(slow={_names(self.slow)}, fast={_names(self.fast)}, epsilon={self.epsilon}, "
+            f"parameters={_listing(self.parameters)})"
+        )
+
+    def __str__(self) -> str:
+        rows = [(f"{symbol}'", expression) for symbol, expression in self.slow.items()]
+        rows += [(f"{self.epsilon} {symbol}'", expression) for symbol, expression in self.fast.items()]
+        return _card(self.name or "slow-fast system", rows, self.parameters)
+
+    def _repr_latex_(self) -> str:
+        rows = [(rf"\dot {sp.latex(s)}", e) for s, e in self.slow.items()]
+        rows += [(rf"{sp.latex(self.epsilon)}\,\dot {sp.latex(s)}", e) for s, e in self.fast.items()]
+        return _aligned(rows)
+
+    def _key(self) -> tuple:
+        return (
+            "SlowFastSystem",
+            tuple(self.slow.items()),
+            tuple(self.fast.items()),
+            self.epsilon,
+            tuple(self.parameters.items()),
+            tuple(self.observables.items()),
+            self.name,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SlowFastSystem) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key())
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class VectorField(Flow):
+    """A field z' = F(z, epsilon); F may have poles in epsilon, and `epsilon=None` says that it has none.
+
+    A field without epsilon can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
+    and when `epsilon` is given but appears in no equation.
+
+    >>> v, w, eps = sp.symbols("v w epsilon")
+    >>> VectorField(states={v: -w, w: -w/eps + v}, epsilon=eps)
+    VectorField(states=[v, w], epsilon=epsilon, parameters={})
+    """
+
+    equations: Mapping[sp.Symbol, sp.Expr]
+    epsilon: sp.Symbol | None
+    parameters: Values
+    name: str
+    observables: Values
+
+    def __init__(
+        self,
+        states: Mapping[sp.Symbol, sp.Expr],
+        *,
+        epsilon: sp.Symbol | None,
+        parameters: Values | None = None,
+        name: str = "",
+        observables: Values | None = None,
+    ) -> None:
+        check_text(name, what="name")
+        equations = equations_of(states, "states")
+        if not equations:
+            raise DeclarationError("a VectorField has at least one state. Got none.")
+        watched = equations_of({} if observables is None else observables, "observables")
+        values = checked_parameters(
+            states=tuple(equations),
+            expressions=tuple(equations.values()),
+            observables=watched,
+            epsilon=epsilon,
+            parameters={} if parameters is None else parameters,
+        )
+        if epsilon is not None and not any(e.has(epsilon) for e in equations.values()):
+            shown = ", ".join(f"{s}' = {e}" for s, e in equations.items())
+            raise DeclarationError(
+                f"{epsilon} does not appear in any equation. Got {shown}. "
+                f"Write the fast rates as g/{epsilon}, use `SlowFastSystem`, or pass epsilon=None."
+            )
+        _freeze(self, equations=equations, parameters=values, observables=watched)
+        object.__setattr__(self, "states", tuple(equations))
+        object.__setattr__(self, "rates", tuple(equations.values()))
+        object.__setattr__(self, "epsilon", epsilon)
+        object.__setattr__(self, "name", name)
+
+    def with_parameters(self, **values: float) -> VectorField:
+        """The same field with other values for some parameters, given by name."""
+        return VectorField(
+            self.equations,
+            epsilon=self.epsilon,
+            parameters=updated_parameters(self.parameters, values),
+            name=self.name,
+            observables=self.observables,
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"VectorField(states={_names(self.equations)}, epsilon={self.epsilon}, "
+            f"parameters={_listing(self.parameters)})"
+        )
+
+    def __str__(self) -> str:
+        rows = [(f"{symbol}'", expression) for symbol, expression in self.equations.items()]
+        return _card(self.name or "vector field", rows, self.parameters)
+
+    def _repr_latex_(self) -> str:
+        return _aligned([(rf"\dot {sp.latex(s)}", e) for s, e in self.equations.items()])
+
+    def _key(self) -> tuple:
+        return (
+            "VectorField",
+            tuple(self.equations.items()),
+            self.epsilon,
+            tuple(self.parameters.items()),
+            tuple(self.observables.items()),
+            self.name,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, VectorField) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key())
+
+
+def _freeze(target: object, **mappings: Mapping) -> None:
+    for attribute, mapping in mappings.items():
+        object.__setattr__(target, attribute, MappingProxyType(dict(mapping)))
+
+
+def _names(symbols: Iterable[sp.Symbol]) -> str:
+    return "[" + ", ".join(s.name for s in symbols) + "]"
+
+
+def _listing(parameters: Values) -> str:
+    return "{" + ", ".join(f"{s}: {v}" for s, v in parameters.items()) + "}"
+
+
+def _card(title: str, rows: list[tuple[str, sp.Expr]], parameters: Values) -> str:
+    width = max(len(left) for left, _ in rows)
+    lines = [title, *(f"  {left:>{width}} = {right}" for left, right in rows)]
+    if parameters:
+        lines.append("  with " + ", ".join(f"{s} = {v}" for s, v in parameters.items()))
+    return "\n".join(lines)
+
+
+def _aligned(rows: list[tuple[str, sp.Expr]]) -> str:
+    body = r" \\ ".join(f"{left} &= {sp.latex(right)}" for left, right in rows)
+    return rf"$\displaystyle \begin{{aligned}} {body} \end{{aligned}}$"

@@ -1,0 +1,82 @@
+"""Factors and lowest terms agree with the expression, whatever its atoms, and stop at their budget."""
+
+import pytest
+import sympy as sp
+
+from gsp.algebra import factorisation
+from gsp.algebra.factorisation import (
+    coefficients,
+    factor_list,
+    factored,
+    factors,
+    lowest_terms,
+    numerator,
+    quotient,
+)
+
+x, y, a, b = sp.symbols("x y a b")
+
+EXPRESSIONS = [
+    (x**2 - y**2) / (x - y) ** 3,
+    1 / (1 + sp.exp(1 - x)) - y,
+    1 / (1 + sp.exp(-x / b)) + sp.exp(2 * x / b) * y,
+    sp.sqrt(x) * y + x ** sp.Rational(3, 2) - 1 / sp.sqrt(x),
+    sp.exp(-x) + sp.exp(x / 2) * y**2,
+    x**a * y + x ** (a + 1) - sp.Integer(1000) ** (1 - 2 * sp.pi) * y,
+    sp.exp(6000 * x - 10000 * x**2) * y - y + sp.exp(x),
+    sp.Piecewise((x, x > 0), (y, True)) * y + sp.Abs(x - y) / (2 + sp.tanh(x)),
+    -(sp.Integer(3) ** (x**3)) * y / 7 + sp.E * sp.exp(x),
+]
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
+def test_lowest_terms_and_factors_have_the_value_of_the_expression(expression: sp.Expr) -> None:
+    point = {x: sp.Float("0.37", 40), y: sp.Float("0.21", 40), a: sp.Float("1.3", 40), b: sp.Float("0.7", 40)}
+
+    def value(e: sp.Expr) -> sp.Expr:
+        return e.xreplace(point).evalf(30)
+
+    exact = value(expression)
+    assert abs(value(lowest_terms(expression)) - exact) < 1e-20 * (1 + abs(exact))
+    assert abs(value(factored(expression)) - exact) < 1e-20 * (1 + abs(exact))
+    constant, powers = factor_list(expression)
+    product = value(constant * sp.Mul(*[f**k for f, k in powers]))
+    assert abs(product - value(numerator(expression))) < 1e-20 * (1 + abs(product))
+
+
+def test_commensurable_exponents_and_roots_share_an_atom() -> None:
+    assert factors(sp.exp(2 * y) - 3 * sp.exp(y) + 2, [y]) == [sp.exp(y) - 2, sp.exp(y) - 1]
+    assert factors(y ** sp.Rational(3, 2) - y, [y]) == [sp.sqrt(y), sp.sqrt(y) - 1]
+    assert numerator(sp.exp(x) * sp.exp(-x) - 1) == 0
+
+
+def test_an_exponential_is_no_factor_that_vanishes() -> None:
+    assert factors(sp.exp(-x) * (y - x), [x, y]) == [x - y]
+
+
+def test_the_coefficients_of_a_polynomial_and_of_none() -> None:
+    assert coefficients(sp.tanh(x) * y**2 - a, y) == [sp.tanh(x), 0, -a]
+    assert coefficients(sp.tanh(y) * y, y) is None
+    assert coefficients(x, y) == [x]
+
+
+def test_what_is_over_the_budget_is_left_as_it_is() -> None:
+    long = (x + y + a + b) ** 99 - 1
+    assert quotient(long) is None
+    assert numerator(long) == lowest_terms(long) == factored(long) == long
+    assert factors(long, [x]) == [long]
+
+
+def test_no_multiplication_exceeds_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    largest = 0
+    check = factorisation._check
+
+    def counted(p, q) -> None:
+        nonlocal largest
+        check(p, q)
+        largest = max(largest, len(p) * len(q))
+
+    monkeypatch.setattr(factorisation, "_check", counted)
+    for n in (20, 60, 99):
+        quotient((x + y + a + b) ** n / (x - y) + sp.exp(x))
+    assert 1000 < largest <= factorisation.TERM_PRODUCTS

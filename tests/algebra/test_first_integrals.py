@@ -1,0 +1,109 @@
+"""First integrals: whatever is returned is constant along the layer flow, and known ones are found."""
+
+from __future__ import annotations
+
+import pytest
+import sympy as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from gsp.algebra.first_integrals import common_factor, first_integrals
+
+x, y, z, u, a, b = sp.symbols("x y z u a b")
+
+
+def rate(phi: sp.Expr, layer: list[sp.Expr], states) -> sp.Expr:
+    return sp.simplify(sum(sp.diff(phi, s) * component for s, component in zip(states, layer)))
+
+
+FOUND = {
+    "linear": ([a * (x - y), b * (y - x), sp.Integer(0)], 2),
+    "linear over a nonlinear flow": ([x * y - z, z - x * y, 2 * (z - x * y)], 2),
+    "quadratic": ([-2 * y * (x - 1), x - 1, sp.Integer(0)], 2),
+    "cubic": ([3 * y**2 * (z - y), z - y, sp.Integer(0)], 2),
+    "rotation": ([-y * (x + z), x * (x + z), sp.Integer(0)], 2),
+    "exponential": ([x * (z - y), z - y, sp.Integer(0)], 2),
+    "exponential with a parameter": ([a * x * (z - y), z - y, sp.Integer(0)], 2),
+    "linear equation": ([(x + y) * (z - y), z - y, sp.Integer(0)], 2),
+    "logarithm": ([1 / y * (z - y), (z - y) * x**2 * y, sp.Integer(0)], 2),
+    "sine": ([sp.cos(y) * (z - y), z - y, sp.Integer(0)], 2),
+    "two nonlinear": ([2 * y * (z - y), z - y, 3 * y**2 * (z - y)], 2),
+    "transcendental layer": ([sp.tanh(x + z), sp.Integer(0), -y * sp.tanh(x + z)], 2),
+}
+
+
+@pytest.mark.parametrize("case", FOUND)
+def test_known_integrals_are_found_and_are_constant_along_the_flow(case: str) -> None:
+    layer, wanted = FOUND[case]
+    found = first_integrals(layer, (x, y, z), wanted=wanted)
+    assert len(found) == wanted
+    assert all(rate(phi, layer, (x, y, z)) == 0 for phi in found)
+    assert sp.Matrix(found).jacobian([x, y, z]).rank() == wanted
+
+
+def test_states_that_stand_still_come_first_and_keep_their_names() -> None:
+    assert first_integrals([x - y, sp.Integer(0), y - x], (x, y, z), wanted=2) == [x + z, y]
+    assert first_integrals([sp.Integer(0), sp.Integer(0), y - z], (x, y, z), wanted=2) == [x, y]
+
+
+def test_coefficients_are_primitive_and_free_of_denominators() -> None:
+    (p,) = first_integrals([a * x / b, -x * (1 + a**2) / (a * b)], (x, y), wanted=1)
+    assert sp.expand(p - ((1 + a**2) * x + a**2 * y)) == 0
+
+
+def test_an_integral_without_a_logarithm_is_preferred() -> None:
+    (p,) = first_integrals([x * (1 - y), 1 - y], (x, y), wanted=1)
+    assert p == x * sp.exp(-y)
+
+
+def test_no_integral_is_invented() -> None:
+    layer = [(1 + x * y) * (x - y), (y**2 - x - 2) * (x - y)]
+    assert first_integrals(layer, (x, y), wanted=1) == []
+
+
+def test_a_hard_quadrature_is_given_up_in_good_time() -> None:
+    layer = [x * sp.sqrt(y + 1) + sp.exp(y), y**3 + a * y + 2]
+    assert first_integrals(layer, (x, y), wanted=1) == []
+
+
+def test_the_common_factor_is_what_all_components_share() -> None:
+    assert sp.expand(common_factor([2 * a * x * (x - y), (x - y) * y / b], (x, y)) - (x - y)) in (
+        0,
+        2 * (y - x),
+    )
+    assert common_factor([x, y], (x, y)) == 1
+
+
+small = st.integers(-2, 2)
+
+
+@given(st.lists(small, min_size=4, max_size=4), st.lists(small, min_size=4, max_size=4))
+@settings(max_examples=25, deadline=None)
+def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[int], square: list[int]) -> None:
+    planted = (
+        sum(c * s for c, s in zip(linear, (x, y))) + square[0] * x**2 + square[1] * x * y + square[2] * y**2
+    )
+    gradient = [sp.diff(planted, s) for s in (x, y)]
+    assume(any(g != 0 for g in gradient))
+    factor = 1 + x - 3 * y
+    layer = [factor * gradient[1], -factor * gradient[0]]
+    (found,) = first_integrals(layer, (x, y), wanted=1)
+    assert sp.expand(sp.diff(found, x) * gradient[1] - sp.diff(found, y) * gradient[0]) == 0
+    assert found.has(x) or found.has(y)
+
+
+@given(st.permutations([0, 1, 2]))
+@settings(max_examples=6, deadline=None)
+def test_permuted_states_permute_the_integrals(order: list[int]) -> None:
+    states = (x, y, z)
+    layer = [2 * y * (x - z), x - z, (x - z) * a]
+    direct = first_integrals(layer, states, wanted=2)
+    permuted = first_integrals([layer[i] for i in order], [states[i] for i in order], wanted=2)
+    for phi in permuted:
+        both = sp.Matrix([*direct, phi]).jacobian(list(states))
+        assert both.rank() == 2
+
+
+def test_rational_quotients_without_useful_antiderivative_are_not_tried() -> None:
+    layer = [(a * y**3 + b * y + 1) * x**3 * (x**3 + b), (y**2 + u * y + 2) * (x**2 + a)]
+    assert first_integrals(layer, (x, y), wanted=1) == []

@@ -1,0 +1,111 @@
+"""The whole pipeline on a scene: every stage present, its timings, and the refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.analysis.analysis import STAGES, _failures, analyse
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.hyperbolicity.hyperbolicity import Kind
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem
+
+
+@pytest.fixture(scope="module")
+def sleigh():
+    return analyse(models.load("chaplygin_sleigh"))
+
+
+def test_every_stage_is_there_and_timed(sleigh) -> None:
+    assert set(sleigh.timings) == set(STAGES)
+    assert all(seconds >= 0 for seconds in sleigh.timings.values())
+    assert sleigh.hyperbolicity.kind is Kind.ATTRACTING
+    assert sleigh.hyperbolicity.gap == pytest.approx(1.04)
+    assert sleigh.hyperbolicity.holds
+
+
+def test_equation_18_comes_out_in_the_raw_variables(sleigh) -> None:
+    v, omega, m, inertia, a = sp.symbols("v omega m I a")
+    J = inertia + m * a**2
+    raw = sleigh.raw
+    assert sp.cancel(raw.reduced_field[0]["v"] - a * omega**2) == 0
+    assert sp.cancel(raw.reduced_field[0]["omega"] + m * a * v * omega / J) == 0
+    assert sp.cancel(raw.reduced_field[1]["v"] + inertia * m * v * omega**2 / J) == 0
+    along = a * omega**3 - m * a * v**2 * omega / J
+    assert sp.cancel(raw.reduced_field[1]["omega"] - inertia * m**2 * a * along / J**2) == 0
+
+
+def test_pictured_runs_go_from_the_friction_to_its_limit(sleigh) -> None:
+    epsilons = sorted(sleigh.ladder)
+    assert sleigh.full is sleigh.ladder[sleigh.scene.epsilon]
+    ends = [sleigh.ladder[e].at(6.0)[-2:] for e in epsilons]
+    limit = np.array([sleigh.limit.sample(6.0)[name] for name in ("x", "y")]).ravel()
+    distances = [float(np.linalg.norm(end - limit)) for end in ends]
+    assert distances == sorted(distances)
+
+
+def test_landing_runs_end_on_the_slow_manifold(sleigh) -> None:
+    assert sleigh.landing
+    for run in sleigh.landing:
+        x = np.array([[run["v"][-1], run["p"][-1]]])
+        distance = abs(run["w"][-1] - sleigh.series.evaluate(x, sleigh.scene.epsilon)[0, 0])
+        assert distance < 1e-3
+
+
+def test_a_scene_whose_region_holds_a_fold_is_refused_with_the_place() -> None:
+    scene = replace(models.load("van_der_pol"), region={"y": (-2, 2), "x": (-3, 3)})
+    with pytest.raises(HyperbolicityError, match=r"not normally hyperbolic.*zero eigenvalue at y = .*0\.66666"):
+        analyse(scene)
+
+
+def test_a_saddle_type_scene_is_analysed_without_landing_runs() -> None:
+    s, x, y, eps = sp.symbols("s x y epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=eps)
+    scene = Scene(system, {"s": (-1, 1)}, {"s": 0.5, "x": 0, "y": 0}, (0, 0.01), 0.01, (0.02, 0.01), 1e-6)
+    analysis = analyse(scene, orders=(0,))
+    assert analysis.hyperbolicity.kind is Kind.SADDLE
+    assert analysis.landing == ()
+
+
+def test_the_failure_map_is_coarse_and_starts_at_the_region(sleigh) -> None:
+    found = sleigh.failures
+    assert found is not None
+    assert sleigh.failures_reason == ""
+    assert found.places["slow manifold"].measure.shape == (11, 25)
+    assert found.orders == (0, 1, 2)
+    low, high = sleigh.placement.region[found.axis]
+    for n in found.orders:
+        largest = found.holds_up_to(n, between=(low, high))
+        inside = (found.positions > low - 1e-9) & (found.positions < high + 1e-9)
+        holds = found.places[f"reduced flow {n}"].holds[:, inside]
+        assert holds[found.epsilons <= largest].all()
+        assert largest == found.epsilons[-1] or not holds[found.epsilons > largest][0].all()
+    # What the comparison measured agrees with what the map says.
+    ladder = dict(zip(sleigh.comparison.epsilons, sleigh.comparison.errors[2]))
+    largest = found.holds_over_span(2)
+    assert all(error <= found.tolerance for small, error in ladder.items() if small <= largest)
+
+
+def test_a_region_without_slow_bounds_has_a_reason_in_place_of_a_map() -> None:
+    s, x, eps = sp.symbols("s x epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: -x + s}, epsilon=eps)
+    scene = Scene(system, {"s": (0.1, 1)}, {"s": 0.5, "x": 0}, (0, 0.1), 0.01, (0.02, 0.01), 1e-6)
+    placement = replace(place(scene), region={"x": (0, 1)})
+    found, reason = _failures(placement, lambda share: None)
+    assert found is None
+    assert "no slow variable" in reason
+
+
+def test_progress_names_the_stages_in_order() -> None:
+    seen: list[tuple[str, float]] = []
+    analyse(models.load("linear"), orders=(0,), progress=lambda stage, share: seen.append((stage, share)))
+    assert list(dict.fromkeys(stage for stage, _ in seen)) == list(STAGES)
+
+
+def test_a_name_in_place_of_a_scene_is_named_with_the_remedy() -> None:
+    with pytest.raises(DeclarationError, match=r"takes a Scene.*models\.load"):
+        analyse("chaplygin_sleigh")  # pyright: ignore[reportArgumentType]

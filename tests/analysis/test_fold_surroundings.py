@@ -1,0 +1,92 @@
+"""Where a scene's reduction ends: folds with their passages, canard points, folded singularities, singular orbits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.analysis.fold_surroundings import boundary_of
+from gsp.hyperbolicity.hyperbolicity import classify
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
+from gsp.singular.passage import fold_passage
+from gsp.systems.system import SlowFastSystem
+
+x, y, z, a, b, epsilon = sp.symbols("x y z a b epsilon")
+REGION = {"y": (-0.6, 1.2), "x": (1.1, 2.2)}
+
+
+def oscillator(shift, parameters) -> Scene:
+    system = SlowFastSystem(
+        slow={y: shift - x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon, parameters=parameters
+    )
+    return Scene(system, REGION, {"y": 0.6, "x": 2}, (0, 0.3), 0.01, (0.02, 0.01), 1e-4)
+
+
+def found(scene: Scene):
+    placement = place(scene)
+    return boundary_of(placement, classify(placement.branch, region=placement.region, epsilon=scene.epsilon))
+
+
+def test_a_fold_beside_the_region_has_its_passage_and_the_orbit_its_period() -> None:
+    scene = models.load("van_der_pol")
+    ends = found(scene)
+    (fold,) = ends.folds
+    assert dict(fold.point) == pytest.approx({"x": 1, "y": -2 / 3})
+    same = fold_passage(scene.system, fold.point)
+    assert fold.passage is not None
+    assert fold.passage.exit(0.01) == same.exit(0.01)
+    assert fold.canard is None
+    assert ends.orbit is not None
+    assert ends.period == ends.orbit.coefficients
+    assert ends.period == pytest.approx([3 - 2 * np.log(2), 7.014322231, 1 / 3])
+    assert ends.has_folds
+
+
+def test_a_canard_point_of_the_one_parameter_has_its_series() -> None:
+    ends = found(oscillator(a, {a: 1}))
+    (fold,) = ends.folds
+    assert fold.passage is None
+    assert "canard" in fold.reason
+    assert fold.canard is not None
+    assert fold.canard.coefficients == (1, sp.Rational(-1, 8))
+    assert ends.period is None
+    assert ends.orbit is not None
+    assert "canard" in ends.orbit.message
+
+
+@pytest.mark.parametrize(
+    ("shift", "parameters"), [(sp.Integer(1), {}), (a + b, {a: sp.Rational(1, 2), b: sp.Rational(1, 2)})]
+)
+def test_the_parameter_of_a_canard_point_is_not_guessed(shift, parameters) -> None:
+    (fold,) = found(oscillator(shift, parameters)).folds
+    assert fold.passage is None
+    assert fold.canard is None
+
+
+def test_folded_singularities_of_a_sheet_are_found() -> None:
+    ends = found(models.load("koper"))
+    assert {str(point.kind) for point in ends.folded} == {"folded node", "folded focus"}
+    assert ends.folds == ()
+    assert ends.orbit is not None
+    assert "folded singularity" in ends.orbit.message
+
+
+def test_explicit_branches_have_no_folds_and_cost_nothing() -> None:
+    ends = found(models.load("michaelis_menten"))
+    assert not ends.has_folds
+    assert ends.surroundings is None
+    assert ends.orbit is None
+    assert repr(ends) == "Boundary(no folds)"
+
+
+def test_no_orbit_starts_on_a_repelling_branch() -> None:
+    system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
+    region = {"y": (-0.4, 0.4), "x": (-0.6, 0.6)}
+    scene = Scene(system, region, {"y": -0.1, "x": 0.1}, (0, 0.1), 0.01, (0.02, 0.01), 1e-4)
+    ends = found(scene)
+    assert ends.has_folds
+    assert ends.orbit is None
+    assert "repelling" in ends.orbit_reason

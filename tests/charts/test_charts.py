@@ -1,0 +1,230 @@
+"""Charts: each draws on every scene that it applies to, with labels, and touches no global state."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+import sympy as sp
+from matplotlib.figure import Figure
+
+from gsp import SlowFastSystem, analyse, charts, compare, models
+from gsp.charts.streamlines import streamlines
+from gsp.charts.style import LADDER, mathematics, plain
+from gsp.comparison.classical_table import method_table
+from gsp.errors import DeclarationError
+from gsp.fibres.composite_solution import composite
+from gsp.scenes.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def analyses():
+    return {name: analyse(models.load(name)) for name in models.names()}
+
+
+@pytest.fixture(scope="module")
+def saddle():
+    s, x, y, epsilon = sp.symbols("s x y epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"s": (0.1, 2)},
+        start={"s": 1, "x": -1, "y": -1},
+        span=(0, 0.5),
+        epsilon=0.02,
+        epsilons=(0.04, 0.02),
+        tolerance=1e-4,
+    )
+    return analyse(scene)
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_every_chart_that_applies_draws_with_labels(analyses, name):
+    drawn = charts.applicable(analyses[name])
+    assert {"phase_portrait", "convergence", "error_against_epsilon", "manifold", "time_series"} <= set(drawn)
+    for chart, draw in drawn.items():
+        axes = draw(analyses[name])
+        assert axes.get_xlabel(), chart
+        assert axes.get_ylabel(), chart
+        assert axes.lines or axes.collections, chart
+        # Two Axes side by side share the figure's legend.
+        legend = axes.get_legend() or next(iter(axes.figure.legends), None)
+        assert legend is not None, chart
+        assert all(text.get_text() for text in legend.get_texts()), chart
+
+
+def test_a_saddle_draws_without_landing_runs(saddle):
+    assert saddle.landing == ()
+    drawn = charts.applicable(saddle)
+    assert "distance" not in drawn
+    for draw in drawn.values():
+        assert charts.png(draw(saddle)).startswith(b"\x89PNG")
+    with pytest.raises(DeclarationError, match="no run lands"):
+        charts.distance(saddle)
+
+
+def test_png_draws_the_figure_and_equal_figures_are_equal_files(analyses, tmp_path):
+    first, second = (charts.png(charts.time_series(analyses["linear"])) for _ in range(2))
+    assert first.startswith(b"\x89PNG")
+    assert first == second
+    written = charts.save(charts.time_series(analyses["linear"]), tmp_path / "figure.png")
+    assert written.read_bytes() == first
+
+
+def test_given_axes_are_drawn_on(analyses):
+    axes = Figure().add_subplot()
+    assert charts.phase_portrait(analyses["linear"], axes) is axes
+    assert axes.lines
+
+
+def test_a_surface_refuses_plane_axes(analyses):
+    with pytest.raises(DeclarationError, match="three-dimensional"):
+        charts.manifold(analyses["chaplygin_sleigh"], Figure().add_subplot())
+
+
+def test_style_does_not_leak(analyses):
+    before = dict(matplotlib.rcParams)
+    charts.png(charts.error_against_epsilon(analyses["linear"].comparison))
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_measured_and_expected_slopes_stand_in_the_legend(analyses):
+    comparison = analyses["michaelis_menten"].comparison
+    texts = [t.get_text() for t in charts.error_against_epsilon(comparison).get_legend().get_texts()]
+    assert f"order 2: slope {comparison.slopes[2]:.2f}, expected 3" in texts
+    exact = charts.error_against_epsilon(analyses["davis_skodje"].comparison)
+    assert "order 0: exact to rounding" in [t.get_text() for t in exact.get_legend().get_texts()]
+
+
+def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane(analyses):
+    sleigh = analyses["chaplygin_sleigh"]
+    portrait, path = charts.phase_portrait(sleigh), charts.path(sleigh)
+    assert (portrait.get_xlabel(), portrait.get_ylabel()) == ("$v$", r"$\omega$")
+    assert portrait.get_aspect() == 1.0
+    assert (path.get_xlabel(), path.get_ylabel()) == ("$x$", "$y$")
+    assert charts.heading_of(sleigh) == "phi"
+
+
+def test_a_path_needs_a_scene_that_has_one(analyses):
+    with pytest.raises(DeclarationError, match="draws no path"):
+        charts.path(analyses["linear"])
+
+
+def test_constant_eigenvalues_are_known(analyses):
+    assert charts.has_constant_eigenvalues(analyses["chaplygin_sleigh"])
+    assert not charts.has_constant_eigenvalues(analyses["van_der_pol"])
+    assert "eigenvalues" not in charts.applicable(analyses["chaplygin_sleigh"])
+    # In the complex plane, where there is nothing to see over the region.
+    assert charts.eigenvalues(analyses["chaplygin_sleigh"]).get_ylabel()
+
+
+def test_names_that_matplotlib_cannot_set_become_plain_text():
+    assert mathematics("omega") == r"$\omega$"
+    assert mathematics("y1") == "$y_{1}$"
+    assert plain("costs 5$") == r"costs 5\$"
+    for name in ("xdot", "slow_rate", "xnorm", "lambda", "a__b_c", "Abs", "é"):
+        axes = Figure().add_subplot()
+        axes.set_xlabel(mathematics(name))
+        charts.png(axes)
+
+
+def test_streamlines_follow_the_field_and_stop_at_rest():
+    axes = Figure().add_subplot()
+    u = v = np.linspace(-1.0, 1.0, 81)
+    x, y = (a.ravel() for a in np.meshgrid(u, v))
+    # Rotation, with a line of equilibria on y = 0.
+    streamlines(axes, u, v, np.stack([-y * y, x * y], axis=1), distance=0.1, colour="k")
+    assert len(axes.lines) > 10
+    for line in axes.lines:
+        px, py = line.get_data()
+        assert np.ptp(np.hypot(px, py)) < 0.02
+        assert (py > -0.06).all() or (py < 0.06).all()
+
+
+def test_importing_the_package_does_not_import_matplotlib():
+    code = "import sys, gsp; assert not any(m.startswith('matplotlib') for m in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_critical_curves_and_sheets_show_their_special_points(analyses):
+    curve = charts.surroundings(analyses["van_der_pol"])
+    labels = [text.get_text() for text in curve.get_legend().get_texts()]
+    assert {"attracting", "repelling", "fold"} <= set(labels)
+    sheet = charts.surroundings(analyses["koper"])
+    assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
+    with pytest.raises(DeclarationError, match="explicit graph"):
+        charts.surroundings(analyses["linear"])
+
+
+def test_methods_and_composites_are_drawn_with_their_parts(analyses):
+    scene = analyses["michaelis_menten"].scene
+    table = method_table(scene, refinements=(0, 1), iterates=(1,), orders=(0, 1))
+    axes = charts.method_errors(table)
+    assert len(axes.get_lines()) == len(table.rows)
+    placement = analyses["michaelis_menten"].placement
+    solution = composite(analyses["michaelis_menten"].series, placement.start, span=scene.span, epsilon=0.05)
+    axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}
+
+
+def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
+    x, y, u, w, epsilon = sp.symbols("x y u w epsilon")
+    system = SlowFastSystem(
+        slow={x: sp.Rational(1, 2) - u, y: u - y}, fast={u: x + u - u**3 / 3 - w, w: y / 4 - w}, epsilon=epsilon
+    )
+    scene = Scene(
+        system,
+        region={"x": (-0.1, 1), "y": (-1, 2), "u": (-3, 3)},
+        start={"x": 0.7, "y": 0.5, "u": 2, "w": 0},
+        span=(0, 0.6),
+        epsilon=0.01,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-4,
+    )
+    axes = charts.manifold(analyse(scene))
+    low, high = axes.get_xlim()
+    assert low == 0.0
+    assert high > 5.0
+    assert axes.get_ylim()[0] < 1e-3
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert "runs that have not landed on it" in labels
+
+
+def test_bands_and_orders_are_told_apart(analyses):
+    axes = charts.error_against_epsilon(analyses["michaelis_menten"].comparison)
+    assert "bands: expected slopes" in {text.get_text() for text in axes.get_legend().get_texts()}
+    assert len(set(LADDER)) == 5
+
+
+@pytest.mark.parametrize(
+    ("kinked", "smooth"),
+    [
+        (lambda x: sp.Abs(x) + x * sp.sign(x), lambda x: 2 * x),
+        (lambda x: sp.Max(x**2, x / 4), lambda x: x**2),
+    ],
+)
+def test_a_scene_off_a_kink_is_that_of_the_smooth_field_on_its_side(kinked, smooth):
+    x, y, epsilon = sp.symbols("x y epsilon")
+    scene = Scene(
+        SlowFastSystem(slow={x: -y}, fast={y: kinked(x) - y}, epsilon=epsilon),
+        region={"x": (0.5, 2)},
+        start={"x": 1.5, "y": 0},
+        span=(0, 0.4),
+        epsilon=0.02,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-6,
+    )
+    found = analyse(scene)
+    twin = replace(scene, system=SlowFastSystem(slow={x: -y}, fast={y: smooth(x) - y}, epsilon=epsilon))
+    for order, errors in compare(twin).errors.items():
+        assert found.comparison.errors[order] == pytest.approx(errors, rel=1e-4, abs=1e-13)
+    assert method_table(scene)["series 3"].errors == pytest.approx(
+        method_table(twin)["series 3"].errors, rel=1e-3
+    )
+    for draw in charts.applicable(found).values():
+        assert charts.png(draw(found)).startswith(b"\x89PNG")

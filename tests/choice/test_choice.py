@@ -1,0 +1,362 @@
+"""The model that a scene needs: predicted errors are honest, costs are extrapolated soundly, and full is an answer."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.choice.candidates import Candidate, ModelKind
+from gsp.choice.choice import choose, select
+from gsp.choice.forecast import foresee, foresee_surface
+from gsp.choice.prediction import Failure
+from gsp.comparison.comparison import on_manifold
+from gsp.errors import DeclarationError
+from gsp.integration.surface_flow import flow_on
+from gsp.integration.trajectory import integrate
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
+from gsp.slow.solved_manifold import solve_manifold
+from gsp.systems.system import SlowFastSystem
+
+x, y, eps = sp.symbols("x y epsilon")
+ROUNDING = 1e-12
+
+
+def scene(f, g, **changes) -> Scene:
+    system = SlowFastSystem(slow={x: f}, fast={y: g}, epsilon=eps)
+    asked = {
+        "region": {"x": (-5, 5)},
+        "start": {"x": 1, "y": 0.5},
+        "span": (0, 2),
+        "epsilon": 0.01,
+        "epsilons": (0.02, 0.01),
+        "tolerance": 1e-5,
+    }
+    return Scene(system, **(asked | changes))
+
+
+def random_scene(seed: int, epsilon: float) -> Scene:
+    """One or two slow variables and as many fast ones, attracting, with nonlinear slow and fast rates."""
+    rng = np.random.default_rng(seed)
+    slow, fast = sp.symbols(f"x0:{rng.integers(1, 3)}"), sp.symbols(f"y0:{rng.integers(1, 3)}")
+
+    def number(scale: float) -> sp.Rational:
+        return sp.Rational(int(rng.integers(-20, 21)), 20) * sp.Rational(scale).limit_denominator(100)
+
+    rates = {
+        s: -s / 2
+        + sum(number(0.5) * b for b in (*slow, *fast))
+        + sum(number(0.2) * b**2 for b in fast)
+        + number(0.3) * sp.sin(slow[0])
+        for s in slow
+    }
+    n = len(fast)
+    A = [[-1 - abs(number(1)) if i == j else number(0.3) for j in range(n)] for i in range(n)]
+    target = [sum(number(1) * s for s in slow) + number(0.4) * slow[0] ** 2 for _ in fast]
+    layer = {
+        b: sum(A[i][j] * (fast[j] - target[j]) for j in range(n)) + number(0.3) * eps * slow[0]
+        for i, b in enumerate(fast)
+    }
+    if n == 1:
+        layer[fast[0]] -= (fast[0] - target[0]) ** 3 / 5
+    start = {s.name: rng.uniform(0.5, 1) for s in slow} | {s.name: rng.uniform(-0.5, 0.5) for s in fast}
+    return Scene(
+        SlowFastSystem(slow=rates, fast=layer, epsilon=eps),
+        {s.name: (-20, 20) for s in slow},
+        start,
+        (0, 2),
+        epsilon,
+        (0.1, 0.05),
+        1e-4,
+    )
+
+
+def measured_errors(asked: Scene, outlook, orders) -> dict[int, float]:
+    """Largest relative error of each order after the layer, against a full run near rounding."""
+    grid = np.linspace(asked.span[0] + outlook.layer, asked.span[1], 97)
+    common = {"span": asked.span, "epsilon": asked.epsilon, "rtol": 1e-12, "atol": 1e-14, "at": grid}
+    reference = integrate(outlook.placement.system, start=outlook.placement.start, **common)
+    result = {}
+    for n in orders:
+        run = integrate(outlook.flows[n], start=outlook.starts[n], **common)
+        scale = outlook.prediction.scale
+        result[n] = max(np.abs(run[name] - reference[name]).max() / size for name, size in scale.items())
+    return result
+
+
+def predicted_errors(asked: Scene, outlook, orders) -> dict[int, float]:
+    grid = np.linspace(asked.span[0] + outlook.layer, asked.span[1], 97)
+    return {n: float(outlook.errors(n, grid).max()) for n in orders}
+
+
+def assert_honest(asked: Scene, orders=(0, 1, 2, 3)) -> None:
+    outlook = foresee(asked, orders)
+    predicted, measured = predicted_errors(asked, outlook, orders), measured_errors(asked, outlook, orders)
+    for n in orders:
+        assert measured[n] <= 3 * predicted[n] + ROUNDING, n
+        assert predicted[n] <= 30 * measured[n] + ROUNDING, n
+
+
+@pytest.mark.parametrize("name", [n for n in models.names() if n not in ("falling_disc", "car")])
+def test_the_prediction_is_honest_on_every_scene(name: str) -> None:
+    assert_honest(models.load(name))
+
+
+@pytest.mark.parametrize("name", ["falling_disc", "car"])
+def test_the_prediction_is_honest_where_the_series_is_long(name: str) -> None:
+    assert_honest(models.load(name), orders=(0, 1))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_prediction_is_honest_on_random_systems(seed: int) -> None:
+    assert_honest(random_scene(seed, (0.1, 0.03, 0.01)[seed % 3]), orders=(0, 1))
+
+
+def test_the_predicted_error_of_order_n_falls_like_epsilon_to_the_n_plus_1() -> None:
+    asked = models.load("lindemann")
+    ladder = (0.01, 0.005)
+    outlooks = [foresee(replace(asked, epsilon=e, tolerance=1e-9), (0, 1, 2)) for e in ladder]
+    for n in range(3):
+        coarse, fine = (float(o.prediction.errors(n, np.linspace(0, 5, 50)).max()) for o in outlooks)
+        assert np.log2(coarse / fine) == pytest.approx(n + 1, abs=0.1)
+
+
+def test_the_prediction_agrees_with_the_residual_carried_by_the_slow_flow() -> None:
+    # The second route: y is off by (g_y)^-1 times the residual of h_N; x' = f(x, h_N corrected) from the same start.
+    asked = replace(models.load("michaelis_menten"), epsilon=0.01)
+    outlook = foresee(asked, (1,))
+    system, series, prediction = outlook.placement.system, outlook.series, outlook.prediction
+    s = outlook.starts[1]["s"] + outlook.inner.base["s"][2] * asked.epsilon**2
+    f = sp.lambdify([*system.x, *system.y], system.f[0].xreplace(dict(system.parameters)))
+
+    def rate(value: float) -> float:
+        here = np.array([[value]])
+        gap = -(value + 1)
+        height = (
+            series.evaluate(here, asked.epsilon, order=1) + series.residual(here, asked.epsilon, order=1) / gap
+        )
+        return float(f(value, height[0, 0]))
+
+    run, step = prediction.runs[1], 0.05
+    for _ in range(100):
+        a = rate(s)
+        b = rate(s + step * a / 2)
+        c = rate(s + step * b / 2)
+        s += step * (a + 2 * b + 2 * c + rate(s + step * c)) / 6
+    own = float(run.at(5.0)[0])
+    expected = float(prediction.errors(1, np.array([5.0]))[0]) * prediction.scale["s"]
+    assert abs(own - s) == pytest.approx(expected, rel=0.1)
+
+
+# -- choosing ------------------------------------------------------------------------------------------------
+
+
+def candidate(order: int | None, seconds: float, **changes) -> Candidate:
+    kind = ModelKind.FULL if order is None else ModelKind.REDUCED
+    given = {"predicted": 1e-7, "holds_until": 1.0, "preparation": 0.1, "steps": 10, "field_calls": 100}
+    return Candidate(kind, order, seconds=seconds, **({"valid": True} | given | changes))
+
+
+def test_the_cheapest_valid_model_is_chosen_and_of_equals_the_simplest() -> None:
+    full = candidate(None, 10.0, preparation=0.0)
+    model, partial = select(
+        full, [candidate(0, 1.0, valid=False), candidate(1, 2.0), candidate(2, 1.9)], (0, 1)
+    )
+    assert model.order == 1
+    assert partial is None
+    assert select(full, [candidate(1, 2.0), candidate(2, 1.0)], (0, 1))[0].order == 2
+
+
+def test_not_to_reduce_is_an_answer_when_the_full_system_is_as_cheap() -> None:
+    # Quasi-steady states saved 5 %.
+    full = candidate(None, 1.0)
+    model, partial = select(full, [candidate(1, 0.95)], (0, 1))
+    assert model is full
+    assert partial is None
+
+
+def test_a_reduced_flow_that_serves_part_of_the_span_is_kept_for_simulation() -> None:
+    parts = [
+        candidate(n, 0.1, valid=False, holds_until=t, why_not="no") for n, t in ((0, 0.1), (1, 0.62), (2, 0.6))
+    ]
+    model, partial = select(candidate(None, 1.0), parts, (0, 1))
+    assert model.kind is ModelKind.FULL
+    assert partial is parts[2]
+    assert select(candidate(None, 1.0), [replace(parts[0], holds_until=0.01)], (0, 1))[1] is None
+
+
+@pytest.mark.parametrize("name", ["linear", "michaelis_menten", "knife_edge", "koper"])
+def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> None:
+    choice = choose(models.load(name), solve=False)
+    assert choice.model.valid
+    assert choice.predicted <= choice.tolerance
+    assert choice.measured <= choice.tolerance
+    assert choice.measured <= 3 * choice.predicted_on_piece + ROUNDING
+    assert choice.piece[0] == choice.scene.span[0]
+    assert choice.piece[1] < choice.scene.span[1]
+
+
+@pytest.mark.parametrize(
+    "name", ["linear", "michaelis_menten", "chaplygin_sleigh", "rolling_disc", "lindemann"]
+)
+def test_the_steps_of_the_full_system_are_foreseen_within_a_factor_of_two(name: str) -> None:
+    asked = replace(models.load(name), tolerance=1e-5)
+    choice = choose(asked, solve=False)
+    placement = place(asked)
+    run = integrate(
+        placement.system, start=placement.start, span=asked.span, epsilon=asked.epsilon, rtol=1e-6, atol=1e-8
+    )
+    assert run.stats.steps / 2 <= choice.candidates[-1].steps <= 2 * run.stats.steps
+
+
+def test_fast_variables_count_when_asked_for() -> None:
+    asked = replace(models.load("michaelis_menten"), tolerance=1e-4)
+    slow, both = choose(asked, solve=False), choose(asked, fast=True, solve=False)
+    assert slow.names == ("s",)
+    assert both.names == ("s", "c")
+    assert both.layer > slow.layer
+    assert both.candidates[1].predicted > slow.candidates[1].predicted
+    assert both.measured <= 3 * both.predicted_on_piece + ROUNDING
+
+
+def test_a_branch_that_repels_is_not_reduced() -> None:
+    choice = choose(scene(-x, y - x, span=(0, 0.05)))
+    assert choice.model.kind is ModelKind.FULL
+    assert "repels" in choice.reason
+    assert len(choice.candidates) == 1
+
+
+def test_without_a_critical_manifold_the_full_system_is_the_answer() -> None:
+    choice = choose(scene(-x, 1 + y**2, span=(0, 0.01)))
+    assert choice.model.kind is ModelKind.FULL
+    assert "no real zeros" in choice.reason
+
+
+def test_a_fold_ahead_makes_every_reduced_flow_invalid_before_it() -> None:
+    asked = replace(
+        models.load("van_der_pol"), region={"y": (-2, 2), "x": (-3, 3)}, span=(0, 2), tolerance=1e-3
+    )
+    choice = choose(asked, solve=False)
+    assert choice.model.kind is ModelKind.FULL
+    assert choice.partial is not None
+    for c in choice.candidates[:-1]:
+        assert not c.valid
+        assert c.holds_until < 1.5 - np.log(2)
+
+
+def test_leaving_the_region_and_a_long_layer_are_reasons() -> None:
+    left = choose(scene(sp.Integer(1), x - y, region={"x": (0, 2)}, start={"x": 1, "y": 0}, tolerance=1e-3))
+    assert left.candidates[0].why_not == f"{Failure.REGION} at t = 1"
+    layer = choose(scene(-x * y, x - y, epsilon=0.9, tolerance=1e-3, span=(0, 3)), solve=False)
+    assert layer.model.kind is ModelKind.FULL
+    assert "layer takes" in layer.candidates[0].why_not
+
+
+def test_a_full_system_that_stops_on_the_piece_is_told() -> None:
+    choice = choose(scene(-x, 1 + y**2))
+    assert not choice.model.valid
+    assert "stopped after" in choice.model.why_not
+    assert np.isnan(choice.speed_up)
+
+
+def test_a_choice_is_a_card_and_a_table() -> None:
+    choice = choose(models.load("linear"), orders=(1,), solve=False)
+    assert [row["model"] for row in choice.as_rows()] == ["reduced 1", "full"]
+    assert sum(bool(row["chosen"]) for row in choice.as_rows()) == 1
+    json.dumps(choice.as_rows())
+    assert "->" in str(choice)
+    assert "\n" not in repr(choice)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"orders": ()}, "orders"),
+        ({"orders": (-1,)}, "orders"),
+        ({"tolerance": 2.0}, "tolerance"),
+        ({"epsilon": 0}, "eps"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: dict, words: str) -> None:
+    with pytest.raises(DeclarationError, match=words):
+        choose(models.load("linear"), **arguments)
+
+
+def test_only_scenes_are_chosen_for() -> None:
+    with pytest.raises(DeclarationError, match="takes a Scene"):
+        choose(models.load("linear").system)  # pyright: ignore[reportArgumentType]
+
+
+# -- the solved manifold -------------------------------------------------------------------------------------
+
+
+def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
+    asked = replace(models.load("michaelis_menten"), tolerance=1e-6)
+    choice = choose(asked, orders=(0, 1))
+    solved = choice.candidates[2]
+    assert solved.kind is ModelKind.SOLVED
+    assert solved.valid
+    outlook = foresee(asked, (0, 1))
+    surface = foresee_surface(asked, outlook)
+    grid = np.linspace(outlook.layer, 5, 97)
+    common = {"span": (0, 5), "rtol": 1e-12, "atol": 1e-14, "at": grid}
+    reference = integrate(asked.system, start=asked.start, epsilon=asked.epsilon, **common)
+    run = integrate(surface.flow, start=surface.start, **common)
+    measured = np.abs(run["s"] - reference["s"]).max() / outlook.prediction.scale["s"]
+    assert measured <= 3 * surface.errors(grid).max()
+    assert surface.errors(grid).max() <= 30 * measured
+
+
+def test_a_surface_in_machine_code_is_the_interpolant() -> None:
+    asked = models.load("koper")
+    branch = place(asked).branch
+    manifold = solve_manifold(branch, region={"y": (0, 0.5), "z": (0.3, 0.6)}, epsilon=0.01, tolerance=1e-9)
+    flow = flow_on(manifold)
+    run = integrate(flow, start={"y": 0.2, "z": 0.5}, span=(0, 0.1))
+    points = np.stack([run["y"], run["z"]], axis=1)
+    assert np.abs(run["x"] - manifold.evaluate(points)[:, 0]).max() < 1e-13
+    full = integrate(
+        asked.system,
+        start=on_manifold_of(manifold, {"y": 0.2, "z": 0.5}),
+        span=(0, 0.1),
+        epsilon=0.01,
+        rtol=1e-12,
+        atol=1e-14,
+    )
+    assert np.abs(run.at(0.1) - full.sample(0.1).y[:2, 0]).max() < 1e-8
+
+
+def on_manifold_of(manifold, point: dict[str, float]) -> dict[str, float]:
+    system = manifold.branch.system
+    height = manifold.evaluate(np.array([[point[s.name] for s in system.x]]))[0]
+    return {**point, **{s.name: float(value) for s, value in zip(system.y, height)}}
+
+
+def test_a_manifold_without_a_surface_has_no_flow() -> None:
+    branch = place(models.load("van_der_pol")).branch
+    lost = solve_manifold(branch, region={"y": (-1, 0)}, epsilon=0.01)
+    with pytest.raises(DeclarationError, match="no surface"):
+        flow_on(lost)
+
+
+def test_on_manifold_is_where_the_surface_is() -> None:
+    asked = models.load("linear")
+    outlook = foresee(asked, (3,))
+    surface = foresee_surface(asked, outlook)
+    there = on_manifold(outlook.series, {"y": 0.5, "x": 0}, asked.epsilon)
+    assert float(surface.manifold.evaluate(0.5)[0]) == pytest.approx(there["x"], abs=1e-6)
+
+
+def test_a_layer_longer_than_the_span_is_named() -> None:
+    choice = choose(models.load("van_der_pol"), epsilon=5)
+    assert choice.model.kind is ModelKind.FULL
+    assert "the initial layer takes the whole span" in choice.reason
+
+
+def test_a_start_outside_the_domain_of_the_field_is_refused() -> None:
+    outside = scene(-x, sp.log(x) - y, region={"x": (-2, 2)}, start={"x": -1, "y": 1})
+    with pytest.raises(DeclarationError, match="not finite at the scene's start: the rate of y"):
+        choose(outside)

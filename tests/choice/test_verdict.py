@@ -1,0 +1,142 @@
+"""One verdict: made once, shown on every face, accuracy apart from speed, with what would help."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+from gsp import analyse, charts, models
+from gsp.choice.candidates import Candidate, ModelKind
+from gsp.choice.choice import choose
+from gsp.choice.prediction import Failure
+from gsp.choice.verdict import Answer, Evidence, judge
+from gsp.cli import cli
+from gsp.report import as_json, choice_as_json, write_report
+from gsp.report.sections import Page
+from gsp.report.wording import words
+
+ASKED = replace(models.load("michaelis_menten"), span=(0, 1), tolerance=1e-5, epsilon=0.01)
+
+
+def candidate(order: int | None, **changes) -> Candidate:
+    kind = ModelKind.FULL if order is None else ModelKind.REDUCED
+    given = {"predicted": 1e-7, "holds_until": 1.0, "preparation": 0.1, "steps": 10, "field_calls": 100}
+    return Candidate(kind, order, **({"seconds": 1e-5, "valid": True} | given | changes))
+
+
+def failing(order: int, why: str, **changes) -> Candidate:
+    return candidate(order, valid=False, why_not=why, **({"holds_until": 0.0} | changes))
+
+
+FULL = candidate(None, seconds=5e-5, preparation=0.0)
+
+
+def verdict_of(model: Candidate, *candidates: Candidate, **changes):
+    return judge(Evidence(**({"scene": ASKED, "candidates": candidates, "model": model} | changes)))
+
+
+def test_accuracy_is_told_apart_from_speed() -> None:
+    one = candidate(1, predicted=3e-6)
+    found = verdict_of(one, one, FULL)
+    assert found.answer is Answer.YES
+    assert "order 1 keeps to a relative error of 1e-05 over t = 0 to 1 at epsilon = 0.01" in found.accuracy
+    assert "3.0e-06" in found.accuracy
+    assert "fast" not in found.accuracy
+    assert "5 times as fast, 10 us a run against 50 us" in found.speed
+    assert "2500 runs" in found.speed
+
+
+def test_a_model_that_is_exact_enough_and_no_faster_is_no_refusal() -> None:
+    one = candidate(1, seconds=4.8e-5)
+    found = verdict_of(FULL, one, FULL)
+    assert found.answer is Answer.NO_GAIN
+    assert "keeps to" in found.accuracy
+    assert "48 us a run against 50 us" in found.speed
+    assert "formula" in found.remedy
+
+
+def test_the_epsilon_that_would_do_is_named() -> None:
+    # An error of 1.44e-3 at order 1 falls like epsilon^2 to 9e-6 at epsilon/12.6.
+    short = failing(1, f"{Failure.ERROR} at t = 0", predicted=1.44e-3)
+    found = verdict_of(FULL, short, FULL)
+    assert found.answer is Answer.NO
+    assert "about 0.0006" in found.remedy
+    far = failing(0, f"{Failure.ERROR} at t = 0", predicted=0.5)
+    assert "about" not in verdict_of(FULL, far, FULL).remedy
+
+
+def test_part_of_the_span_is_told_with_its_place() -> None:
+    part = failing(2, f"{Failure.GAP} at t = 0.6", holds_until=0.6, predicted=float("inf"))
+    found = verdict_of(FULL, part, FULL, partial=part, place={"s": 0.25})
+    assert found.answer is Answer.IN_PART
+    assert "It serves until t = 0.6, s = 0.25." in found.accuracy
+    assert "ends before that place" in found.remedy
+    # What fails at the end of the layer serves for no part.
+    assert verdict_of(FULL, part, FULL, partial=part, layer=0.59).answer is Answer.NO
+
+
+@pytest.mark.parametrize(
+    ("why", "changes", "help"),
+    [
+        (f"{Failure.REGION} at t = 0.1", {}, "larger region"),
+        ("the initial layer takes the whole span", {"layer": 2.0}, "about 0.002, or a longer span"),
+        (f"{Failure.END} at t = 0.2: a fold", {}, "ends before that place"),
+        (f"{Failure.ORDER} at t = 0.2", {}, "smaller epsilon"),
+    ],
+)
+def test_what_would_help_depends_on_why(why: str, changes: dict, help: str) -> None:
+    short = failing(1, why, predicted=float("inf"))
+    assert help in verdict_of(FULL, short, FULL, **changes).remedy
+
+
+def test_without_reduced_candidates_the_obstacle_is_told_and_a_full_run_that_stops() -> None:
+    found = verdict_of(FULL, FULL, obstacle="g has no real zeros.")
+    assert found.answer is Answer.NO
+    assert found.accuracy.endswith("g has no real zeros.")
+    stopped = replace(FULL, valid=False, why_not="stopped after 3 points")
+    assert "stopped after 3 points" in verdict_of(stopped, stopped, obstacle="no").speed
+    one = candidate(1)
+    assert "stopped after 3 points" in verdict_of(one, one, stopped).speed
+
+
+@pytest.mark.parametrize("name", ["linear", "michaelis_menten", "van_der_pol", "chaplygin_sleigh"])
+def test_every_face_shows_the_same_verdict(name: str, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(charts, "applicable", lambda analysis: {"time_series": charts.time_series})
+    analysis = analyse(models.load(name))
+    choice = analysis.choice
+    monkeypatch.setattr("gsp.analysis.analysis.analyse", lambda *a, **k: analysis)
+    monkeypatch.setattr("gsp.choice.choice.choose", lambda *a, **k: choice)
+    verdict = choice.verdict
+    assert str(choice).splitlines()[0] == str(verdict)
+    assert choice.reason == verdict.sentences
+    page = Page(analysis)
+    assert page.verdict() == (verdict.answer.capitalize(), words(verdict.sentences))
+    folder = write_report(analysis, tmp_path / name).parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    # On the card, and above the table of candidates.
+    assert text.count(str(words(verdict.sentences))) == 2
+    assert text.count(f"{verdict.answer.capitalize()}:</b>") == 2
+    for content in (json.loads((folder / "report.json").read_text(encoding="utf-8")), as_json(analysis)):
+        assert content["choice"]["verdict"] == choice_as_json(choice)["verdict"]
+        assert content["choice"]["verdict"]["answer"] == verdict.answer
+    for command in (["choose", name], ["report", name, "-o", str(tmp_path / "again")]):
+        assert str(verdict) in CliRunner().invoke(cli, command).output.splitlines()
+    assert str(verdict) in str(analysis).splitlines()
+    # What is shown of seconds is one measurement.
+    rows = {row["name"]: row["microseconds"] for row in page.choice()["rows"]}
+    assert rows == pytest.approx({c.label: 1e6 * c.seconds for c in choice.candidates}, nan_ok=True)
+
+
+@pytest.mark.parametrize("name", ["michaelis_menten", "van_der_pol", "chaplygin_sleigh"])
+def test_the_report_decides_as_choose_does(name: str) -> None:
+    # Seconds differ from run to run, and with them whether it pays; what is exact enough does not.
+    def may(answer: str) -> str:
+        return "yes" if answer in (Answer.YES, Answer.NO_GAIN) else answer
+
+    shown = json.loads(CliRunner().invoke(cli, ["choose", name, "--json"]).output)
+    asked, told = choose(models.load(name)), analyse(models.load(name)).choice
+    valid = [(c.label, c.valid) for c in told.candidates]
+    assert [(c.label, c.valid) for c in asked.candidates] == valid
+    assert [(row["model"], row["valid"]) for row in shown["candidates"]] == valid
+    assert may(shown["verdict"]["answer"]) == may(asked.verdict.answer) == may(told.verdict.answer)

@@ -1,0 +1,228 @@
+"""The classical methods against one another: the orders that theorems promise, measured."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.comparison.classical_methods import csp, fraser_roussel, ildm, quasi_steady_state
+from gsp.comparison.classical_table import MethodTable, method_table
+from gsp.comparison.comparison import slope
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError
+from gsp.scenes.scene import Scene
+from gsp.slow.series import expand
+from gsp.slow.slow_points import zero_derivative
+from gsp.slow.solved_manifold import solve_manifold
+from gsp.systems.system import SlowFastSystem
+from tests import systems
+from tests.systems import epsilon, x, y
+
+LADDER = (0.01, 0.005, 0.0025)
+# Branch, points (m, n_slow): explicit and implicit, several slow and fast variables, a saddle.
+SHEETS = {
+    "michaelis_menten": (
+        solve_critical(systems.michaelis_menten()).branches[0],
+        np.linspace(0.3, 2, 9)[:, None],
+    ),
+    "van_der_pol": (
+        solve_critical(systems.van_der_pol()).branches[0].through({"y": 2 / 3, "x": 2}),
+        np.linspace(0.2, 1, 9)[:, None],
+    ),
+    "koper": (
+        solve_critical(systems.koper()).branches[0].through({"y": 0, "z": 0.5, "x": 2.4}),
+        np.array([[-0.2, 0], [-0.1, 0.6], [0, 0.2], [0.1, 0.4], [0.2, 0.9]]),
+    ),
+    "coupled": (
+        solve_critical(systems.coupled()).branches[0].through({"x": 1, "y": 0.5, "z": 0.3}),
+        np.linspace(0.2, 1, 9)[:, None],
+    ),
+    "saddle": (solve_critical(systems.saddle()).branches[0], np.linspace(0.2, 1, 9)[:, None]),
+}
+
+
+def measured(branch, points, method) -> float:
+    errors = []
+    for e in LADDER:
+        exact = zero_derivative(branch, points, epsilon=e, tolerance=1e-15)
+        errors.append(float(np.abs(method(e).y - exact.y).max()))
+    return slope(LADDER, errors, [3e-15] * len(LADDER))
+
+
+@pytest.mark.parametrize(("branch", "points"), SHEETS.values(), ids=SHEETS)
+def test_the_theorems_hold_on_every_kind_of_branch(branch, points) -> None:
+    def order(function, **fixed):
+        return measured(branch, points, lambda e: function(branch, points, epsilon=e, **fixed))
+
+    assert measured(branch, points, lambda e: quasi_steady_state(branch, points)) == pytest.approx(1, abs=0.1)
+    # Kaper and Kaper 2002: the error of ILDM is O(epsilon^2) times the curvature of M0, here not zero.
+    assert order(ildm) == pytest.approx(2, abs=0.1)
+    for q in (0, 1, 2):
+        # Zagaris, Kaper and Kaper 2004, theorem 3.1.
+        assert order(csp, refinements=q) == pytest.approx(q + 1, abs=0.1)
+    for k in (0, 1, 2):
+        # Kaper and Kaper 2002.
+        assert order(fraser_roussel, iterates=k) == pytest.approx(k + 1, abs=0.1)
+
+
+def test_three_refinements_of_csp_have_order_four() -> None:
+    branch, points = SHEETS["michaelis_menten"]
+    order = measured(branch, points, lambda e: csp(branch, points, epsilon=e, refinements=3))
+    assert order == pytest.approx(4, abs=0.1)
+
+
+def test_where_the_critical_manifold_is_flat_ildm_gains_an_order() -> None:
+    # The sleigh's M0 is w = 0: its curvature vanishes, and with it the error at epsilon^2.
+    branch = solve_critical(systems.sleigh()).branches[0]
+    points = np.array([[-1, 1], [0.5, 1.5], [1, -0.5], [-0.3, 0.8]])
+    order = measured(branch, points, lambda e: ildm(branch, points, epsilon=e))
+    assert order == pytest.approx(3, abs=0.1)
+
+
+def test_on_a_linear_system_ildm_is_exact() -> None:
+    system = SlowFastSystem(slow={x: -x + y / 2}, fast={y: x - 2 * y}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0]
+    e = 0.1
+    # The slow eigenvector of [[-1, 1/2], [1/e, -2/e]].
+    slow = np.roots([1, 1 + 2 / e, 2 / e - 0.5 / e]).max()
+    assert ildm(branch, np.array([[1.0]]), epsilon=e).y[0, 0] == pytest.approx(2 * (slow + 1), abs=1e-13)
+
+
+def segel_slemrod(kappa: float, sigma: float) -> SlowFastSystem:
+    k, s = sp.symbols("kappa sigma")
+    return SlowFastSystem(
+        slow={y: (-(k + 1) * y + (k - s + y) * x) / s},
+        fast={x: y - x * (k + y) / (k + 1)},
+        epsilon=epsilon,
+        parameters={k: kappa, s: sigma},
+    )
+
+
+def test_one_csp_refinement_is_its_closed_form() -> None:
+    # With B = (g_x/g_y, 1) the condition g + epsilon (g_x/g_y) f = 0 is quadratic in the fast variable.
+    system = segel_slemrod(10, 100)
+    f, g = system.f[0], system.g[0]
+    condition = sp.expand((g * g.diff(x) + epsilon * g.diff(y) * f).xreplace(dict(system.parameters)))
+    branch = solve_critical(system).branches[0]
+    found = csp(branch, np.array([[0.7]]), epsilon=0.05, refinements=1).y[0, 0]
+    roots = sp.Poly(condition.subs({y: sp.Rational(7, 10), epsilon: sp.Rational(1, 20)}), x).nroots(n=20)
+    assert min(abs(complex(root) - found) for root in roots) < 1e-13
+
+
+def test_the_published_errors_on_michaelis_menten_are_reproduced_and_beaten() -> None:
+    # Patsatzis, Fabiani, Russo and Siettos (arXiv 2309.07946), kappa = 10, sigma = 100, y in (0, 1): quasi-steady
+    # state 8e-2, CSP once 5e-3, series through epsilon^2 1e-3, their network 5e-4. Their largest errors belong to
+    # epsilon near 0.08, to judge by the first three.
+    branch = solve_critical(segel_slemrod(10, 100)).branches[0]
+    points = np.logspace(-6, 0, 60)[:, None]
+    e = 0.08
+    exact = zero_derivative(branch, points, epsilon=e)
+    assert exact.error.max() < 1e-11
+
+    def error(values) -> float:
+        return float(np.abs(values - exact.y).max())
+
+    assert error(quasi_steady_state(branch, points).y) == pytest.approx(8.3e-2, rel=0.1)
+    assert error(csp(branch, points, epsilon=e, refinements=1).y) == pytest.approx(5e-3, rel=0.15)
+    series = expand(branch, order=3)
+    assert error(series.evaluate(points, e, order=2)) == pytest.approx(1.2e-3, rel=0.25)
+    for value in (0.1, e, 0.01):
+        solved = solve_manifold(branch, region={"y": (0, 1)}, epsilon=value)
+        pointwise = zero_derivative(branch, points, epsilon=value)
+        assert np.abs(solved.evaluate(points) - pointwise.y).max() < 1e-10
+
+
+# -- the table -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def enzyme() -> MethodTable:
+    scene = models.load("michaelis_menten")
+    return method_table(scene, points=np.linspace(0.3, 1.8, 9), epsilons=(0.02, 0.01, 0.005))
+
+
+def test_every_fitted_order_of_the_table_is_the_expected_one(enzyme: MethodTable) -> None:
+    for row in enzyme.rows:
+        if row.expected is not None:
+            assert row.fitted == pytest.approx(row.expected, abs=0.1), row.label
+        assert row.microseconds > 0
+    solved = enzyme["solved"]
+    assert solved.expected is None
+    assert np.isnan(solved.fitted)
+    assert max(solved.errors) < 1e-10
+
+
+def test_the_reference_has_a_second_route(enzyme: MethodTable) -> None:
+    assert set(enzyme.references) == {"solved manifold"}
+    assert max(enzyme.floor) < 1e-12
+    assert max(enzyme.disagreement) < 1e-12
+
+
+def test_a_table_reads_well_and_can_be_written(enzyme: MethodTable) -> None:
+    text = str(enzyme)
+    assert "ILDM" in text
+    assert "reference: solved manifold" in text
+    assert len({len(line) for line in text.splitlines()[2:-3]}) == 1
+    rows = json.loads(json.dumps(enzyme.as_rows()))
+    assert rows[0]["label"] == "QSS"
+    assert rows[0]["error at 0.01"] == enzyme["QSS"].errors[1]
+    with pytest.raises(KeyError, match="CSP 2"):
+        enzyme["CSP 9"]
+
+
+def test_the_series_is_exact_where_the_others_are_not() -> None:
+    table = method_table(
+        models.load("davis_skodje"),
+        points=np.linspace(0.5, 3, 7),
+        epsilons=(0.05, 0.025),
+        orders=(0, 1),
+        iterates=(1,),
+    )
+    assert max(table["series 0"].errors) < 1e-14
+    assert np.isnan(table["series 0"].fitted)
+    assert table["ILDM"].fitted == pytest.approx(2, abs=0.1)
+    assert table["CSP 1"].fitted == pytest.approx(2, abs=0.1)
+
+
+def test_a_field_that_is_split_and_two_slow_variables_are_tabulated() -> None:
+    table = method_table(
+        models.load("chaplygin_sleigh"), epsilons=(0.01, 0.005), orders=(0, 1), refinements=(1,), iterates=(1,)
+    )
+    assert table["series 1"].fitted == pytest.approx(2, abs=0.1)
+    assert table["ILDM"].fitted == pytest.approx(3, abs=0.1)
+
+
+def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
+    slow = sp.symbols("x1:5")
+    system = SlowFastSystem(
+        slow={s: -s for s in slow}, fast={y: sp.Add(*slow) + slow[0] * slow[1] - y}, epsilon=epsilon
+    )
+    start = {"x1": 0.5, "x2": 0.5, "x3": 0.5, "x4": 0.5, "y": 2}
+    scene = Scene(system, {s.name: (0, 1) for s in slow}, start, (0, 1), 0.01, (0.02, 0.01), 1e-6)
+    table = method_table(scene)
+    assert table.omitted == ("Fraser-Roussel", "solved")
+    assert table["CSP 1"].fitted == pytest.approx(2, abs=0.1)
+    assert "omitted" in str(table)
+    branch = solve_critical(system).branches[0]
+    with pytest.raises(DeclarationError, match="one to three slow variables"):
+        fraser_roussel(branch, table.points, epsilon=0.01, iterates=1)
+
+
+def test_bad_calls_are_named() -> None:
+    scene = models.load("michaelis_menten")
+    with pytest.raises(DeclarationError, match="takes a Scene"):
+        method_table(scene.system)
+    with pytest.raises(DeclarationError, match="every one of refinements is a non-negative integer"):
+        method_table(scene, refinements=(-1,))
+    with pytest.raises(DeclarationError, match="two epsilons or more"):
+        method_table(scene, epsilons=(0.1,))
+    with pytest.raises(DeclarationError, match="no interval for s"):
+        method_table(replace(scene, region={"c": (0, 1)}))
+
+
+def test_orders_are_a_sequence() -> None:
+    with pytest.raises(DeclarationError, match="iterates is a sequence"):
+        method_table(models.load("linear"), iterates=1)

@@ -1,0 +1,110 @@
+"""Reduced against full: order N gives slope N + 1, exact reductions give rounding, rivals are judged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.comparison.comparison import compare, on_manifold, slope
+from gsp.errors import DeclarationError, Status
+from gsp.scenes.placement import place
+from gsp.scenes.scene import Scene
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem
+
+x, y, eps = sp.symbols("x y epsilon")
+
+
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "michaelis_menten", "lindemann", "van_der_pol", "koper"])
+def test_the_slope_of_order_n_is_n_plus_one(name: str) -> None:
+    comparison = compare(models.load(name), orders=(0, 1, 2, 3))
+    for order in range(4):
+        assert comparison.expected[order] == order + 1
+        assert comparison.slopes[order] == pytest.approx(order + 1, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["davis_skodje", "linear"])
+def test_an_exact_reduction_is_exact_to_rounding_at_every_order(name: str) -> None:
+    comparison = compare(models.load(name), orders=(0, 2))
+    for order in (0, 2):
+        assert comparison.is_exact(order)
+        assert max(comparison.errors[order]) < 1e-12
+        assert np.isnan(comparison.slopes[order])
+
+
+def test_the_printed_sign_of_equation_18_is_wrong_and_the_derived_one_right() -> None:
+    comparison = compare(models.load("chaplygin_sleigh"), orders=(0, 1))
+    assert comparison.claim_slopes["(18) as printed"] == pytest.approx(1, abs=0.1)
+    assert comparison.claim_slopes["(18) with its sign corrected"] == pytest.approx(2, abs=0.1)
+    # With the printed sign order 1 is worse than order 0.
+    assert all(c > e for c, e in zip(comparison.claims["(18) as printed"], comparison.errors[0]))
+
+
+def test_the_start_lies_on_the_slow_manifold() -> None:
+    placement = place(models.load("michaelis_menten"))
+    series = expand(placement.branch, order=6)
+    start = on_manifold(series, placement.start, 0.1)
+    # The slow manifold at s = 1, epsilon = 0.1, computed independently in 40 digits.
+    assert start["c"] == pytest.approx(0.5030315116239185527, abs=2e-9)
+
+
+def test_epsilons_may_be_given_and_are_sorted() -> None:
+    comparison = compare(models.load("michaelis_menten"), orders=(1,), epsilons=(0.01, 0.02, 0.005))
+    assert comparison.epsilons == (0.02, 0.01, 0.005)
+    assert comparison.slopes[1] == pytest.approx(2, abs=0.1)
+
+
+def test_a_run_that_stops_early_gives_nan_and_its_status() -> None:
+    # On M0, y = 1/x, the reduced flow x' = -1/x reaches x = 0 at t = 1/2: the branch ends there.
+    system = SlowFastSystem(slow={x: -y}, fast={y: 1 - x * y}, epsilon=eps)
+    scene = Scene(system, {"x": (0.1, 2)}, {"x": 1, "y": 1}, (0, 0.6), 0.01, (0.02, 0.01), 1e-6)
+    comparison = compare(scene, orders=(0,))
+    assert all(np.isnan(error) for error in comparison.errors[0])
+    assert all(status is not Status.SUCCESS for status in comparison.statuses[0])
+
+
+def test_a_slope_ignores_errors_at_the_floor() -> None:
+    epsilons = (0.1, 0.05, 0.025, 0.0125)
+    errors = [e**2 for e in epsilons[:3]] + [1e-13]
+    assert slope(epsilons, errors, [1e-14] * 4) == pytest.approx(2)
+    assert np.isnan(slope(epsilons, [1e-15] * 4, [1e-15] * 4))
+
+
+def test_progress_reaches_one() -> None:
+    seen: list[float] = []
+    compare(models.load("linear"), orders=(0,), progress=seen.append)
+    assert seen[-1] == 1.0
+    assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize("orders", [(), (-1,), (1.5,), ("1",), (True,)])
+def test_wrong_orders_are_named(orders) -> None:
+    with pytest.raises(DeclarationError, match="non-negative integer"):
+        compare(models.load("linear"), orders=orders)
+
+
+def test_other_parameters_give_another_comparison() -> None:
+    scene = models.load("michaelis_menten")
+    other = replace(scene, system=scene.system.with_parameters(kappa=2))
+    one, two = (compare(s, orders=(0,)).errors[0] for s in (scene, other))
+    assert one != two
+
+
+def test_a_repelling_branch_is_compared_backward_in_time() -> None:
+    system = SlowFastSystem(slow={x: -x + y}, fast={y: y - x + x * y / 4}, epsilon=eps)
+    scene = Scene(system, {"x": (0.1, 2)}, {"x": 1, "y": 1}, (0, 1), 0.01, (0.02, 0.01, 0.005), 1e-6)
+    comparison = compare(scene, orders=(0, 1, 2))
+    for order in range(3):
+        assert comparison.slopes[order] == pytest.approx(order + 1, abs=0.1)
+
+
+def test_what_is_compared_is_a_scene_over_sequences() -> None:
+    scene = models.load("linear")
+    with pytest.raises(DeclarationError, match=r"compare takes a Scene\. Got a SlowFastSystem"):
+        compare(scene.system)
+    with pytest.raises(DeclarationError, match="orders is a sequence"):
+        compare(scene, orders=1)
+    with pytest.raises(DeclarationError, match="epsilons is a sequence"):
+        compare(scene, epsilons=0.01)

@@ -1,0 +1,341 @@
+"""Normal hyperbolicity: the verdict follows the eigenvalues, losses are located, and disguise changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.sampling import Sampler
+from gsp.errors import BranchError, DeclarationError
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.hyperbolicity.losses import Locator
+from gsp.systems.system import SlowFastSystem
+from tests import systems
+
+x, y, z, u, v, a, eps = sp.symbols("x y z u v a epsilon")
+UNIT = {"x": (-1, 1)}
+
+
+def judge(g, region=UNIT, f=-x, *, through=None, epsilon=None, **parameters) -> Hyperbolicity:
+    fast = g if isinstance(g, dict) else {y: g}
+    values = {sp.Symbol(n): value for n, value in parameters.items()}
+    manifold = solve_critical(SlowFastSystem(slow={x: f}, fast=fast, epsilon=eps, parameters=values))
+    branch = manifold.nearest(through) if through else manifold.branches[0]
+    return classify(branch, region=region, epsilon=epsilon)
+
+
+def condition(verdict: Hyperbolicity, name: str):
+    (found,) = [c for c in verdict.conditions if c.name == name]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("g", "kind", "gap"),
+    [
+        (x - 2 * y, Kind.ATTRACTING, 2),
+        (2 * y - x, Kind.REPELLING, 2),
+        ({y: y + x**2, z: -3 * z + x * y}, Kind.SADDLE, 1),
+        ({y: -y + 5 * z, z: -5 * y - z + x}, Kind.ATTRACTING, 1),
+        (-y * (x**2 + sp.Rational(1, 4)), Kind.ATTRACTING, 0.25),
+        (sp.exp(y) - x - 2, Kind.REPELLING, 1),
+        (x - y**3 - y, Kind.ATTRACTING, 1),
+    ],
+)
+def test_kind_and_gap_are_those_of_the_eigenvalues(g, kind, gap) -> None:
+    verdict = judge(g)
+    assert verdict.kind is kind
+    assert verdict.gap == pytest.approx(gap, rel=1e-6)
+    assert verdict.holds
+    assert verdict.losses == ()
+
+
+def test_the_reference_saddle_is_a_saddle() -> None:
+    verdict = classify(solve_critical(systems.saddle()).branches[0], region=UNIT)
+    assert verdict.kind is Kind.SADDLE
+    assert verdict.gap == 1
+    assert sorted(verdict.eigenvalues(0.3).real) == [-1, 1]
+
+
+def test_the_gap_is_refined_between_the_samples() -> None:
+    third = sp.Rational(1, 3)
+    assert judge(-y * ((x - third) ** 2 + sp.Rational(1, 10**6))).gap == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_eigenvalues_are_those_of_the_closed_form_and_keep_the_batch() -> None:
+    verdict = judge({y: -y + x * z, z: -x * y - 2 * z})
+    grid = np.linspace(-1, 1, 11)
+    found = verdict.eigenvalues(grid)
+    assert found.shape == (11, 2)
+    root = np.sqrt(0.25 - grid**2 + 0j)
+    expected = np.sort_complex(np.stack([-1.5 + root, -1.5 - root], axis=1))
+    assert np.abs(np.sort_complex(found) - expected).max() < 1e-7
+    assert verdict.eigenvalues(0.5).shape == (2,)
+    assert verdict.eigenvalues({"x": 0.9}).imag.max() == pytest.approx(np.sqrt(0.81 - 0.25))
+
+
+def van_der_pol_losses(region) -> Hyperbolicity:
+    (branch,) = solve_critical(systems.van_der_pol()).branches
+    return classify(branch, region=region)
+
+
+def test_both_folds_of_van_der_pol_are_located() -> None:
+    verdict = van_der_pol_losses({"y": (-1, 1)})
+    assert verdict.kind is Kind.LOST
+    assert verdict.gap == 0
+    places = sorted((loss.point["y"], loss.point["x"]) for loss in verdict.losses)
+    assert np.abs(np.array(places) - [(-2 / 3, 1), (2 / 3, -1)]).max() < 1e-8
+    assert all(loss.crossing == "zero eigenvalue" and abs(loss.eigenvalue) < 1e-8 for loss in verdict.losses)
+    assert not verdict.holds
+
+
+def test_a_sheet_that_ends_in_the_region_is_lost_at_its_fold() -> None:
+    branch = solve_critical(systems.van_der_pol()).nearest({"y": 0, "x": 1.8})
+    verdict = classify(branch, region={"y": (-1, 1)})
+    assert verdict.kind is Kind.LOST
+    assert not condition(verdict, "graph").holds
+    (loss,) = verdict.losses
+    assert (loss.point["y"], loss.point["x"]) == pytest.approx((-2 / 3, 1), abs=1e-8)
+
+
+def test_a_sheet_is_not_blamed_for_the_folds_of_another() -> None:
+    # Folds at y = +-1 of the lower pair of sheets; the sheet near y = 5 has none over the region.
+    g = (x + y - y**3 / 3) * (y - 5) - sp.Rational(1, 100)
+    upper = judge(g, {"x": (-1, 1)}, through={"x": 0, "y": 5})
+    assert upper.losses == ()
+    assert upper.kind is not Kind.LOST
+    assert judge(g, {"x": (-1, 1)}, through={"x": 0, "y": 1.73}).kind is Kind.LOST
+
+
+def test_only_the_sheet_that_runs_into_a_fold_owns_it() -> None:
+    (branch,) = solve_critical(systems.van_der_pol()).branches
+    fold = np.array([-2 / 3, 1.0])
+    for start, owned in ((1.7, True), (0.1, True), (-1.7, False)):
+        sheet = branch.through({"y": 0, "x": start})
+        locator = Locator(Sampler(sheet), {"y": (-1, 1)}, 1.0)
+        sample = np.array([0.0, sheet.points(0.0)[0]])
+        assert locator._on_sheet(fold, sample) is owned
+
+
+def test_one_sheet_between_the_folds_holds() -> None:
+    region = {"y": (-0.5, 0.5)}
+    (branch,) = solve_critical(systems.van_der_pol()).branches
+    for start, kind in ((1.7, Kind.ATTRACTING), (0.1, Kind.REPELLING), (-1.7, Kind.ATTRACTING)):
+        assert classify(branch.through({"y": 0, "x": start}), region=region).kind is kind
+    assert classify(branch, region={**region, "x": (1.1, 3)}).kind is Kind.ATTRACTING
+
+
+def test_sheets_of_different_type_ask_which_one_is_meant() -> None:
+    (branch,) = solve_critical(systems.van_der_pol()).branches
+    with pytest.raises(BranchError, match=r"sheets of different type.*attracting, repelling.*branch.through"):
+        classify(branch, region={"y": (-0.5, 0.5)})
+
+
+def test_an_explicit_fold_is_located() -> None:
+    for which in (0, 1):
+        branches = solve_critical(SlowFastSystem(slow={x: 1}, fast={y: x + y**2}, epsilon=eps)).branches
+        verdict = classify(branches[which], region=UNIT)
+        assert verdict.kind is Kind.LOST
+        assert not condition(verdict, "graph").holds
+        assert verdict.losses
+        assert abs(verdict.losses[0].point["x"]) < 1e-8
+
+
+def test_a_transcritical_crossing_is_located() -> None:
+    verdict = judge(y**2 - (x - sp.Rational(1, 7)) ** 2)
+    assert verdict.kind is Kind.LOST
+    (loss,) = verdict.losses
+    assert loss.point["x"] == pytest.approx(1 / 7, abs=1e-8)
+    assert not condition(verdict, "one type").holds
+
+
+def test_a_hopf_point_of_the_layer_problem_is_located() -> None:
+    shift = x - sp.Rational(1, 7)
+    verdict = judge({y: shift * y - 2 * z, z: 2 * y + shift * z})
+    assert verdict.kind is Kind.LOST
+    (loss,) = verdict.losses
+    assert loss.crossing == "imaginary pair"
+    assert loss.point["x"] == pytest.approx(1 / 7, abs=1e-8)
+    assert abs(loss.eigenvalue.imag) == pytest.approx(2, abs=1e-8)
+    assert abs(loss.eigenvalue.real) < 1e-8
+
+
+def test_a_neutral_saddle_is_no_loss() -> None:
+    # Trace 0, determinant -1 for all x: a saddle, not a Hopf point.
+    assert judge({y: z, z: y + x}).kind is Kind.SADDLE
+
+
+@pytest.mark.parametrize(
+    "g", [x * y - 1, -y + 1 / (x**2 - sp.Rational(1, 9)), (x - sp.Rational(1, 3)) ** 2 * y - 1]
+)
+def test_a_pole_of_the_branch_is_found_between_the_samples(g) -> None:
+    verdict = judge(g, {"x": (-1, 1.1)})
+    assert verdict.kind is Kind.LOST
+    assert not condition(verdict, "graph").holds
+    poles = {round(loss.point["x"], 7) for loss in verdict.losses if loss.crossing == "pole of the branch"}
+    assert poles <= {0.0, round(1 / 3, 7), round(-1 / 3, 7)}
+    assert poles
+
+
+def test_a_removable_zero_of_a_denominator_is_no_pole() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - y / (1 + y**2)}, epsilon=eps)
+    branch = solve_critical(system).nearest({"x": 0.1, "y": 0.1})
+    verdict = classify(branch, region={"x": (-0.4, 0.4)})
+    assert verdict.kind is Kind.ATTRACTING
+    assert verdict.losses == ()
+
+
+def test_a_loss_too_thin_for_the_samples_is_found() -> None:
+    third = sp.Rational(1, 3)
+    verdict = judge(-y * ((x - third) ** 2 - sp.Rational(1, 10**6)))
+    assert verdict.kind is Kind.LOST
+    places = sorted(loss.point["x"] for loss in verdict.losses)
+    assert places == pytest.approx([1 / 3 - 1e-3, 1 / 3 + 1e-3], abs=1e-8)
+    shift = (x - third) ** 2 - sp.Rational(1, 10**6)
+    pair = judge({y: -shift * y - 2 * z, z: 2 * y - shift * z})
+    assert pair.kind is Kind.LOST
+    assert all(loss.crossing == "imaginary pair" for loss in pair.losses)
+    assert abs(pair.losses[0].point["x"] - 1 / 3) == pytest.approx(1e-3, abs=1e-8)
+
+
+def test_a_branch_that_is_degenerate_everywhere_is_said_to_be() -> None:
+    verdict = judge((y - x) ** 2)
+    assert verdict.kind is Kind.LOST
+    (loss,) = verdict.losses
+    assert "whole branch" in loss.crossing
+
+
+@given(st.lists(st.integers(-3, 3), min_size=4, max_size=4), st.sampled_from([(-1, -2), (1, 3), (-2, 1)]))
+@settings(max_examples=8, deadline=None)
+def test_a_linear_change_of_the_fast_variables_changes_nothing(entries, rates) -> None:
+    matrix = sp.Matrix(2, 2, entries)
+    assume(matrix.det() != 0)
+    fast = sp.Matrix([y, z])
+    layer = sp.Matrix([rates[0] * (y - x**2), rates[1] * (z - x * y)])
+    back = dict(zip((y, z), matrix.inv() * fast))
+    g = (matrix * layer).xreplace(back)
+    plain = judge({y: layer[0], z: layer[1]})
+    disguised = judge({y: sp.expand(g[0]), z: sp.expand(g[1])})
+    assert disguised.kind is plain.kind
+    assert disguised.gap == pytest.approx(plain.gap, rel=1e-9)
+
+
+def test_the_rates_give_the_r_of_normal_hyperbolicity() -> None:
+    verdict = judge(x - 2 * y, f=-4 * x, epsilon=0.1)
+    assert (verdict.rates.normal, verdict.rates.tangential) == (2, 4)
+    assert verdict.rates.r(0.1) == pytest.approx(5)
+    found = condition(verdict, "normal rate dominates")
+    assert found.holds
+    assert found.value == pytest.approx(5)
+    assert not condition(judge(x - 2 * y, f=-4 * x, epsilon=1), "normal rate dominates").holds
+    assert judge(x - 2 * y, f=sp.Integer(1)).rates.r(0.1) == float("inf")
+
+
+def test_the_tangential_rate_is_that_of_the_reduced_flow() -> None:
+    # On y = 3 x the slow flow is x' = -x + 3 x = 2 x, although f_x alone is -1.
+    assert judge(3 * x - y, f=-x + y).rates.tangential == pytest.approx(2)
+
+
+def test_every_condition_is_decided_by_a_number() -> None:
+    verdict = judge(x - 2 * y, epsilon=0.01)
+    names = [c.name for c in verdict.conditions]
+    assert len(names) == len(set(names)) == 7
+    for found in verdict.conditions:
+        assert isinstance(found.value, float)
+        assert found.requirement
+        assert found.holds
+        assert found.name in str(verdict)
+    assert "sampled" in verdict.evidence
+    assert len(judge(x - 2 * y).conditions) == 6
+
+
+def test_a_field_that_is_not_smooth_is_named() -> None:
+    verdict = judge(sp.Abs(x) - y)
+    assert verdict.kind is Kind.ATTRACTING
+    found = condition(verdict, "smooth field")
+    assert (found.value, found.holds) == (1, False)
+    assert not verdict.holds
+
+
+def test_three_slow_variables_are_sampled_with_their_corners() -> None:
+    system = SlowFastSystem(slow={x: -x, u: -u, v: u}, fast={y: x + u * v - y - y**3}, epsilon=eps)
+    region = {"x": (-1, 1), "u": (-1, 1), "v": (-1, 1)}
+    verdict = classify(solve_critical(system).branches[0], region=region)
+    assert verdict.kind is Kind.ATTRACTING
+    # 1 + 3 y^2 is least, 1, at y = 0, and largest in a corner, where y^3 + y = 2.
+    assert verdict.gap == pytest.approx(1, abs=1e-6)
+    assert condition(verdict, "smooth Jacobian").value > 1
+    corner = SlowFastSystem(slow={x: -x, u: -u, v: u}, fast={y: -y * (3 - x - u - v)}, epsilon=eps)
+    assert classify(solve_critical(corner).branches[0], region=region).kind is Kind.LOST
+
+
+def test_a_curve_of_folds_is_met_over_two_slow_variables() -> None:
+    system = SlowFastSystem(slow={x: -x, u: -u}, fast={y: x + u * y + y**3}, epsilon=eps)
+    verdict = classify(solve_critical(system).branches[0], region={"x": (-1, 1), "u": (-1, 1)})
+    assert verdict.kind is Kind.LOST
+    for loss in verdict.losses:
+        X, U, Y = (loss.point[name] for name in ("x", "u", "y"))
+        assert abs(X + U * Y + Y**3) < 1e-8
+        assert abs(U + 3 * Y**2) < 1e-6
+
+
+REFUSED = [
+    ({}, "region"),
+    ({"y": (0, 1)}, "no interval for x"),
+    ({"x": (1, 1)}, "is empty"),
+    ({"x": (1, 0)}, "is reversed"),
+    ({"x": (0, float("inf"))}, "finite"),
+    ({"x": (0, 1), "q": (0, 1)}, 'bounds "q"'),
+]
+
+
+@pytest.mark.parametrize(("region", "words"), REFUSED)
+def test_a_region_that_is_none_is_refused(region, words) -> None:
+    with pytest.raises(DeclarationError, match=words):
+        judge(x - y, region)
+
+
+def test_a_region_without_a_real_point_is_refused() -> None:
+    with pytest.raises(BranchError, match=r"no real point in the region x in \[1, 2\]"):
+        judge(y**2 + x, {"x": (1, 2)})
+    with pytest.raises(BranchError, match="no real point in the region"):
+        judge(x - y, {"x": (0, 1), "y": (5, 6)})
+    with pytest.raises(DeclarationError, match="classify takes a Branch"):
+        classify(3, region=UNIT)  # pyright: ignore[reportArgumentType]
+
+
+def test_many_sheets_of_a_sine_are_told_apart() -> None:
+    (branch,) = solve_critical(SlowFastSystem(slow={x: 1}, fast={y: sp.sin(y) - x}, epsilon=eps)).branches
+    verdict = classify(branch, region={"x": (-1.5, 1.5), "y": (-10, 10)})
+    folds = sorted(loss.point["y"] for loss in verdict.losses)
+    assert folds == pytest.approx(np.pi * (np.arange(-3, 3) + 0.5), abs=1e-8)
+    held = classify(branch.through({"x": 0, "y": 3.1}), region={"x": (-0.9, 0.9)})
+    assert held.kind is Kind.ATTRACTING
+    assert held.gap == pytest.approx(np.sqrt(1 - 0.81), rel=1e-6)
+
+
+def test_a_verdict_prints_its_kind_gap_and_losses() -> None:
+    verdict = van_der_pol_losses({"y": (-1, 1)})
+    assert repr(verdict).startswith("Hyperbolicity(lost, gap=0, sampled at")
+    assert "zero eigenvalue at y = -0.666667, x = 1" in str(verdict)
+    assert "FAILS  hyperbolic equilibria" in str(verdict)
+
+
+@pytest.mark.parametrize("value", [0, -1, [0.01], 1 + 0j, "small"])
+def test_an_epsilon_that_is_none_is_refused(value) -> None:
+    system = systems.michaelis_menten()
+    branch = solve_critical(system).branches[0]
+    with pytest.raises(DeclarationError, match=r"epsilon .*Got"):
+        classify(branch, region={"s": (0, 1)}, epsilon=value)
+
+
+def test_an_exact_epsilon_counts_as_its_number() -> None:
+    branch = solve_critical(systems.michaelis_menten()).branches[0]
+    r = [
+        classify(branch, region={"s": (0, 1)}, epsilon=e).conditions[-1].value
+        for e in (sp.Rational(1, 100), 0.01)
+    ]
+    assert r[0] == r[1]

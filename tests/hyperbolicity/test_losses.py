@@ -1,0 +1,628 @@
+"""Every loss has its name, on plain systems and in linear disguise; hyperbolic scenes raise no alarm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import models
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import BranchError
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.hyperbolicity.losses import Loss, LossKind
+from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.scenes.placement import place
+from gsp.splitting.splitting import split
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, u, y, z, w, eps = sp.symbols("x u y z w epsilon")
+THIRD = sp.Rational(1, 3)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A system with a point of the sheet that is meant, and its region; fast bounds where sheets are searched."""
+
+    slow: dict
+    fast: dict
+    through: dict
+    region: dict
+    kind: LossKind
+
+    @property
+    def system(self) -> SlowFastSystem:
+        return SlowFastSystem(slow=self.slow, fast=self.fast, epsilon=eps)
+
+
+def invertible(n: int, seed: int) -> sp.Matrix:
+    """A random integer matrix, far from singular."""
+    rng = np.random.default_rng(seed)
+    while True:
+        entries = rng.integers(-3, 4, (n, n))
+        if abs(np.linalg.det(entries)) > 0.5 and np.linalg.cond(entries) < 8.0:
+            return sp.Matrix(entries.tolist())
+
+
+def disguised(case: Case, seed: int) -> tuple[Case, sp.Matrix, sp.Matrix]:
+    """`case` with a stable fast direction added when it has one only, and x -> S x, y -> T y; S and T too."""
+    fast, through = dict(case.fast), dict(case.through)
+    if len(fast) == 1:
+        (only,) = fast
+        fast[w] = -2 * w + only
+        through["w"] = through[only.name] / 2
+    xs, ys = list(case.slow), list(fast)
+    S, T = invertible(len(xs), seed), invertible(len(ys), seed + 1)
+    back = dict(zip(xs, S.inv() * sp.Matrix(xs))) | dict(zip(ys, T.inv() * sp.Matrix(ys)))
+    f = (S * sp.Matrix(list(case.slow.values()))).subs(back, simultaneous=True)
+    g = (T * sp.Matrix([fast[s] for s in ys])).subs(back, simultaneous=True)
+    point = [*(S * sp.Matrix([through[s.name] for s in xs])), *(T * sp.Matrix([through[s.name] for s in ys]))]
+    corners = np.array(np.meshgrid(*[case.region[s.name] for s in xs])).reshape(len(xs), -1)
+    images = np.array(S.tolist(), dtype=float) @ corners
+    region = {s.name: (float(low), float(high)) for s, low, high in zip(xs, images.min(1), images.max(1))}
+    if any(s.name in case.region for s in ys):
+        region |= {s.name: (-12, 12) for s in ys}
+    changed = Case(
+        {s: sp.expand(e) for s, e in zip(xs, f)},
+        {s: sp.expand(e) for s, e in zip(ys, g)},
+        {s.name: float(value) for s, value in zip((*xs, *ys), point)},
+        region,
+        case.kind,
+    )
+    return changed, S, T
+
+
+def judge(case: Case) -> Hyperbolicity:
+    critical = solve_critical(case.system)
+    branch = critical.nearest(case.through) if case.through else critical.branches[0]
+    return classify(branch, region=case.region)
+
+
+def only(verdict: Hyperbolicity, kind: LossKind) -> Loss:
+    found = [loss for loss in verdict.losses if loss.kind is kind]
+    assert len(found) == 1, [loss.headline for loss in verdict.losses]
+    return found[0]
+
+
+UNIT = {"x": (-1, 1.1)}
+PLANE = {"x": (-1, 1), "u": (-1, 1.1)}
+HOPF = x * y - z - y * (y**2 + z**2), y + x * z - z * (y**2 + z**2)
+CASES = {
+    "fold of a cubic": Case(
+        {x: sp.Rational(1, 2) - y}, {y: x - y**3 / 3 + y}, {"x": 0, "y": 3**0.5}, UNIT, LossKind.FOLD
+    ),
+    "fold of an exponential": Case(
+        {x: sp.Integer(1)}, {y: x + sp.exp(y) - y - 1}, {"x": -0.3, "y": -0.7}, UNIT, LossKind.FOLD
+    ),
+    "cusp over a line": Case({x: sp.Integer(1)}, {y: x - y**3}, {"x": 0.5, "y": 0.8}, UNIT, LossKind.CUSP),
+    "cusp of a sine": Case(
+        {x: sp.Integer(1)}, {y: x + sp.sin(y) - y}, {"x": 0.5, "y": 1.49}, {"x": (-0.5, 0.6)}, LossKind.CUSP
+    ),
+    "exchange of stability": Case(
+        {x: sp.Integer(1)}, {y: y * (x - y) + 2 * eps}, {"x": -0.5, "y": 0}, UNIT, LossKind.TRANSCRITICAL
+    ),
+    "crossing lines": Case(
+        {x: sp.Integer(1)}, {y: 3 * x**2 - x * y - 2 * y**2 + eps}, {"x": -0.5, "y": -0.5}, UNIT,
+        LossKind.TRANSCRITICAL,
+    ),
+    "pitchfork": Case({x: sp.Integer(1)}, {y: x * y - y**3 + eps}, {"x": -0.5, "y": 0}, UNIT, LossKind.PITCHFORK),
+    "subcritical pitchfork": Case(
+        {x: sp.Integer(2)}, {y: x * y + y**3 - y**5}, {"x": -0.2, "y": 0}, UNIT, LossKind.PITCHFORK
+    ),
+    "turning point": Case({x: sp.Integer(1)}, {y: x * y}, {"x": -0.5, "y": 0}, UNIT, LossKind.RANK_CHANGE),
+    "vanishing factor": Case(
+        {x: sp.Integer(1)}, {y: x * (y - x)}, {"x": -0.5, "y": -0.5}, UNIT, LossKind.RANK_CHANGE
+    ),
+    "Hopf normal form": Case(
+        {x: sp.Integer(1)}, {y: HOPF[0], z: HOPF[1]}, {"x": -0.5, "y": 0, "z": 0}, UNIT, LossKind.HOPF
+    ),
+    "Hopf of FitzHugh and Nagumo": Case(
+        {x: sp.Integer(1)},
+        {y: y - y**3 / 3 - z + x, z: (y + sp.Rational(7, 10) - sp.Rational(4, 5) * z) / 2},
+        {"x": 0.0, "y": -1.199408, "z": -0.62426},
+        {"x": (0, 0.6)},
+        LossKind.HOPF,
+    ),
+    "corank two": Case(
+        {x: sp.Integer(1)}, {y: x * y, z: x * z}, {"x": -0.5, "y": 0, "z": 0}, UNIT, LossKind.DEGENERATE
+    ),
+    "fold of fourth order": Case(
+        {x: sp.Integer(1)}, {y: x + y**4}, {"x": -0.5, "y": -0.84}, {"x": (-0.5, 0)}, LossKind.DEGENERATE
+    ),
+    "double zero": Case(
+        {x: sp.Integer(1)}, {y: x - y**2, z: y - z**2 - x}, {"x": 0.5, "y": 0.707, "z": 0.455},
+        {"x": (-0.2, 0.7)}, LossKind.NILPOTENT,
+    ),
+    "centre": Case({x: -x}, {y: z, z: x - y}, {"x": 0, "y": 0, "z": 0}, UNIT, LossKind.CENTRE),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_loss_has_its_name(name) -> None:
+    case = CASES[name]
+    loss = only(judge(case), case.kind)
+    assert loss.consequence
+    assert loss.remedy
+    assert loss.test
+
+
+@pytest.mark.parametrize("seed", [1])
+@pytest.mark.parametrize("name", CASES)
+def test_a_linear_disguise_changes_neither_name_nor_invariants(name, seed) -> None:
+    plain = only(judge(CASES[name]), CASES[name].kind)
+    hidden, S, _ = disguised(CASES[name], seed)
+    loss = only(judge(hidden), hidden.kind)
+    place = {s.name: plain.point[s.name] for s in CASES[name].slow}
+    moved = np.array(S.tolist(), dtype=float) @ list(place.values())
+    assert [loss.point[n] for n in place] == pytest.approx(moved, abs=1e-6)
+    invariants = [*INVARIANT, "crossing"] if plain.kind is not LossKind.FOLD else INVARIANT
+    for key in invariants:
+        if key in plain.coefficients:
+            assert loss.coefficients[key] == pytest.approx(plain.coefficients[key], rel=1e-6, abs=1e-7), key
+    for key in ("l1",):
+        if key in plain.coefficients:
+            assert np.sign(loss.coefficients[key]) == np.sign(plain.coefficients[key])
+    assert loss.may_reduce is plain.may_reduce
+
+
+INVARIANT = ["kappa", "delay", "lambda", "omega"]
+
+
+# -- coefficients against closed forms ----------------------------------------------------------------
+
+
+def test_the_coefficients_of_a_fold() -> None:
+    # v' = v - v^3/3 + x at y = 1: a = -1, b = 1, f = -1/2.
+    loss = only(judge(CASES["fold of a cubic"]), LossKind.FOLD)
+    found = loss.coefficients
+    assert (found["a"], found["b_x"], found["switching"]) == pytest.approx((-1, 1, -0.5))
+    assert found["kappa"] == pytest.approx(0.5)
+    assert found["delay"] == pytest.approx(OMEGA_0 * 2 ** (1 / 3))
+    assert not loss.may_reduce
+    assert "epsilon^(2/3)" in loss.consequence
+
+
+def test_the_delay_at_a_fold_is_the_time_of_the_jump() -> None:
+    # epsilon v' = v^2 + kappa t, t' = 1, blows up at t = Omega_0 epsilon^(2/3) kappa^(-1/3).
+    from gsp.integration.trajectory import integrate
+
+    for kappa in (1, 3):
+        system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: kappa * x + y**2}, epsilon=eps)
+        loss = classify(solve_critical(system).branches[0], region={"x": (-1, 0)}).losses[0]
+        epsilon = 1e-3
+        run = integrate(
+            system, start={"x": -1, "y": -(kappa**0.5)}, span=(0, 2), epsilon=epsilon, rtol=1e-9, atol=1e-9
+        )
+        assert run.t[-1] - 1 == pytest.approx(loss.coefficients["delay"] * epsilon ** (2 / 3), rel=2e-3)
+
+
+def test_a_fold_that_slow_orbits_leave_and_a_canard_point_are_told_apart() -> None:
+    away = Case({x: sp.Integer(-1)}, {y: x + y**2}, {}, {"x": (-1, 0)}, LossKind.FOLD)
+    assert only(judge(away), LossKind.FOLD).coefficients["kappa"] == -1
+    canard = Case({x: 1 - y}, {y: x - y**3 / 3 + y}, {"x": 0, "y": 3**0.5}, UNIT, LossKind.FOLD)
+    loss = only(judge(canard), LossKind.FOLD)
+    assert loss.coefficients["switching"] == 0
+    assert "canard" in loss.consequence
+
+
+@pytest.mark.parametrize(
+    ("push", "value", "may_reduce", "word"),
+    [(0, 1, False, "delay"), (2, -3, True, "exchange"), (-2, 5, False, "jump")],
+)
+def test_lambda_decides_what_follows_at_a_transcritical_point(push, value, may_reduce, word) -> None:
+    # v' = x v - v^2 + push epsilon: lambda = (1/2 - push)/(1/2).
+    case = Case(
+        {x: sp.Integer(1)}, {y: y * (x - y) + push * eps}, {"x": -0.5, "y": 0}, UNIT, LossKind.TRANSCRITICAL
+    )
+    loss = only(judge(case), case.kind)
+    assert loss.coefficients["lambda"] == pytest.approx(1 - 2 * push)
+    assert loss.coefficients["lambda"] == pytest.approx(value)
+    assert loss.may_reduce is may_reduce
+    assert word in loss.consequence
+
+
+def test_a_pitchfork_by_its_cubic_coefficient_and_its_push() -> None:
+    loss = only(judge(CASES["pitchfork"]), LossKind.PITCHFORK)
+    assert (loss.coefficients["c"], loss.coefficients["crossing"]) == pytest.approx((-1, 1))
+    assert loss.coefficients["push"] == pytest.approx(1)
+    assert loss.may_reduce
+    subcritical = only(judge(CASES["subcritical pitchfork"]), LossKind.PITCHFORK)
+    assert subcritical.coefficients["c"] == pytest.approx(1)
+    assert not subcritical.may_reduce
+
+
+def test_the_coefficients_of_a_hopf_point() -> None:
+    loss = only(judge(CASES["Hopf normal form"]), LossKind.HOPF)
+    assert loss.coefficients["omega"] == pytest.approx(1)
+    assert loss.coefficients["crossing"] == pytest.approx(1)
+    assert loss.coefficients["l1"] < 0
+    # FitzHugh and Nagumo: the trace 1 - y^2 - 2/5 vanishes at y = -sqrt(3/5).
+    case = CASES["Hopf of FitzHugh and Nagumo"]
+    nagumo = only(judge(case), LossKind.HOPF)
+    assert nagumo.point["y"] == pytest.approx(-np.sqrt(0.6), abs=1e-8)
+    slope = 1 / (1.25 - 1 + 0.6)  # dy/dx along the equilibria
+    assert nagumo.coefficients["crossing"] == pytest.approx(np.sqrt(0.6) * slope, rel=1e-6)
+
+
+# -- two slow variables -------------------------------------------------------------------------------
+
+CURVES = {
+    "cusp": Case({x: sp.Integer(1), u: sp.Rational(1, 2)}, {y: x + u * y - y**3}, {}, PLANE, LossKind.CUSP),
+    "Bogdanov-Takens": Case(
+        {x: sp.Integer(1), u: sp.Integer(1)},
+        {y: z, z: x + u * z + y**2 + y * z},
+        {"x": -0.5, "u": -0.5, "y": -(0.5**0.5), "z": 0},
+        PLANE,
+        LossKind.BOGDANOV_TAKENS,
+    ),
+    "Bogdanov-Takens, the other sign": Case(
+        {x: sp.Integer(1), u: sp.Integer(1)},
+        {y: z, z: x + u * z + y**2 - y * z},
+        {"x": -0.5, "u": -0.5, "y": -(0.5**0.5), "z": 0},
+        PLANE,
+        LossKind.BOGDANOV_TAKENS,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_curve_of_folds_is_one_loss_and_its_special_points_are_others(name) -> None:
+    case = CURVES[name]
+    verdict = judge(case)
+    fold = only(verdict, LossKind.FOLD)
+    assert fold.samples > 8
+    special = only(verdict, case.kind)
+    assert [special.point[n] for n in ("x", "u", "y")] == pytest.approx([0, 0, 0], abs=1e-7)
+
+
+def test_a_double_zero_in_disguise_keeps_a_over_b() -> None:
+    for name, ratio in (("Bogdanov-Takens", 1), ("Bogdanov-Takens, the other sign", -1)):
+        loss = only(judge(CURVES[name]), LossKind.BOGDANOV_TAKENS)
+        assert loss.coefficients["a/b"] == pytest.approx(ratio)
+        hidden, _, _ = disguised(CURVES[name], 3)
+        found = only(judge(hidden), LossKind.BOGDANOV_TAKENS)
+        assert found.coefficients["a/b"] == pytest.approx(ratio, rel=1e-5)
+
+
+def test_a_cusp_in_disguise_is_a_cusp() -> None:
+    (cusp,) = [loss for loss in judge(CURVES["cusp"]).losses if loss.kind is LossKind.CUSP]
+    case = CURVES["cusp"]
+    start = Case(case.slow, case.fast, {"x": 0.5, "u": -0.5, "y": 0.59}, PLANE, LossKind.CUSP)
+    hidden, _, _ = disguised(start, 2)
+    loss = only(judge(hidden), LossKind.CUSP)
+    assert loss.coefficients["kappa"] == pytest.approx(cusp.coefficients["kappa"], rel=1e-5)
+
+
+def test_curves_of_other_losses_are_merged() -> None:
+    case = Case(
+        {x: -x, u: sp.Integer(1)},
+        {y: y * (x + u - y)},
+        {"x": 0, "u": -0.5, "y": 0},
+        PLANE,
+        LossKind.TRANSCRITICAL,
+    )
+    loss = only(judge(case), case.kind)
+    assert loss.samples > 8
+    assert loss.extent["x"][1] - loss.extent["x"][0] > 1
+    hopf = Case(
+        {x: sp.Integer(1), u: sp.Integer(1)},
+        {y: (x + THIRD) * y - z - y**3, z: y + (x + THIRD) * z - z**3},
+        {"x": -0.5, "u": 0, "y": 0, "z": 0},
+        PLANE,
+        LossKind.HOPF,
+    )
+    assert only(judge(hopf), LossKind.HOPF).samples > 8
+
+
+def test_folds_that_are_not_joined_are_two_losses() -> None:
+    case = Case({x: sp.Integer(1), u: -u}, {y: x - y**3 / 3 + y}, {}, PLANE, LossKind.FOLD)
+    verdict = judge(case)
+    assert sorted(round(loss.point["y"]) for loss in verdict.losses) == [-1, 1]
+
+
+# -- singular everywhere ------------------------------------------------------------------------------
+
+BOX = {"x": (-1, 1), "y": (-5, 5), "z": (-5, 5)}
+START = {"x": 0, "y": 0, "z": 0}
+EVERYWHERE = {
+    "cubic": ({y: x - y, z: -((z - x) ** 3)}, LossKind.VANISHING_DAMPING, 3),
+    "quadratic damping": ({y: x - y, z: -z * sp.Abs(z)}, LossKind.VANISHING_DAMPING, 2),
+    "one-sided": ({y: x - y, z: -(z**2)}, LossKind.VANISHING_DAMPING, 2),
+    "slow below the cubic": ({y: x - y, z: -(z**3) - eps * z}, LossKind.VANISHING_DAMPING, 3),
+    "nilpotent": ({y: z, z: -((y - x) ** 3)}, LossKind.NILPOTENT, None),
+}
+
+
+@pytest.mark.parametrize("seed", [None, 4])
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_a_branch_that_is_singular_everywhere_is_named(name, seed) -> None:
+    fast, kind, order = EVERYWHERE[name]
+    case = Case({x: -x}, fast, START, BOX, kind)
+    system = case.system if seed is None else disguised(case, seed)[0].system
+    region = BOX if seed is None else disguised(case, seed)[0].region
+    verdict = classify(solve_critical(system).branches[0], region=region)
+    loss = only(verdict, kind)
+    assert verdict.kind is Kind.LOST
+    assert loss.coefficients.get("order") == order
+    if kind is LossKind.VANISHING_DAMPING:
+        assert loss.coefficients["fast directions"] == 1
+        expected = -1 if name == "slow below the cubic" else 0
+        assert loss.coefficients["next_order"] == pytest.approx(expected, abs=1e-9)
+        assert ("one side only" in loss.consequence) is (name == "one-sided")
+
+
+HIDDEN = {
+    "slow equation mixed in": [x - y, eps * (y - z)],
+    "fast part of rank one": [x - y, y - x + eps * (y - 2 * z)],
+    "curved": [x - y + y * z, -eps * z],
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_time_scale_hidden_in_the_fast_block_is_named(name) -> None:
+    rates = HIDDEN[name]
+    hidden, _, T = disguised(Case({x: -x}, dict(zip((y, z), rates)), START, BOX, LossKind.HIDDEN_TIME_SCALE), 1)
+    with pytest.raises(
+        BranchError, match=r"time scale is hidden in the fast block: of its 2 directions 1 is fast"
+    ):
+        solve_critical(hidden.system)
+    equations = tuple(laurent(g, eps, order=0).get(0, sp.Integer(0)) for g in hidden.system.g)
+    verdict = classify(Branch(hidden.system, equations, None), region=hidden.region)
+    loss = only(verdict, LossKind.HIDDEN_TIME_SCALE)
+    assert loss.coefficients["fast directions"] == 1
+    assert "slow" in loss.remedy
+    # The combination named is the one that the layer problem leaves alone.
+    if name == "slow equation mixed in":
+        row = T.inv()[1, :]
+        ratio = float(row[1] / row[0])
+        assert f"{ratio:.6g}".lstrip("-").removesuffix(".0") in loss.remedy or ratio in (1, -1)
+
+
+# -- functions that are not smooth --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("g", "met", "jump", "kink"),
+    [
+        (sp.Abs(x) - y, True, False, True),
+        (sp.Max(x, 2 * x) - y, True, False, True),
+        (x * sp.Abs(x) - y, True, False, False),
+        (sp.Piecewise((x, x < THIRD), (2 * x, True)) - y, True, True, True),
+        (sp.Abs(x + 3) - y, False, False, False),
+        (sp.sqrt(x + 5) - y, False, False, False),
+    ],
+)
+def test_a_switching_surface_is_a_loss_when_the_branch_meets_it(g, met, jump, kink) -> None:
+    verdict = judge(Case({x: sp.Integer(1)}, {y: g}, {}, UNIT, LossKind.NON_SMOOTH))
+    assert verdict.kind is Kind.ATTRACTING
+    assert verdict.holds is not met
+    if met:
+        loss = only(verdict, LossKind.NON_SMOOTH)
+        assert loss.value == pytest.approx(0, abs=1e-12)
+        assert (loss.coefficients["jump"] > 0) is jump
+        if not jump:
+            assert (loss.coefficients["kink"] > 0) is kink
+    else:
+        assert verdict.losses == ()
+        assert "not smooth" in verdict.notes[0]
+
+
+def test_a_kink_in_disguise_is_found_where_it_is() -> None:
+    case = Case(
+        {x: sp.Integer(1)}, {y: sp.Abs(y - THIRD) + x - 3 * y}, {"x": 0, "y": 0.0833}, UNIT, LossKind.NON_SMOOTH
+    )
+    plain = only(judge(case), case.kind)
+    assert plain.point["x"] == pytest.approx(1, abs=1e-8)
+    hidden, S, _ = disguised(case, 7)
+    assert only(judge(hidden), case.kind).point["x"] == pytest.approx(float(S[0, 0]), abs=1e-8)
+
+
+def test_an_eigenvalue_that_jumps_across_the_axis_is_lost_at_the_switching_surface() -> None:
+    verdict = judge(Case({x: sp.Integer(1)}, {y: (2 * sp.Heaviside(x) - 1) * y}, {}, UNIT, LossKind.NON_SMOOTH))
+    loss = only(verdict, LossKind.NON_SMOOTH)
+    assert verdict.kind is Kind.LOST
+    assert "jumps" in loss.crossing
+
+
+def test_a_sheet_that_ends_at_a_switching_surface_says_so() -> None:
+    # y = x + 1 where x + y > 0, so for x > -1/2.
+    fast = {y: sp.sign(x + y) - y + x}
+    verdict = judge(Case({x: sp.Integer(1)}, fast, {"x": 0.5, "y": 1.5}, UNIT, LossKind.NON_SMOOTH))
+    loss = only(verdict, LossKind.NON_SMOOTH)
+    assert loss.crossing == "end of the sheet"
+    assert loss.point["x"] == pytest.approx(-0.5, abs=1e-6)
+    assert verdict.kind is Kind.LOST
+
+
+def test_a_branch_that_ends_for_no_reason_found_is_not_given_one() -> None:
+    loss = only(
+        judge(Case({x: sp.Integer(1)}, {y: sp.exp(y) - x}, {}, UNIT, LossKind.DEGENERATE)), LossKind.DEGENERATE
+    )
+    assert "no zero eigenvalue, pole or switching surface" in loss.note
+
+
+@pytest.mark.parametrize("factor", [x, x - u])
+def test_where_the_directions_n_of_a_field_vanish_the_rank_changes(factor) -> None:
+    # z' = N f/epsilon + G with N = -factor, f = y - 1.
+    slow = {s: sp.Integer(1) for s in (x, u) if factor.has(s)}
+    field = VectorField({**slow, y: -factor * (y - 1) / eps - x * y}, epsilon=eps)
+    splitting = split(field)
+    assert splitting.system is not None
+    region = {s.name: (-1, 1.1) for s in slow}
+    verdict = classify(solve_critical(splitting.system).branches[0], region=region)
+    assert only(verdict, LossKind.RANK_CHANGE).point["y"] == pytest.approx(1)
+
+
+# -- no false alarm -----------------------------------------------------------------------------------
+
+HYPERBOLIC = {
+    "small eigenvalue": {y: x - y, z: -z / 1000 + x},
+    "neutral saddle": {y: z, z: x * y / 2 + y - x * z},
+    "neutral saddle everywhere": {y: z, z: y + x},
+    "strongly non-normal": {y: -y + 10**4 * z, z: -z + x},
+    "stiff": {y: -(10**6) * (y - x), z: -z + y},
+    "nearly touching": {y: -y * (x**2 + sp.Rational(1, 1000))},
+    "slowly damped": {y: -y / 1000 + 5 * z, z: -5 * y - z / 1000 + x},
+    "nearly folded": {y: x - y**3 / 3 - y / 1000 - y**5},
+}
+SCENES = (
+    "chaplygin_sleigh",
+    "nonholonomic_particle",
+    "rolling_ball",
+    "ball_on_turntable",
+    "michaelis_menten",
+    "davis_skodje",
+    "lindemann",
+    "koper",
+    "van_der_pol",
+    "fitzhugh_nagumo",
+    "linear",
+)
+
+
+@pytest.mark.parametrize("name", HYPERBOLIC)
+def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
+    verdict = judge(Case({x: -x}, HYPERBOLIC[name], {}, UNIT, LossKind.FOLD))
+    assert verdict.losses == ()
+    assert verdict.kind is not Kind.LOST
+    assert ("neutral" in name) is bool(verdict.looked_at)
+    if verdict.looked_at:
+        assert verdict.looked_at[0].kind is LossKind.NEUTRAL_SADDLE
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_built_in_scene_raises_no_alarm(name) -> None:
+    placement = place(models.load(name))
+    verdict = classify(placement.branch, region=placement.region)
+    assert verdict.losses == ()
+    assert verdict.kind is not Kind.LOST
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_hyperbolic_systems_raise_no_alarm(seed) -> None:
+    rng = np.random.default_rng(seed)
+    ys = (y, z, w)
+    A = sp.Matrix(rng.integers(-3, 4, (3, 3)).tolist()) - 12 * sp.eye(3)
+    h = sp.Matrix([sp.sin(x), x**2, x * u])
+    g = A * (sp.Matrix(ys) - h)
+    cubic = [sp.Rational(int(c), 10) * (s - k) ** 3 for c, s, k in zip(rng.integers(-9, 0, 3), ys, h)]
+    system = SlowFastSystem(
+        slow={x: -x + u, u: -u}, fast={s: a + b for s, a, b in zip(ys, g, cubic)}, epsilon=eps
+    )
+    graph = dict(zip(ys, h))
+    verdict = classify(Branch(system, tuple(s - graph[s] for s in ys), graph), region=PLANE)
+    assert verdict.kind is Kind.ATTRACTING
+    assert verdict.losses == ()
+
+
+# -- what is bad input, and what is shown ---------------------------------------------------------------
+
+
+def test_a_fold_on_the_edge_of_the_region_is_named() -> None:
+    case = Case({x: sp.Integer(1)}, {y: x + y**2}, {}, {"x": (-1, 0)}, LossKind.FOLD)
+    loss = only(judge(case), LossKind.FOLD)
+    assert loss.on_edge
+    assert "on the edge of the region" in str(loss)
+
+
+def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate() -> None:
+    for fast in ({y: -(x**2) * y}, {y: -(x**2) * y - 2 * z, z: 2 * y - x**2 * z}):
+        loss = only(
+            judge(Case({x: sp.Integer(1)}, fast, {}, {"x": (-1, 1)}, LossKind.DEGENERATE)), LossKind.DEGENERATE
+        )
+        assert "first order" in loss.note
+
+
+def test_a_zero_and_a_pair_together_are_named() -> None:
+    fast = {y: x * y - z, z: y + x * z, w: x * w}
+    loss = only(judge(Case({x: sp.Integer(1)}, fast, {}, UNIT, LossKind.DEGENERATE)), LossKind.DEGENERATE)
+    assert "imaginary pair together" in loss.note or "on the axis" in loss.note
+
+
+def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
+    fast = {y: x * y - z, z: y + x * z}
+    loss = only(judge(Case({x: sp.Integer(1)}, fast, {}, UNIT, LossKind.HOPF)), LossKind.HOPF)
+    assert "l1 = 0" in loss.note
+
+
+def test_a_part_of_the_region_where_the_conditions_hold_is_proposed() -> None:
+    verdict = judge(CASES["fold of a cubic"])
+    part = verdict.sub_region
+    assert part is not None
+    assert part.axis == "x"
+    assert part.interval[0] > -2 / 3
+    branch = solve_critical(CASES["fold of a cubic"].system).nearest(CASES["fold of a cubic"].through)
+    assert classify(branch, region=part.region).kind is Kind.ATTRACTING
+    assert "holds: for x in" in str(verdict)
+    assert judge(Case({x: -x}, {y: x - y}, {}, UNIT, LossKind.FOLD)).sub_region is None
+
+
+def test_a_loss_prints_what_it_is_and_what_follows() -> None:
+    loss = only(judge(CASES["fold of a cubic"]), LossKind.FOLD)
+    text = str(loss)
+    for word in (
+        "fold: zero eigenvalue at x = -0.666667, y = 1",
+        "test",
+        "kappa = 0.5",
+        "follows",
+        "ends here",
+    ):
+        assert word in text
+    assert repr(loss) == f"Loss({loss.headline})"
+    assert "\n" not in repr(loss)
+
+
+def test_rates_that_differ_by_more_than_epsilon_are_noted() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - y, z: -z / 1000 + x}, epsilon=eps)
+    branch = solve_critical(system).branches[0]
+    assert classify(branch, region=UNIT, epsilon=1e-4).notes == ()
+    (note,) = classify(branch, region=UNIT, epsilon=1e-2).notes
+    assert "differ by a factor 1e+03" in note
+
+
+def test_the_end_of_a_domain_is_no_loss_of_an_eigenvalue() -> None:
+    x, y, u, v, epsilon = sp.symbols("x y u v epsilon")
+    plain = SlowFastSystem(slow={x: -x}, fast={y: sp.log(x) - y}, epsilon=epsilon)
+    disguised = SlowFastSystem(
+        slow={u: -u}, fast={v: sp.log(2 * u) - sp.Rational(3, 2) * (v + u)}, epsilon=epsilon
+    )
+    for system, name in ((plain, "x"), (disguised, "u")):
+        found = classify(solve_critical(system).branches[0], region={name: (-1, 1)})
+        assert [loss.kind for loss in found.losses] == [LossKind.DOMAIN_END]
+        assert found.losses[0].point[name] == pytest.approx(0.0, abs=1e-6)
+        assert not found.losses[0].may_reduce
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize(
+    ("fast", "kind"),
+    [
+        ({y: 1 / x - y, z: y - z}, LossKind.BRANCH_POLE),
+        ({y: (x - y) / (x - sp.Rational(1, 4)), z: y - z}, LossKind.FIELD_POLE),
+        ({y: z / 2 + x, z: y - x * z}, LossKind.NEUTRAL_SADDLE),
+    ],
+)
+def test_poles_and_neutral_saddles_keep_their_names_in_disguise(fast, kind, seed) -> None:
+    for twist in (None, seed):
+        case = Case({x: sp.Integer(1)}, fast, {}, {"x": (-1, 1)}, kind)
+        if twist is not None:
+            T = invertible(2, twist)
+            back = dict(zip((y, z), T.inv() * sp.Matrix([y, z])))
+            rates = (T * sp.Matrix([fast[y], fast[z]])).subs(back, simultaneous=True)
+            case = Case(
+                {x: sp.Integer(1)}, dict(zip((y, z), map(sp.together, rates))), {}, {"x": (-1, 1)}, kind
+            )
+        verdict = classify(solve_critical(case.system).branches[0], region=case.region)
+        if kind is LossKind.NEUTRAL_SADDLE:
+            # Not a loss: two real eigenvalues of opposite sign. Their sum is zero where the trace, -x, is.
+            assert not verdict.losses
+            found = [loss for loss in verdict.looked_at if loss.kind is kind]
+        else:
+            found = [loss for loss in verdict.losses if loss.kind is kind]
+        assert len(found) == 1, verdict
+        expected = 0.25 if kind is LossKind.FIELD_POLE else 0.0
+        assert found[0].point["x"] == pytest.approx(expected, abs=1e-6)

@@ -1,0 +1,510 @@
+"""How runs end: a reduced flow at a loss of normal hyperbolicity, any flow at what stops it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+import tests.systems as systems
+from gsp.errors import BranchError, HyperbolicityError, Status
+from gsp.integration.crossings import Stepper
+from gsp.integration.reduction_end.endings import Ending
+from gsp.integration.reduction_end.validity import Validity, faddeev_leverrier
+from gsp.integration.trajectory import Method, Trajectory, integrate
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.systems.system import SlowFastSystem, VectorField
+
+eps = systems.epsilon
+x, y, z, w = sp.symbols("x y z w")
+# f = 1 needs a symbol to be no Python number.
+ONE = sp.Integer(1)
+
+
+def run(system, start, *, order=0, span=(0, 5), epsilon=1e-3, near=None, **options) -> Trajectory:
+    branch = gsp.solve_critical(system).nearest(near or start)
+    flow = gsp.restrict(gsp.expand(branch, order=order))
+    return integrate(flow, start=start, span=span, epsilon=epsilon, **options)
+
+
+VAN_DER_POL = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=eps, name="van der Pol, a = 0")
+ON_VAN_DER_POL = {"x": 2, "y": 2 / 3}
+# t = (x^2 - 1)/2 - ln x from x = 2 to the fold, by y' = (x^2 - 1) x' = -x.
+FOLD_TIME = 1.5 - np.log(2)
+
+
+def position(left: np.ndarray) -> np.ndarray:
+    """x on van der Pol's right sheet at the time `left` before the fold, by bisection."""
+    low, high = np.ones_like(left), np.full_like(left, 3.0)
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        below = 0.5 * (middle**2 - 1) - np.log(middle) < left
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
+
+
+# Folds
+
+
+@pytest.mark.parametrize("rtol", [1e-5, 1e-8, 1e-11])
+@pytest.mark.parametrize("method", [Method.DOP853, Method.RADAU9])
+def test_van_der_pol_reaches_its_fold_at_the_exact_time_and_place(rtol, method):
+    trajectory = run(VAN_DER_POL, ON_VAN_DER_POL, rtol=rtol, atol=rtol / 100, method=method)
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(FOLD_TIME, abs=3 * rtol)
+    assert trajectory["x0"][-1] == pytest.approx(1.0, abs=1e-12)
+    assert trajectory["y"][-1] == pytest.approx(-2 / 3, abs=1e-12)
+    assert "the fold of the critical manifold at y = -0.666667, x = 1" in trajectory.message
+    assert trajectory.message.endswith("integrate the full system across the fold")
+
+
+def test_a_run_into_a_fold_is_exact_up_to_it():
+    trajectory = run(VAN_DER_POL, ON_VAN_DER_POL, rtol=1e-10, atol=1e-12)
+    end = trajectory.t[-1]
+    times = np.concatenate([np.linspace(0, end, 500), end - np.geomspace(1e-13, 1e-2, 200)])
+    exact = position(end - times)
+    # As a function of the time that is left, which knows the fold as the run does.
+    assert trajectory.at(times)[0] == pytest.approx(exact, abs=1e-8)
+    assert np.all(np.diff(trajectory.t) > 0)
+    assert trajectory.t.size == trajectory.stats.steps + 1
+    assert trajectory.stats.steps < 150
+
+
+@pytest.mark.parametrize("sheet", [-1, 1])
+def test_the_fold_of_a_graph_with_a_root_is_reached(sheet):
+    # x' = (x^2 + y)/epsilon, y' = 1 reaches y = 0 at t = -y(0), along x = +-sqrt(-y), where the field is regular.
+    system = SlowFastSystem(slow={y: ONE}, fast={x: x**2 + y}, epsilon=eps)
+    trajectory = run(system, {"x": sheet, "y": -1}, span=(0, 3))
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-12)
+    times = np.linspace(0, 1 - 1e-12, 200)
+    assert trajectory.at(times)[0] == pytest.approx(times - 1, abs=1e-9)
+    assert np.isfinite(trajectory.sample(times)["x"]).all()
+
+
+def test_the_fold_of_a_graph_with_a_root_where_the_field_is_singular():
+    # y' = 1 - x on x = -sqrt(-y): with s = sqrt(-y), 2 s s' = -(1 + s), so t = 2 (s - ln(1 + s)) at s = 1.
+    system = SlowFastSystem(slow={y: 1 - x}, fast={x: x**2 + y}, epsilon=eps)
+    trajectory = run(system, {"x": -1, "y": -1}, span=(0, 3))
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(2 - 2 * np.log(2), abs=2e-8)
+
+
+def test_a_folded_surface_over_two_slow_variables():
+    # x^2 + y + z^2 = 0 with y' = 1, z' = 1: the fold y = -z^2 is met where y0 + t + (z0 + t)^2 = 0.
+    system = SlowFastSystem(slow={y: ONE, z: ONE}, fast={x: x**2 + y + z**2}, epsilon=eps)
+    trajectory = run(system, {"x": -1, "y": -1.25, "z": 0.5}, span=(0, 3))
+    exact = (-2 + np.sqrt(4 + 4 * 1.0)) / 2
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(exact, abs=1e-10)
+    implicit = run(systems.koper(), {"x": -2.4, "y": (2.4**3 - 7.2 + 7) / 10, "z": 0.5})
+    assert implicit.status is Status.FOLD_REACHED
+    assert implicit["x"][-1] == pytest.approx(-1, abs=1e-12)
+    assert implicit["y"][-1] == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_fold_with_two_fast_variables_disguised():
+    # x' = x^2 + y, w' = -3 w + x y in new coordinates x = u + 2 v, w = u - v; y' = 1.
+    u, v = sp.symbols("u v")
+    X, W = u + 2 * v, u - v
+    dx, dw = X**2 + y, -3 * W + X * y
+    system = SlowFastSystem(slow={y: ONE}, fast={u: (dx + 2 * dw) / 3, v: (dx - dw) / 3}, epsilon=eps)
+    at = {"y": -1, "u": (-1 + 2 / 3) / 3, "v": (-1 - 1 / 3) / 3}
+    trajectory = run(system, at, span=(0, 3))
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_backward_in_time_a_repelling_sheet_runs_into_its_fold():
+    # Backward van der Pol's y' = -x carries the middle sheet from x = 0.2 towards 0, and a' = 2 carries it into a fold.
+    shifted = SlowFastSystem(slow={y: 2 - x}, fast={x: y - x**3 / 3 + x}, epsilon=eps)
+    trajectory = run(shifted, {"x": 0.2, "y": 0.2**3 / 3 - 0.2}, span=(0, -5))
+    # y' = (x^2 - 1) x' = 2 - x, t from x = 0.2 to 1 with dt = (x^2 - 1)/(2 - x) dx.
+    s = sp.Symbol("s")
+    exact = float(sp.integrate((s**2 - 1) / (2 - s), (s, sp.Rational(1, 5), 1)))
+    assert exact < 0
+    assert trajectory.status is Status.FOLD_REACHED
+    assert trajectory.t[-1] == pytest.approx(exact, abs=1e-8)
+
+
+def test_what_is_reconstructed_goes_with_the_flow_into_the_fold():
+    q = sp.Symbol("q")
+    branch = gsp.solve_critical(VAN_DER_POL).nearest(ON_VAN_DER_POL)
+    flow = gsp.restrict(gsp.expand(branch, order=0), reconstruction={q: x})
+    trajectory = integrate(flow, start=ON_VAN_DER_POL, span=(0, 5), epsilon=1e-3, rtol=1e-10, atol=1e-12)
+    # q' = x = -y'.
+    assert trajectory["q"] == pytest.approx(2 / 3 - trajectory["y"], abs=1e-8)
+    assert trajectory["q"][-1] == pytest.approx(4 / 3, abs=1e-9)
+
+
+def test_a_grid_ends_before_the_fold():
+    grid = np.linspace(0, 5, 51)
+    trajectory = run(VAN_DER_POL, ON_VAN_DER_POL, at=grid)
+    assert trajectory.status is Status.FOLD_REACHED
+    assert np.array_equal(trajectory.t, grid[grid < FOLD_TIME])
+    assert trajectory["x"] == pytest.approx(position(FOLD_TIME - trajectory.t), abs=1e-7)
+
+
+# Folded singularities and branch points
+
+
+def test_a_folded_node_is_named_and_located():
+    trajectory = run(systems.koper(), {"x": 2.4, "y": (-(2.4**3) + 7.2 + 7) / 10, "z": 0.5})
+    assert trajectory.status is Status.FOLD_REACHED
+    assert "a folded singularity of the critical manifold at y = 0.9, z = 0.8, x = 1" in trajectory.message
+    assert [trajectory[name][-1] for name in "yzx"] == pytest.approx([0.9, 0.8, 1.0], abs=1e-8)
+    # At a tenth of the tolerance it is there at the same time.
+    again = run(systems.koper(), {"x": 2.4, "y": (-(2.4**3) + 7.2 + 7) / 10, "z": 0.5}, rtol=1e-10, atol=1e-12)
+    assert again.t[-1] == pytest.approx(trajectory.t[-1], abs=2e-9)
+
+
+def test_a_planar_canard_point_is_a_folded_singularity():
+    # y' = -x on x = -sqrt(-y): s' = -1/2 for s = sqrt(-y), so the fold is reached at t = 2 at rest.
+    system = SlowFastSystem(slow={y: -x}, fast={x: x**2 + y}, epsilon=eps)
+    trajectory = run(system, {"x": -1, "y": -1})
+    assert trajectory.status is Status.FOLD_REACHED
+    assert "folded singularity" in trajectory.message
+    assert trajectory.t[-1] == pytest.approx(2.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("sheet", [-1, 1])
+def test_a_transcritical_point_ends_the_reduction_where_the_field_is_regular(sheet):
+    system = SlowFastSystem(slow={y: ONE}, fast={x: x**2 - y**2}, epsilon=eps)
+    trajectory = run(system, {"x": sheet, "y": -1}, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-10)
+    assert "branch point" in trajectory.message
+
+
+def test_a_polynomial_graph_whose_eigenvalue_passes_through_zero():
+    # The eigenvalue on x = z is -y.
+    system = SlowFastSystem(slow={y: -ONE, z: x}, fast={x: -y * (x - z)}, epsilon=eps)
+    trajectory = run(system, {"x": 1, "y": 1, "z": 1}, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-10)
+    assert trajectory["z"][-1] == pytest.approx(np.e, rel=1e-8)
+
+
+@pytest.mark.parametrize("drift", [-ONE, -1 - x], ids=["regular", "singular"])
+def test_a_pitchforks_outer_branch_ends_at_it(drift):
+    system = SlowFastSystem(slow={y: drift}, fast={x: y * x - x**3}, epsilon=eps)
+    trajectory = run(system, {"x": 1, "y": 1}, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    # With s = sqrt(y): 2 s s' = -(1 + s), as above.
+    exact = 1.0 if drift == -ONE else 2 - 2 * np.log(2)
+    assert trajectory.t[-1] == pytest.approx(exact, abs=2e-8)
+    assert np.isfinite(trajectory["x"][:-1]).all()
+
+
+def test_the_border_of_the_manifolds_domain_is_no_loss_of_hyperbolicity():
+    # The eigenvalue -sqrt(y) - 1 on x = 0 does not vanish at y = 0, where it ends.
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: -(1 + sp.sqrt(y)) * x}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": 1}, span=(0, 3))
+    assert trajectory.status is Status.NON_FINITE
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "g",
+    [
+        -x / y,
+        -x / y**2,
+        -x / y**3,
+        -x / (4 * y**2 + 4 * y**3 + y**4),
+        -x / sp.sqrt(y),
+        -x * (1 + 1 / (3 * y) ** 4),
+        -x * sp.exp(1) / y**2,
+        -x - x * sp.tan(1 - y) ** 2,
+        1 / y**2 - x,
+        1 / y - x,
+        -x * (3 - sp.log(y)) / y,
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_run_ends_at_a_pole_of_the_fast_field(g, order):
+    # x' is regular there, and -1/y^2 does not change its sign.
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: g}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": 1}, span=(0, 3), order=order, epsilon=1e-6)
+    if trajectory.status is not Status.NON_FINITE:
+        # Where the series ends before.
+        assert order > 0
+        assert trajectory.status is Status.HYPERBOLICITY_LOST
+        return
+    pole = 1 - np.pi / 2 if g.has(sp.tan) else 0.0
+    assert trajectory.t[-1] == pytest.approx(1.0 - pole, abs=1e-9)
+    assert trajectory["y"][-1] == pytest.approx(pole, abs=1e-9)
+    assert "ends at y = " in trajectory.message
+
+
+@pytest.mark.parametrize(
+    "g", [-x * (y**2 + 2 * y) / y, -x * (1 + y) / (1 + y**2), -x - x**2 * sp.sin(y) / y], ids=str
+)
+def test_a_run_passes_where_there_is_no_pole(g):
+    system = SlowFastSystem(slow={y: -ONE}, fast={x: g - x}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": sp.Rational(3, 4)}, span=(0, 1.6))
+    assert trajectory.status is Status.SUCCESS
+
+
+def test_a_change_of_sign_through_a_pole_is_no_event():
+    field = VectorField({y: -ONE, x: sp.cos(y)}, epsilon=None)
+    events = [
+        gsp.Event(1 / y, name="pole"),
+        gsp.Event(y, name="zero"),
+        gsp.Event(y / (1 + y**2), name="bounded"),
+    ]
+    found = integrate(field, start={"x": 0, "y": 1}, span=(0, 3), events=events)
+    assert found.events["pole"].times.tolist() == []
+    assert found.events["zero"].times == pytest.approx([1.0], abs=1e-9)
+    assert found.events["bounded"].times == pytest.approx([1.0], abs=1e-9)
+
+
+# Pairs
+
+
+@pytest.mark.parametrize("order", [0, 2])
+def test_a_hopf_point_of_the_layer_problem_ends_the_reduction(order):
+    system = SlowFastSystem(
+        slow={z: ONE},
+        fast={x: z * x - y - x * (x**2 + y**2) + eps, y: x + z * y - y * (x**2 + y**2)},
+        epsilon=eps,
+    )
+    trajectory = run(system, {"x": 0, "y": 0, "z": -1}, order=order, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-10)
+    assert "Hopf point of the layer problem" in trajectory.message
+    assert "1 i" in trajectory.message
+
+
+def test_a_hopf_point_of_three_fast_variables_disguised():
+    P = sp.Matrix([[2, -3, -2], [-2, -2, 2], [3, 1, -2]])
+    a, b, c = P.inv() * sp.Matrix([x, y, w])
+    fast = P * sp.Matrix([z * a - b, a + z * b, -2 * c + z])
+    system = SlowFastSystem(slow={z: ONE}, fast=dict(zip((x, y, w), fast)), epsilon=eps)
+    start = dict(zip("xyw", map(float, P * sp.Matrix([0, 0, sp.Rational(-1, 2)]))), z=-1)
+    trajectory = run(system, start, order=1, span=(0, 3))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-10)
+
+
+def test_a_neutral_saddle_is_no_loss():
+    # Eigenvalues -1 and 2 + z, whose sum passes through zero at z = -1.
+    system = SlowFastSystem(slow={z: ONE}, fast={x: -x + z, y: (2 + z) * y + x}, epsilon=eps)
+    trajectory = run(system, {"x": -1.5, "y": 3, "z": -1.5}, order=1, span=(0, 3))
+    assert trajectory.status is Status.SUCCESS
+
+
+# Above order 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("epsilon", [1e-2, 1e-3, 1e-4])
+def test_the_series_is_left_at_the_distance_from_the_fold_where_it_stops_being_asymptotic(order, epsilon):
+    trajectory = run(VAN_DER_POL, ON_VAN_DER_POL, order=order, epsilon=epsilon, rtol=1e-11, atol=1e-13)
+    assert trajectory.status is Status.FOLD_REACHED
+    # epsilon |l'|/l^2 for l = 1 - x^2 and x' = -x/(x^2 - 1).
+    at = trajectory["x0"][-1]
+    rate = 2 * epsilon * at**2 / (at**2 - 1) ** 3
+    if order == 1:
+        assert rate == pytest.approx(1, rel=1e-7)
+    else:
+        assert rate >= (1 - 1e-7) / (3 * (order - 1))
+        assert rate < 1.5 / (3 * (order - 1))
+        series = gsp.expand(gsp.solve_critical(VAN_DER_POL).branches[0], order=order)
+        terms = np.abs(series.terms(float(trajectory["y"][-1]), epsilon, near=[at])[:, 0])
+        assert terms[order] >= terms[order - 1] * (1 - 1e-6)
+    assert "fall no further" in trajectory.message
+    assert "the fold of the critical manifold at y = -0.666667, x = 1 is near" in trajectory.message
+    # Until then the flow of order N is as good as it is to be, against the full system.
+    grid = np.linspace(0, float(trajectory.t[-1]) * 0.7, 5)
+    full = integrate(
+        VAN_DER_POL,
+        start={"x": float(trajectory.sample(0.0)["x"][0]), "y": 2 / 3},
+        span=(0, grid[-1]),
+        epsilon=epsilon,
+        rtol=1e-11,
+        atol=1e-13,
+        at=grid,
+    )
+    assert np.abs(full["y"] - trajectory.sample(grid)["y"]).max() < 30 * epsilon ** (order + 1) + 1e-10
+
+
+def test_near_a_transcritical_point_the_distance_is_the_root_of_epsilon():
+    system = SlowFastSystem(slow={y: ONE}, fast={x: x**2 - y**2 + eps / 2}, epsilon=eps)
+    for epsilon in (1e-2, 1e-4):
+        trajectory = run(system, {"x": -1, "y": -1}, order=1, span=(0, 3), epsilon=epsilon)
+        assert trajectory.status is Status.HYPERBOLICITY_LOST
+        # l = 2 y: 2 epsilon = 4 y^2.
+        assert trajectory["y"][-1] == pytest.approx(-np.sqrt(epsilon / 2), rel=1e-8)
+        assert "order 0" in trajectory.message
+
+
+def test_a_start_where_the_series_is_none_is_returned_as_it_is():
+    trajectory = run(
+        VAN_DER_POL, {"x": 1.05, "y": 1.05**3 / 3 - 1.05}, order=2, epsilon=0.01, near=ON_VAN_DER_POL
+    )
+    assert trajectory.status is Status.FOLD_REACHED
+    assert np.array_equal(trajectory.t, [0.0])
+    assert "fall no further" in trajectory.message
+
+
+def test_the_quick_look_along_a_run_changes_nothing(monkeypatch):
+    looked = [run(VAN_DER_POL, ON_VAN_DER_POL, order=n) for n in (0, 1)]
+    monkeypatch.setattr(Ending, "quiet", lambda *steps: False)
+    for n, fast in enumerate(looked):
+        slow = run(VAN_DER_POL, ON_VAN_DER_POL, order=n)
+        assert np.array_equal(slow.y, fast.y)
+        assert slow.status is fast.status
+
+
+@pytest.mark.parametrize("place", ["fold", "transcritical", "Hopf"])
+def test_a_start_on_a_loss_is_refused(place):
+    systems_ = {
+        "fold": (SlowFastSystem(slow={y: ONE}, fast={x: x**2 + y}, epsilon=eps), {"x": -1, "y": -1}, {"y": 0}),
+        "transcritical": (
+            SlowFastSystem(slow={y: ONE}, fast={x: x**2 - y**2}, epsilon=eps),
+            {"x": -1, "y": -1},
+            {"y": 0},
+        ),
+        "Hopf": (
+            SlowFastSystem(slow={z: ONE}, fast={x: z * x - y, y: x + z * y}, epsilon=eps),
+            {"x": 0, "y": 0, "z": -1},
+            {"z": 0},
+        ),
+    }
+    system, near, start = systems_[place]
+    with pytest.raises(HyperbolicityError, match=r"start lies where normal hyperbolicity is lost\. Got"):
+        run(system, start, near=near)
+
+
+def test_a_start_on_an_implicit_fold_is_refused():
+    with pytest.raises((BranchError, HyperbolicityError), match=r"fold|normal hyperbolicity"):
+        run(VAN_DER_POL, {"x": 1, "y": -2 / 3}, near=ON_VAN_DER_POL)
+
+
+def test_hyperbolic_runs_are_not_stopped():
+    for system, start in (
+        (systems.sleigh(), {"v": 1.0, "p": 1.04, "w": 0.0}),
+        (systems.michaelis_menten(), {"s": 1.0, "c": 0.5}),
+        (systems.saddle(), {"x": 1.0, "y": -1.0, "z": -1.0}),
+        (systems.coupled(), {"x": 0.5, "y": 0.4, "z": 0.2}),
+        (systems.transcendental(), {"x": 0.5, "y": 0.3}),
+    ):
+        for order in (0, 2):
+            assert run(system, start, order=order, span=(0, 2), epsilon=0.01).status is Status.SUCCESS
+
+
+def test_a_comparison_across_a_fold_says_where_it_ends():
+    scene = gsp.Scene(
+        VAN_DER_POL,
+        region={"x": (1.2, 2.5)},
+        start=ON_VAN_DER_POL,
+        span=(0, 1),
+        epsilon=1e-3,
+        epsilons=(2e-3, 1e-3),
+        tolerance=1e-6,
+    )
+    comparison = gsp.compare(scene, orders=(0, 1))
+    for order in (0, 1):
+        assert np.isnan(comparison.errors[order]).all()
+        assert set(comparison.statuses[order]) == {Status.FOLD_REACHED}
+        assert np.isnan(comparison.slopes[order])
+
+
+# The algebra underneath
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_adjugate_and_determinant(n):
+    entries = np.random.default_rng(n).integers(-4, 5, (n, n))
+    J = sp.Matrix(n, n, [sp.Integer(int(e)) for e in entries.ravel()])
+    adjugate, coefficients = faddeev_leverrier(J.tolist())
+    assert sp.Matrix(adjugate).equals(J.adjugate())
+    assert coefficients == J.charpoly().all_coeffs()
+
+
+def test_the_test_functions_are_what_they_are_called():
+    system = systems.coupled()
+    branch = gsp.solve_critical(system).nearest({"x": 0.5, "y": 0.4, "z": 0.2})
+    validity = Validity(gsp.restrict(gsp.expand(branch, order=0)))
+    point = np.array([0.5, *branch.points({"x": 0.5}, near=[0.4, 0.2])])
+    delta, hurwitz, q, *_ = validity.tests(np.append(point, 0.0), [0.01])
+    J = validity.fast_jacobian(point, [np.nan]).reshape(2, 2)
+    values = np.linalg.eigvals(J)
+    assert delta == pytest.approx(np.linalg.det(J), rel=1e-13)
+    assert hurwitz == pytest.approx(-values.sum().real, rel=1e-13)
+    # d/dt of tr J^-1 along the flow of order 0, by a difference quotient.
+    flow = validity.desingularised
+    rates = compile_flow(flow).rates(np.append(point, 0.0), [np.nan])[:3] / delta
+
+    def inverse_trace(h: float) -> float:
+        return float(np.trace(np.linalg.inv(validity.fast_jacobian(point + h * rates, [np.nan]).reshape(2, 2))))
+
+    slope = (inverse_trace(1e-5) - inverse_trace(-1e-5)) / 2e-5
+    assert q == pytest.approx(abs(delta) ** 3 * (1 - 0.01 * abs(slope)), rel=1e-8)
+
+
+def test_a_loss_beyond_the_horizon_is_none():
+    branch = gsp.solve_critical(systems.michaelis_menten()).branches[0]
+    flow = gsp.restrict(gsp.expand(branch, order=0))
+    state = np.array([1.0])
+    p = parameter_vector(flow, 0.01)
+    stepper = Stepper(compile_flow(flow), p, Method.DOP853, 1e-8, 1e-10)
+    assert Ending(flow, stepper, (0.0, 1.0), state).fold_ahead(0.0, state) is None
+
+
+# Other endings
+
+
+def test_backward_on_an_attracting_stiff_field_it_is_said_that_it_cannot_work():
+    for method in (None, Method.RODAS5P, Method.RADAU13):
+        trajectory = integrate(
+            systems.michaelis_menten(),
+            start={"s": 1, "c": 0.6},
+            span=(5, 0),
+            epsilon=1e-3,
+            method=method,
+            max_steps=20_000,
+        )
+        assert not trajectory.status.ok
+        assert 0 < trajectory.t[-1] < 5
+        assert "backward in time the fast directions grow at the rate 2e+03" in trajectory.message
+        assert "restrict()" in trajectory.message
+    # The reduced flow runs backward as well as forward.
+    flow = gsp.restrict(gsp.expand(gsp.solve_critical(systems.michaelis_menten()).branches[0], order=2))
+    back = integrate(flow, start={"s": 1}, span=(5, 0), epsilon=1e-3)
+    assert back.status is Status.SUCCESS
+
+
+def test_backward_without_a_fast_direction_nothing_is_said():
+    field = VectorField({x: -(x**2)}, epsilon=None)
+    trajectory = integrate(field, start={x: 1}, span=(0, -3))
+    assert not trajectory.status.ok
+    assert "backward" not in trajectory.message
+
+
+@pytest.mark.parametrize("power", [2, 3])
+def test_the_time_of_a_blow_up_is_told(power):
+    # x' = x^p from x = 2 blows up at t = 2^(1-p)/(p - 1), like (T - t)^(-1/(p-1)).
+    trajectory = integrate(VectorField({x: x**power}, epsilon=None), start={x: 2}, span=(0, 1))
+    assert not trajectory.status.ok
+    time = 2.0 ** (1 - power) / (power - 1)
+    assert f"x grows without bound, like (T - t)^-{1 / (power - 1):.3g} with T = " in trajectory.message
+    told = float(trajectory.message.split("T = ")[1].split(";")[0])
+    assert told == pytest.approx(time, rel=1e-6)
+
+
+def test_exponential_growth_is_no_blow_up():
+    trajectory = integrate(VectorField({x: 200 * x}, epsilon=None), start={x: 1}, span=(0, 10))
+    assert not trajectory.status.ok
+    assert "without bound" not in trajectory.message
+
+
+def test_a_start_off_the_domain_is_said_to_be_one():
+    trajectory = integrate(VectorField({x: sp.log(x)}, epsilon=None), start={x: -1}, span=(0, 1))
+    assert trajectory.status is Status.NON_FINITE
+    assert trajectory.message == (
+        "stopped after 0 steps: NON_FINITE at t = 0, x = -1; the field is not finite at the start; "
+        "move the start into the domain of the field"
+    )

@@ -1,0 +1,412 @@
+"""`integrate` and `Trajectory` as seen by a caller: what comes back, what is refused, how it ends."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.errors import DeclarationError, GspError, Status
+from gsp.integration.trajectory import Method, integrate
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, y, s, c, a, epsilon, energy = sp.symbols("x y s c a epsilon E")
+BOTH = pytest.mark.parametrize("method", list(Method))
+
+OSCILLATOR = VectorField({x: y, y: -x}, epsilon=None, observables={energy: (x**2 + y**2) / 2})
+ENZYME = SlowFastSystem(
+    slow={s: -s + (s + a) * c},
+    fast={c: s - (s + 1) * c},
+    epsilon=epsilon,
+    parameters={a: "0.5"},
+    observables={energy: s + epsilon * a * c},
+)
+
+
+def oscillate(**options):
+    return integrate(OSCILLATOR, **{"start": {"x": 1, "y": 0}, "span": (0, 10), **options})
+
+
+# What comes back
+
+
+@BOTH
+def test_without_a_grid_t_holds_the_ends_of_the_steps(method):
+    trajectory = oscillate(method=method)
+    assert trajectory.status is Status.SUCCESS
+    assert trajectory.t[0] == 0.0
+    assert trajectory.t[-1] == 10.0
+    assert np.all(np.diff(trajectory.t) > 0)
+    assert trajectory.y.shape == (2, trajectory.t.size) == (2, trajectory.stats.steps + 1)
+    assert np.array_equal(trajectory.y[:, 0], [1.0, 0.0])
+    assert trajectory["x"] == pytest.approx(np.cos(trajectory.t), abs=1e-7)
+    assert trajectory[y] == pytest.approx(-np.sin(trajectory.t), abs=1e-7)
+
+
+@BOTH
+@pytest.mark.parametrize("grid", [[0, 2.5, 10], [0.1], [3, 3.0000001, 9.5], np.linspace(0, 10, 301)], ids=len)
+def test_a_grid_is_returned_exactly_and_met_by_steps(method, grid):
+    trajectory = oscillate(method=method, at=grid)
+    assert np.array_equal(trajectory.t, grid)
+    assert trajectory.y.shape == (2, len(grid))
+    assert trajectory["x"] == pytest.approx(np.cos(trajectory.t), abs=1e-7)
+    # On the grid there is no interpolation: the dense output returns the very steps.
+    assert np.array_equal(trajectory.at(trajectory.t), trajectory.y)
+    assert trajectory.at(10.0) == pytest.approx([np.cos(10), -np.sin(10)], abs=1e-7)
+
+
+@BOTH
+def test_a_grid_costs_at_most_one_step_for_each_point(method):
+    free = oscillate(method=method, span=(0, 40)).stats
+    for count in (5, 40, 400):
+        clipped = oscillate(method=method, span=(0, 40), at=np.linspace(0.05, 39.95, count)).stats
+        assert clipped.steps <= free.steps + 1.1 * count + 5
+        assert clipped.rejected <= free.rejected + 0.1 * clipped.steps + 3
+
+
+@BOTH
+def test_a_clipped_step_does_not_shrink_the_next(method):
+    free = oscillate(method=method)
+    middle = float(free.t[free.t.size // 2])
+    crumb = oscillate(method=method, at=[middle, middle + 1e-9])
+    assert crumb.stats.steps <= free.stats.steps + 3
+
+
+@BOTH
+def test_backward_integration_returns_to_the_start(method):
+    there = oscillate(method=method, rtol=1e-11, atol=1e-12)
+    back = oscillate(
+        method=method,
+        start=dict(zip("xy", there.y[:, -1])),
+        span=(10, 0),
+        rtol=1e-11,
+        atol=1e-12,
+        at=[10, 4, 0],
+    )
+    assert np.array_equal(back.t, [10.0, 4.0, 0.0])
+    assert back["x"] == pytest.approx(np.cos(back.t), abs=1e-9)
+    assert back.at(7.5) == pytest.approx([np.cos(7.5), -np.sin(7.5)], abs=1e-7)
+
+
+@BOTH
+def test_the_dense_output_between_the_steps(method):
+    trajectory = oscillate(method=method)
+    t = np.linspace(0, 10, 1001)
+    assert trajectory.at(t).shape == (2, 1001)
+    assert trajectory.at(t)[0] == pytest.approx(np.cos(t), abs=2e-7)
+    assert trajectory.at(3).shape == (2,)
+    assert np.array_equal(trajectory.at([3.0])[:, 0], trajectory.at(3.0))
+    assert trajectory.at([]).shape == (2, 0)
+    backwards = trajectory.at(t[::-1])
+    assert np.array_equal(backwards, trajectory.at(t)[:, ::-1])
+
+
+@pytest.mark.parametrize("t", [-1e-9, 10.1, [1, 2, 11], float("nan")])
+def test_outside_the_interval_covered_there_is_no_value(t):
+    with pytest.raises(GspError, match=r"covers \[0, 10\]"):
+        oscillate().at(t)
+
+
+def test_observables_are_read_by_name_with_epsilon_and_parameters():
+    trajectory = integrate(ENZYME, start={"s": 1, "c": 0}, span=(0, 2), epsilon=0.1)
+    assert trajectory["E"] == pytest.approx(trajectory["s"] + 0.05 * trajectory["c"], rel=1e-15)
+    assert trajectory[energy].shape == trajectory.t.shape
+
+
+def test_a_sample_has_its_own_times_and_every_name():
+    trajectory = oscillate(at=[5.0])
+    t = [9.0, 0.25, 4.0]
+    sample = trajectory.sample(t)
+    assert np.array_equal(sample.t, t)
+    assert np.array_equal(sample.y, trajectory.at(t))
+    assert sample["E"] == pytest.approx([0.5] * 3, abs=1e-7)
+    assert sample.at(1.0) == pytest.approx([np.cos(1), -np.sin(1)], abs=1e-7)
+    assert trajectory.sample(2.0).t.shape == (1,)
+
+
+def test_an_unknown_name_gets_the_nearest():
+    trajectory = integrate(ENZYME, start={"s": 1, "c": 0}, span=(0, 1), epsilon=0.1)
+    with pytest.raises(
+        GspError, match=r"'ss' is no state and no observable\. Those are s, c, E\. Did you mean \"s\""
+    ):
+        trajectory["ss"]
+    with pytest.raises(GspError, match="no state"):
+        trajectory[0]
+
+
+def test_a_trajectory_is_frozen():
+    trajectory = oscillate(at=[1.0, 2.0])
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        trajectory.t = None
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        trajectory.stats.steps = 0
+    for array in (trajectory.t, trajectory.y, trajectory["x"], trajectory["E"], trajectory.sample([1.0]).y):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_a_sample_keeps_how_the_run_ended_and_what_it_cost():
+    trajectory = oscillate(max_steps=5)
+    sample = trajectory.sample([0.0])
+    assert sample.status is trajectory.status is Status.TOO_MANY_STEPS
+    assert sample.stats == trajectory.stats
+    assert sample.message == trajectory.message
+
+
+def test_the_grid_is_a_copy_of_the_callers():
+    grid = np.array([1.0, 2.0])
+    trajectory = oscillate(at=grid)
+    grid[0] = 5.0
+    assert np.array_equal(trajectory.t, [1.0, 2.0])
+
+
+@BOTH
+def test_a_grid_of_the_start_alone_still_covers_the_span(method):
+    trajectory = oscillate(method=method, at=[0])
+    assert np.array_equal(trajectory.y, [[1.0], [0.0]])
+    assert trajectory.at(10.0)[0] == pytest.approx(np.cos(10), abs=1e-7)
+
+
+@BOTH
+def test_a_short_span_at_a_late_time(method):
+    trajectory = oscillate(method=method, span=(1e10, 1e10 + 1e-3))
+    assert trajectory.status is Status.SUCCESS
+    assert trajectory["y"][-1] == pytest.approx(-np.sin(trajectory.t[-1] - 1e10), rel=1e-9)
+    hopeless = integrate(
+        VectorField({x: -(10**9) * x}, epsilon=None), start={x: 1}, span=(1e10, 1e10 + 1), method=Method.DOP853
+    )
+    assert hopeless.status is Status.STEP_TOO_SMALL
+
+
+def test_the_method_follows_the_flow_unless_given():
+    class Reduced(VectorField):
+        is_stiff = False
+
+    stiff = {"start": {"s": 1, "c": 0}, "span": (0, 10), "epsilon": 1e-4}
+    assert integrate(ENZYME, rtol=1e-3, **stiff).stats.method is Method.RODAS5P
+    assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RADAU9
+    assert integrate(ENZYME, rtol=1e-11, **stiff).stats.method is Method.RADAU13
+    # Declared stiff, and measured not to be.
+    assert oscillate().stats.method is Method.TAYLOR
+    assert integrate(ENZYME, **{**stiff, "epsilon": 1.0}).stats.method is Method.TAYLOR
+    reduced = Reduced({x: -x}, epsilon=None)
+    assert integrate(reduced, start={x: 1}, span=(0, 1)).stats.method is Method.DOP853
+    assert oscillate(method="dop853").stats.method is Method.DOP853
+
+
+@pytest.mark.parametrize("at", [None, [0.5, 2.0, 39.0]])
+def test_a_flow_that_turns_stiff_is_handed_over(at):
+    """Robertson's start looks harmless: |J| t = 1.6 at t = 40, and 1e5 once there is some y."""
+    u, v, w = sp.symbols("u v w")
+    slow, fast = u / 25 - 10**4 * v * w, 3 * 10**7 * v**2
+    field = VectorField({u: -slow, v: slow - fast, w: fast}, epsilon=None)
+    options = {"start": {"u": 1, "v": 0, "w": 0}, "span": (0, 40), "rtol": 1e-8, "atol": 1e-13, "at": at}
+    chosen, given = integrate(field, **options), integrate(field, method=Method.RADAU13, **options)
+    assert chosen.status is Status.SUCCESS
+    assert chosen.stats.method is given.stats.method
+    assert 120 <= chosen.stats.steps + chosen.stats.rejected < 300
+    assert chosen.y[:, -1] == pytest.approx(given.y[:, -1], rel=1e-7)
+    t = np.linspace(0.1, 40, 77)
+    assert chosen.at(t) == pytest.approx(given.at(t), rel=1e-7)
+    short = integrate(field, max_steps=50, **options)
+    assert short.status is Status.TOO_MANY_STEPS
+    assert short.stats.steps + short.stats.rejected == 50
+
+
+@BOTH
+def test_a_run_without_dense_output_has_the_same_states(method):
+    bare, whole = (oscillate(method=method, at=[3.0, 7.0], dense=which) for which in (False, True))
+    assert np.array_equal(bare.y, whole.y)
+    with pytest.raises(GspError, match="no values between its steps"):
+        bare.at(5.0)
+
+
+def test_how_it_shows():
+    trajectory = integrate(ENZYME, start={"s": 1, "c": 0}, span=(0, 1), epsilon=0.1)
+    assert repr(trajectory).startswith("Trajectory([s, c], t=0..1, points=")
+    assert "\n" not in repr(trajectory)
+    assert trajectory.message.startswith("reached the end after ")
+    assert "epsilon = 0.1" in str(trajectory)
+    assert all(len(line) <= 120 for line in str(trajectory).splitlines())
+
+
+# How it ends
+
+
+@BOTH
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+def test_blow_up_keeps_the_last_good_point(method, rtol):
+    trajectory = integrate(
+        VectorField({x: x**2}, epsilon=None), start={x: 2}, span=(0, 1), method=method, rtol=rtol
+    )
+    assert trajectory.status in (Status.NON_FINITE, Status.STEP_TOO_SMALL)
+    assert trajectory.t[-1] == pytest.approx(0.5, abs=100 * rtol + 1e-12)
+    assert np.isfinite(trajectory.y).all()
+    assert trajectory["x"][-1] > 1e6
+    before = trajectory.t < 0.49
+    assert trajectory["x"][before] == pytest.approx(1 / (0.5 - trajectory.t[before]), rel=1e4 * rtol)
+    assert trajectory.message.startswith(
+        f"stopped after {trajectory.stats.steps} steps: {trajectory.status.name} at t = "
+    )
+    assert trajectory.message.endswith(trajectory.status.remedy)
+
+
+@BOTH
+def test_the_border_of_the_domain_is_reached_and_not_crossed(method):
+    field = VectorField({x: -1 - sp.sqrt(x)}, epsilon=None)
+    trajectory = integrate(field, start={x: 1}, span=(0, 1), method=method, at=[0.25, 0.5, 0.75, 1.0])
+    assert trajectory.status is Status.NON_FINITE
+    assert np.array_equal(trajectory.t, [0.25, 0.5])
+    assert np.isfinite(trajectory.y).all()
+    # The last point is one where the field exists.
+    for rtol in (1e-3, 1e-5, 1e-8, 1e-11):
+        assert integrate(field, start={x: 1}, span=(0, 1), method=method, rtol=rtol)["x"].min() >= 0
+    # dt = -dx/(1 + sqrt x) from x = 1 to 0 gives 2 - 2 ln 2.
+    assert trajectory.at(2 - 2 * np.log(2) - 1e-5)[0] == pytest.approx(1e-5, rel=1e-1)
+
+
+@BOTH
+def test_division_by_zero_at_the_start_returns_the_start(method):
+    field = VectorField({x: 1 / x}, epsilon=None)
+    trajectory = integrate(field, start={x: 0}, span=(0, 1), method=method)
+    assert trajectory.status is Status.NON_FINITE
+    assert np.array_equal(trajectory.t, [0.0])
+    assert np.array_equal(trajectory.y, [[0.0]])
+    assert np.array_equal(trajectory.at(0.0), [0.0])
+    assert trajectory.stats.steps == 0
+    empty = integrate(field, start={x: 0}, span=(0, 1), method=method, at=[0.5])
+    assert empty.y.shape == (1, 0)
+    assert empty["x"].shape == (0,)
+
+
+@pytest.mark.parametrize("method", [method for method in Method if method is not Method.DOP853])
+def test_an_infinite_jacobian_at_the_start_is_named(method):
+    field = VectorField({x: 1 + sp.sqrt(x)}, epsilon=None)
+    trajectory = integrate(field, start={x: 0}, span=(0, 1), method=method)
+    assert trajectory.status is Status.SINGULAR_JACOBIAN
+    assert np.array_equal(trajectory.y, [[0.0]])
+    assert "Method.DOP853" in trajectory.message
+    explicit = integrate(field, start={x: 0}, span=(0, 1), method=Method.DOP853)
+    assert explicit.status is Status.SUCCESS
+    # t = 2 (r - ln(1 + r)) for the root r of x.
+    r = np.sqrt(explicit["x"][-1])
+    assert 2 * (r - np.log1p(r)) == pytest.approx(1, abs=1e-6)
+
+
+@BOTH
+def test_the_number_of_steps_is_bounded(method):
+    trajectory = oscillate(method=method, max_steps=5)
+    assert trajectory.status is Status.TOO_MANY_STEPS
+    assert trajectory.stats.steps + trajectory.stats.rejected == 5
+    assert 0 < trajectory.t[-1] < 10
+
+
+@pytest.mark.parametrize("method", [Method.DOP853, Method.TAYLOR])
+def test_the_explicit_methods_say_that_a_field_is_stiff(method):
+    field = VectorField({x: -(10**6) * (x - sp.cos(y)), y: sp.Integer(1)}, epsilon=None)
+    options = {"start": {"x": 2, "y": 0}, "span": (0, 10), "rtol": 1e-5, "atol": 1e-5}
+    explicit = integrate(field, method=method, max_steps=2000, **options)
+    assert explicit.status is Status.TOO_MANY_STEPS
+    assert explicit.stats.stiff
+    assert "RODAS5P" in explicit.message
+    implicit = integrate(field, method=Method.RODAS5P, max_steps=2000, **options)
+    assert implicit.status is Status.SUCCESS
+    for rtol in (1e-2, 1e-5, 1e-8, 1e-12):
+        assert not oscillate(method=method, span=(0, 500), rtol=rtol, max_steps=100).stats.stiff
+
+
+@BOTH
+def test_progress_rises_to_one_and_steps_beyond_one_record_are_kept(method):
+    seen: list[float] = []
+    trajectory = oscillate(method=method, span=(0, 20000), rtol=1e-6, atol=1e-6, progress=seen.append)
+    assert trajectory.stats.steps > 5000
+    assert len(seen) > 4
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert np.all(np.diff(trajectory.t) > 0)
+    assert trajectory.t.size == trajectory.stats.steps + 1
+
+
+@pytest.mark.usefixtures("interruptible")
+@BOTH
+def test_an_interrupt_returns_what_was_computed(method):
+    def interrupt(fraction):
+        if fraction > 0.3:
+            signal.raise_signal(signal.SIGINT)
+
+    trajectory = oscillate(method=method, span=(0, 20000), rtol=1e-6, atol=1e-6, progress=interrupt)
+    assert trajectory.status is Status.INTERRUPTED
+    assert 6000 < trajectory.t[-1] < 20000
+    assert trajectory.t.size == trajectory.stats.steps + 1
+    assert "INTERRUPTED" in trajectory.message
+
+
+def test_an_error_in_progress_is_the_callers():
+    def fail(fraction):
+        raise RuntimeError("mine")
+
+    with pytest.raises(RuntimeError, match="mine"):
+        oscillate(progress=fail)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"span": (0, 0)}, "span must have a length"),
+        ({"span": (0, float("inf"))}, "span must be finite"),
+        ({"span": (float("nan"), 1)}, "span must be finite"),
+        ({"span": (-1e308, 1.7e308)}, "span must have a length|finite"),
+        ({"span": 3}, "span is two numbers"),
+        ({"span": (0, 1, 2)}, "span is two numbers"),
+        ({"span": ("a", 1)}, "span is two numbers"),
+        ({"rtol": 0.0}, "rtol is a finite number, at least 1e-14"),
+        ({"rtol": 1e-16}, "rtol is a finite number, at least 1e-14"),
+        ({"rtol": float("nan")}, "rtol is"),
+        ({"rtol": "tight"}, "rtol is"),
+        ({"atol": 0}, "atol is a finite number, positive"),
+        ({"atol": -1e-3}, "atol is"),
+        ({"atol": float("inf")}, "atol is"),
+        ({"at": [1, 11]}, r"at must lie inside the span \(0, 10\)"),
+        ({"at": [-1, 1]}, "at must lie inside the span"),
+        ({"at": [1, float("nan")]}, "at must lie inside the span"),
+        ({"at": [2, 1]}, "without repeats. Got 2, then 1"),
+        ({"at": [1, 1]}, "without repeats. Got 1, then 1"),
+        ({"at": [1, 2], "span": (10, 0)}, "without repeats"),
+        ({"at": []}, "one or more times"),
+        ({"at": [[1, 2]]}, "one or more times"),
+        ({"at": ["soon"]}, "sequence of times"),
+        ({"method": "rodas5"}, 'is no method.*Did you mean "rodas5p"'),
+        ({"method": 5}, "is no method"),
+        ({"max_steps": 0}, "max_steps is an integer, 1 or more"),
+        ({"max_steps": 1.5}, "max_steps is an integer"),
+        ({"epsilon": 0.1}, "no small parameter"),
+        ({"start": {"x": 1}}, "no value for y"),
+        ({"start": {"x": 1, "y": 0, "z": 1}}, "no state"),
+        ({"start": {"x": float("nan"), "y": 0}}, "finite"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_a_wrong_call_says_what_is_wrong(options, message):
+    with pytest.raises(DeclarationError, match=message):
+        oscillate(**options)
+
+
+@pytest.mark.parametrize("value", [None, 0, -0.1, float("nan"), float("inf"), "small"], ids=str)
+def test_a_wrong_epsilon_is_refused(value):
+    with pytest.raises(DeclarationError, match="epsilon"):
+        integrate(ENZYME, start={"s": 1, "c": 0}, span=(0, 1), epsilon=value)
+
+
+def test_a_run_keeps_the_checked_epsilon_and_prints() -> None:
+    y, x, epsilon = sp.symbols("y x epsilon")
+    system = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=epsilon)
+    for value in (sp.Rational(1, 100), "0.01"):
+        run = integrate(system, start={"y": 1, "x": 1}, span=(0, 1), epsilon=value)
+        assert run.epsilon == 0.01
+        assert "epsilon = 0.01" in str(run)

@@ -1,0 +1,133 @@
+"""The cache of compiled kernels is a convenience: damaged, full or absent, the same numbers come out."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gsp.kernels import compilation
+from gsp.kernels.compilation import CacheWarning, kernel
+from gsp.kernels.engine import processor
+
+SUM = """
+import warnings
+warnings.simplefilter("always")
+import numpy as np
+from {package} import all_finite, step_towards
+print(all_finite(np.ones(3)), step_towards(2.0, 1.0, 0.7))
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Copies of two kernel modules under a package of their own, which compile quickly."""
+    root = tmp_path / "kernels_apart"
+    root.mkdir()
+    here = Path(compilation.__file__).parent
+    shutil.copy(here / "compilation.py", root / "compilation.py")
+    (root / "__init__.py").write_text(
+        "import math\n"
+        "from kernels_apart.compilation import kernel\n"
+        "@kernel\n"
+        "def all_finite(values):\n"
+        "    bad = 0\n"
+        "    for i in range(values.shape[0]):\n"
+        "        bad += 0 if abs(values[i]) < math.inf else 1\n"
+        "    return bad == 0\n"
+        "@kernel\n"
+        "def step_towards(stop, t, h):\n"
+        "    return 0.5 * (stop - t) if 2.0 * abs(h) > abs(stop - t) else h\n"
+    )
+    return root
+
+
+def numbers(package: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    known = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+    return subprocess.run(
+        [sys.executable, "-c", SUM.format(package=package.name)],
+        env={**known, "PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+
+
+def test_cut_off_files_are_replaced(package: Path) -> None:
+    first = numbers(package)
+    assert first.stdout == "True 0.5\n", first.stderr
+    kept = [*package.rglob("*.nbi"), *package.rglob("*.nbc")]
+    assert len(kept) == 4
+    for share in (0.5, 0.0):
+        sizes = {path: path.stat().st_size for path in kept}
+        for path in kept:
+            os.truncate(path, int(share * sizes[path]))
+        again = numbers(package)
+        assert again.stdout == first.stdout, again.stderr
+        assert again.stderr == ""
+        assert all(path.stat().st_size == size for path, size in sizes.items())
+
+
+def test_without_a_folder_for_it_the_cache_is_left_out_and_that_is_said_once(
+    package: Path, tmp_path: Path
+) -> None:
+    # A file where a folder should be stands for every folder that cannot be made, for root as for anybody.
+    (package / "__pycache__").write_text("")
+    (tmp_path / "home").write_text("")
+    environment = {"HOME": str(tmp_path / "home"), "XDG_CACHE_HOME": str(tmp_path / "home")}
+    found = numbers(package, **environment)
+    assert found.stdout == "True 0.5\n", found.stderr
+    assert found.stderr.count("CacheWarning") == 1
+    assert "Set NUMBA_CACHE_DIR" in found.stderr
+
+
+def test_a_full_disk_costs_the_cache_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compilation.FunctionCache, "save_overload", full)
+    monkeypatch.setattr(compilation, "_said", False)
+
+    def half(x):
+        return 0.5 * x
+
+    def third(x):
+        return x / 3.0
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        assert kernel(half)(3.0) == 1.5
+        assert kernel(third)(3.0) == 1.0
+    assert [w.category for w in told] == [CacheWarning]
+    assert "No space left on device" in str(told[0].message)
+
+
+def test_code_for_a_flow_is_for_the_processor_that_kernels_are_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core import config
+    from numba.core.registry import cpu_target
+
+    monkeypatch.setattr(config, "CPU_NAME", None)
+    monkeypatch.setattr(config, "CPU_FEATURES", None)
+    codegen = cpu_target.target_context.codegen()
+    assert processor() == (codegen._get_host_cpu_name(), codegen._get_host_cpu_features())
+    monkeypatch.setattr(config, "CPU_NAME", "generic")
+    monkeypatch.setattr(config, "CPU_FEATURES", "")
+    assert processor() == ("generic", "")
+
+
+def test_a_flow_runs_on_a_generic_processor() -> None:
+    text = (
+        "import sympy as sp; from gsp.lowering.compiled_flow import compile_function\n"
+        "x = sp.Symbol('x')\n"
+        "f = compile_function([x**2 + sp.sin(x)], arguments=[x], epsilon=None, parameters=[])\n"
+        "print(repr(float(f([2.0], [float('nan')])[0])))"
+    )
+    environment = {**os.environ, "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    found = subprocess.run(
+        [sys.executable, "-c", text], env=environment, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert float(found.stdout) == pytest.approx(4 + np.sin(2), rel=1e-15), found.stderr

@@ -1,0 +1,533 @@
+"""Strong friction in place of constraints: section 4 of Eldering (2015), and the same for other systems."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import gsp
+from gsp.errors import DeclarationError
+from gsp.mechanics import FrictionSystem, LagrangianSystem, constrain, with_friction
+from gsp.slow.raw_series import carry_back
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, y, phi, theta, psi = sp.symbols("x y phi theta psi")
+xdot, ydot, phidot, thetadot, psidot = sp.symbols("xdot ydot phidot thetadot psidot")
+v, omega, w, p = sp.symbols("v omega w p")
+m, a, g, R, epsilon = sp.symbols("m a g R epsilon")
+inertia = sp.Symbol("I")
+sin, cos = sp.sin, sp.cos
+J = inertia + m * a**2
+SLIP = -xdot * sin(phi) + ydot * cos(phi)
+FRAME = {v: xdot * cos(phi) + ydot * sin(phi), omega: phidot}
+TIGHT = {"rtol": 1e-12, "atol": 1e-14}
+
+
+def sleigh() -> LagrangianSystem:
+    """(10)."""
+    L = m * (xdot**2 + ydot**2) / 2 + J * phidot**2 / 2
+    L += m * a * phidot * (-xdot * sin(phi) + ydot * cos(phi))
+    return LagrangianSystem(
+        L, [x, y, phi], [xdot, ydot, phidot], parameters={m: 1, inertia: 1, a: 0.2}, name="sleigh"
+    )
+
+
+def sliding_sleigh(**options) -> FrictionSystem:
+    return with_friction(sleigh(), [SLIP], epsilon=epsilon, frame=FRAME, **options)
+
+
+def falling_disc(*, aligned: bool = True) -> FrictionSystem:
+    """A disc that rolls and falls, gravity and lean in its mass matrix; (x, y) is its point of contact."""
+    A, C = sp.symbols("A C")
+    q, rates = (x, y, phi, theta, psi), (xdot, ydot, phidot, thetadot, psidot)
+    centre = sp.Matrix([x + R * sin(theta) * sin(phi), y - R * sin(theta) * cos(phi), R * cos(theta)])
+    velocity = centre.jacobian(q) * sp.Matrix(rates)
+    turning = A * (thetadot**2 + phidot**2 * cos(theta) ** 2) + C * (psidot + phidot * sin(theta)) ** 2
+    L = m * velocity.dot(velocity) / 2 + turning / 2 - m * g * centre[2]
+    values = {m: 1, A: sp.Rational(1, 4), C: sp.Rational(1, 2), R: 1, g: 9.81}
+    system = LagrangianSystem(L, q, rates, parameters=values, name="disc")
+    if aligned:
+        slips = [xdot * cos(phi) + ydot * sin(phi) - R * psidot, SLIP]
+        frame = {phidot: phidot, thetadot: thetadot, psidot: psidot}
+        return with_friction(system, slips, epsilon=epsilon, frame=frame)
+    return with_friction(system, [xdot - R * cos(phi) * psidot, ydot - R * sin(phi) * psidot], epsilon=epsilon)
+
+
+# -- the sleigh, section 4 -------------------------------------------------------------------------
+
+
+def test_the_field_is_the_raw_sleigh_of_the_models_exactly() -> None:
+    ours, scene = sliding_sleigh(), gsp.models.load("chaplygin_sleigh")
+    assert ours.field.states == scene.system.states
+    assert dict(ours.field.parameters) == dict(scene.system.parameters)
+    gaps = [sp.cancel(e - scene.system.equations[s]) for s, e in ours.field.equations.items()]
+    assert gaps == [0, 0, 0]
+    gaps = [sp.expand(rate - scene.reconstruction[s]) for s, rate in ours.reconstruction.items()]
+    assert gaps == [0, 0, 0]
+    assert set(ours.reconstruction) == set(scene.reconstruction)
+
+
+def test_lagranges_equations_with_the_friction_force_are_15() -> None:
+    forces = sliding_sleigh().friction_forces
+    assert forces[phi] == 0
+    assert sp.expand(forces[x] - SLIP * sin(phi) / epsilon) == 0
+    assert sp.expand(forces[y] + SLIP * cos(phi) / epsilon) == 0
+
+
+def test_the_slip_obeys_16_and_decays_at_the_rate_17() -> None:
+    ours = sliding_sleigh()
+    slip_rate = ours.field.equations[w]
+    assert sp.cancel(inertia / J * (slip_rate + v * omega) + w / (m * epsilon)) == 0
+    rho = J / (inertia * m * epsilon)
+    (at_rest,) = sp.solve(slip_rate, w)
+    assert sp.cancel(at_rest + v * omega / rho) == 0
+    assert sp.cancel(ours.splitting.fast_jacobian[0] / epsilon + rho) == 0
+
+
+def test_the_slow_momentum_is_found_from_the_geometry() -> None:
+    ours = sliding_sleigh().splitting
+    assert set(ours.coordinates) == {v, p, w}
+    assert ours.coordinates[v] == v
+    assert sp.expand(ours.coordinates[p] - J * omega - m * a * w) == 0
+    found = gsp.split(sliding_sleigh().field)
+    assert found.system is not None
+    assert ours.system is not None
+    assert ours.system.x == found.system.x
+    for mine, other in zip((*ours.system.f, *ours.system.g), (*found.system.f, *found.system.g)):
+        assert sp.cancel(mine - other) == 0
+    for name in ("N", "layer", "drift"):
+        assert (getattr(ours, name) - getattr(found, name)).applyfunc(sp.cancel).is_zero_matrix
+    assert (ours.projection - found.projection).applyfunc(sp.cancel).is_zero_matrix
+
+
+def test_the_first_correction_is_18_with_a_minus_sign() -> None:
+    ours = sliding_sleigh()
+    series = gsp.expand(gsp.solve_critical(ours.standard_form).branches[0], order=1)
+    raw = carry_back(series, ours.splitting)
+    assert raw is not None
+    zeroth, first = raw.reduced_field
+    limit = ours.limit.reduced.equations
+    assert sp.cancel(zeroth[v] - limit[v]) == 0
+    assert sp.cancel(zeroth[omega] - limit[omega]) == 0
+    # (18) is printed with a plus in v', which would make the energy grow.
+    assert sp.cancel(first[v] + inertia * m * v * omega**2 / J) == 0
+    turning = limit[v] * omega + v * limit[omega]
+    assert sp.cancel(first[omega] - inertia * m**2 * a / J**2 * turning) == 0
+
+
+# Full solutions at m = I = 1, a = 1/5 from (v, w, omega) = (1, 0, 1), x = y = phi = 0, computed to 30 digits;
+# by epsilon and time: v, w, omega, phi, x, y.
+REFERENCE = {
+    0.1: {
+        1: (
+            1.0927907415992057912,
+            -0.088545496341930532364,
+            0.83060827025000209128,
+            0.92133825385709839254,
+            0.94083997595770554663,
+            0.39993885801475956206,
+        ),
+        20: (
+            1.2236647535486021344,
+            -0.0010890604820211897137,
+            0.0090415944717688818683,
+            4.4656899985566561966,
+            -10.592048550659358156,
+            -10.792687275540031976,
+        ),
+    },
+    0.001: {
+        1: (
+            1.1635075805709107667,
+            -0.00090789647525926683957,
+            0.81143556172463546319,
+            0.90489076672852636203,
+            0.93262323456904656883,
+            0.48439934246459827807,
+        ),
+        20: (
+            1.4262126292348858035,
+            -6.6789812828583832316e-06,
+            0.0048690553394811340446,
+            4.0410946803687145742,
+            -17.692331064614387137,
+            -8.4986611603525473026,
+        ),
+    },
+}
+
+
+@pytest.mark.parametrize("value", list(REFERENCE))
+def test_the_full_solution_with_reconstruction_is_the_reference(value: float) -> None:
+    start = {"v": 1, "w": 0, "omega": 1, "x": 0, "y": 0, "phi": 0}
+    table = REFERENCE[value]
+    run = gsp.integrate(
+        sliding_sleigh().full_field, start=start, span=(0, 20), epsilon=value, at=list(table), **TIGHT
+    )
+    found = np.stack([run[name] for name in ("v", "w", "omega", "phi", "x", "y")], axis=1)
+    np.testing.assert_allclose(found, list(table.values()), rtol=1e-8, atol=1e-9)
+
+
+def test_a_scene_starts_from_raw_velocities() -> None:
+    ours = sliding_sleigh()
+    angle = 0.7
+    start = {"x": 1, "y": 2, "phi": angle, "xdot": 0.5, "ydot": -0.25, "phidot": 0.9}
+    scene = ours.scene(
+        region={"v": (-2, 2), "omega": (-2, 2), "w": (-1, 1)},
+        start=start,
+        span=(0, 2),
+        epsilon=0.05,
+        epsilons=(0.04, 0.02, 0.01),
+        tolerance=1e-6,
+        path=("x", "y"),
+        name="sleigh",
+    )
+    assert scene.system == ours.field
+    assert scene.full_start["v"] == pytest.approx(0.5 * np.cos(angle) - 0.25 * np.sin(angle), abs=1e-15)
+    assert scene.full_start["w"] == pytest.approx(-0.5 * np.sin(angle) - 0.25 * np.cos(angle), abs=1e-15)
+    assert [scene.full_start[name] for name in ("omega", "x", "y", "phi")] == [0.9, 1, 2, angle]
+    run = gsp.integrate(scene.full_flow, start=scene.full_start, span=(0, 1e-5), epsilon=0.05, **TIGHT)
+    assert run["x"][-1] - run["x"][0] == pytest.approx(0.5e-5, rel=1e-3)
+    assert run["y"][-1] - run["y"][0] == pytest.approx(-0.25e-5, rel=1e-2)
+
+
+# -- theorems --------------------------------------------------------------------------------------
+
+
+def ball() -> FrictionSystem:
+    """Example 2.1 over Euler angles, with space angular velocities as quasi-velocities."""
+    q = sp.symbols("x y alpha beta gamma")
+    rates = sp.symbols("xdot ydot alphadot betadot gammadot")
+    alpha, beta = q[2:4]
+    ad, bd, gd = rates[2:]
+    K, r = sp.symbols("K r")
+    wx = bd * cos(alpha) + gd * sin(beta) * sin(alpha)
+    wy = bd * sin(alpha) - gd * sin(beta) * cos(alpha)
+    wz = ad + gd * cos(beta)
+    L = m * (xdot**2 + ydot**2) / 2 + K * (wx**2 + wy**2 + wz**2) / 2
+    system = LagrangianSystem(L, q, rates, parameters={m: 2, K: 0.8, r: 0.5})
+    names = sp.symbols("wx wy wz")
+    return with_friction(
+        system, [xdot - r * wy, ydot + r * wx], epsilon=epsilon, frame=dict(zip(names, (wx, wy, wz)))
+    )
+
+
+def swinging() -> FrictionSystem:
+    """Two slips, a full damping matrix that depends on a position, a potential and an outer force."""
+    k, b = sp.symbols("k b")
+    q, rates = sp.symbols("q1:5"), sp.symbols("r1:5")
+    L = sum((i + 1) * r**2 for i, r in enumerate(rates)) / 2 + rates[0] * rates[1] * cos(q[1]) / 2
+    L += -k * q[0] ** 2 / 2 + sin(q[2])
+    system = LagrangianSystem(L, q, rates, forces={q[3]: -k * rates[3]}, parameters={k: 2, b: 0.5})
+    B = sp.Matrix([[2 + sin(q[0]), b], [b, 1]])
+    return with_friction(system, [rates[2] - q[0] * rates[1], rates[3] - rates[0]], epsilon=epsilon, damping=B)
+
+
+def driven() -> FrictionSystem:
+    """Explicit time in the potential: the field carries t."""
+    t = sp.Symbol("t")
+    L = m * (xdot**2 + ydot**2) / 2 + J * phidot**2 / 2 + m * x * sin(2 * t)
+    values = {m: 1, inertia: 1, a: 0.2}
+    system = LagrangianSystem(L, [x, y, phi], [xdot, ydot, phidot], parameters=values, time=t)
+    return with_friction(system, [SLIP], epsilon=epsilon)
+
+
+SYSTEMS = {
+    "sleigh": sliding_sleigh,
+    "damped sleigh": lambda: sliding_sleigh(damping=a + m),
+    "ball": ball,
+    "disc": falling_disc,
+    "turned disc": lambda: falling_disc(aligned=False),
+    "swinging": swinging,
+    "driven": driven,
+}
+
+
+@pytest.mark.parametrize("name", list(SYSTEMS))
+def test_the_slip_is_minus_epsilon_times_the_damped_multiplier(name: str) -> None:
+    defect = SYSTEMS[name]().slip_defect()
+    assert defect == (0,) * len(defect)
+    assert len(defect) > 0
+
+
+@pytest.mark.parametrize("name", ["sleigh", "damped sleigh", "ball", "disc", "turned disc"])
+def test_friction_dissipates_exactly_the_rayleigh_function_twice(name: str) -> None:
+    system = SYSTEMS[name]()
+    slip = sp.Matrix(list(system.frame.across))
+    rayleigh = (slip.T * system.damping * slip)[0] / (2 * epsilon)
+    assert sp.expand(system.dissipation() + 2 * rayleigh) == 0
+    assert sp.expand(system.energy_rate() - system.dissipation()) == 0
+    assert system.limit.energy_rate() == 0
+
+
+def test_forces_add_their_power_to_the_dissipation() -> None:
+    system = swinging()
+    k = sp.Symbol("k")
+    along = system.velocities[sp.Symbol("r4")]
+    assert sp.expand(system.energy_rate() - system.dissipation() + k * along**2) == 0
+
+
+def test_slow_momenta_feel_no_friction() -> None:
+    for build in SYSTEMS.values():
+        splitting = build().splitting
+        states = splitting.field.states
+        assert splitting.system is not None
+        for s in splitting.system.x:
+            gradient = sp.Matrix([[sp.diff(splitting.coordinates[s], z) for z in states]])
+            pull = gradient * splitting.N
+            assert pull.applyfunc(lambda e: sp.trigsimp(sp.cancel(e))).is_zero_matrix
+
+
+@pytest.mark.parametrize("name", list(SYSTEMS))
+def test_the_standard_form_is_the_field_in_other_coordinates(name: str) -> None:
+    system = SYSTEMS[name]()
+    splitting = system.splitting
+    standard = system.standard_form
+    rng = np.random.default_rng(3)
+    point = {s: sp.Float(float(value), 30) for s, value in zip(system.field.states, rng.uniform(0.2, 1, 20))}
+    values = {**point, **system.field.parameters, epsilon: sp.Rational(1, 7)}
+    new = {s: e.subs(values) for s, e in splitting.coordinates.items()}
+    moved = {**new, **system.field.parameters, epsilon: sp.Rational(1, 7)}
+    for s, rate in zip(standard.states, standard.rates):
+        chain = sum(
+            sp.diff(splitting.coordinates[s], z) * rate_z for z, rate_z in system.field.equations.items()
+        )
+        assert abs(sp.N(rate.subs(moved) - chain.subs(values))) < 1e-20
+    for z, e in splitting.inverse.items():
+        assert abs(sp.N(e.subs(moved) - point[z])) < 1e-20
+
+
+def test_on_a_plane_every_correction_of_the_rolling_ball_vanishes() -> None:
+    system = ball()
+    series = gsp.expand(gsp.solve_critical(system.standard_form).branches[0], order=4)
+    for coefficient in series.coefficients:
+        assert tuple(coefficient) == (0, 0)
+    # Slip decays at the rate (1/m + r^2/K)/epsilon in every direction.
+    K, r = sp.symbols("K r")
+    rate = -(1 / m + r**2 / K)
+    assert (system.splitting.fast_jacobian - rate * sp.eye(2)).applyfunc(sp.cancel).is_zero_matrix
+
+
+def test_the_limit_is_reached_with_an_error_proportional_to_epsilon() -> None:
+    system = falling_disc()
+    start = {"theta": 0.3, "phidot": 1.0, "thetadot": 0.1, "psidot": 2.5, "x": 0, "y": 0, "phi": 0, "psi": 0}
+    limit = gsp.integrate(system.limit.full_field, start=start, span=(0, 1), **TIGHT)
+    errors = []
+    for value in (2e-3, 1e-3):
+        begin = {**start, "w1": 0, "w2": 0}
+        run = gsp.integrate(system.full_field, start=begin, span=(0, 1), epsilon=value, **TIGHT)
+        errors.append(np.array([run[name][-1] - limit[name][-1] for name in ("theta", "x", "y", "psidot")]))
+    np.testing.assert_allclose(errors[0] / errors[1], 2, atol=0.1)
+    assert np.abs(errors[0]).max() > 1e-4
+
+
+def test_the_disc_keeps_only_its_lean_as_a_state_and_goes_through_the_pipeline() -> None:
+    system = falling_disc()
+    assert [s.name for s in system.field.states] == ["theta", "phidot", "thetadot", "psidot", "w1", "w2"]
+    assert set(system.reconstruction) == {x, y, phi, psi}
+    assert not system.has_constant_fibres
+    box = {"theta": (-0.6, 0.6), "phidot": (-3, 3), "thetadot": (-3, 3), "psidot": (-4, 4)}
+    scene = system.scene(
+        region={**box, "w1": (-1, 1), "w2": (-1, 1)},
+        start={"theta": 0.3, "phidot": 1, "thetadot": 0.1, "psidot": 2.5, "w1": 0, "w2": 0, "y": 1.5},
+        span=(0, 0.5),
+        epsilon=0.01,
+        epsilons=(0.008, 0.004, 0.002),
+        tolerance=1e-4,
+        path=("x", "y"),
+        name="disc",
+    )
+    assert isinstance(scene.system, SlowFastSystem)
+    assert scene.reconstruction_start["y"] == 1.5
+    full = gsp.integrate(scene.full_flow, start=scene.full_start, span=(0, 0.5), epsilon=0.01, **TIGHT)
+    raw_start = {"theta": 0.3, "phidot": 1, "thetadot": 0.1, "psidot": 2.5, "w1": 0, "w2": 0}
+    raw_start |= {"x": 0, "y": 1.5, "phi": 0, "psi": 0}
+    raw = gsp.integrate(system.full_field, start=raw_start, span=(0, 0.5), epsilon=0.01, **TIGHT)
+    for name in ("theta", "psidot", "x", "y"):
+        assert full[name][-1] == pytest.approx(raw[name][-1], abs=1e-9)
+    low, high = scene.region["p1"]
+    assert low < full["p1"].min() < full["p1"].max() < high
+    comparison = gsp.compare(scene, orders=(0, 1, 2))
+    for order, slope in comparison.slopes.items():
+        assert slope == pytest.approx(order + 1, abs=0.1)
+
+
+def test_a_disc_described_in_fixed_directions_is_the_same_disc() -> None:
+    one, two = falling_disc(), falling_disc(aligned=False)
+    start = {"theta": 0.3, "phidot": 1, "thetadot": 0.1, "psidot": 2.5, "w1": 0.1, "phi": 0.4}
+    rest = {"x": 0, "y": 0, "psi": 0}
+    first = gsp.integrate(
+        one.full_field, start={**start, **rest, "w2": 0}, span=(0, 0.6), epsilon=0.02, **TIGHT
+    )
+    turned = {**start, **rest, "w1": 0.1 * np.cos(0.4), "w2": 0.1 * np.sin(0.4)}
+    second = gsp.integrate(two.full_field, start=turned, span=(0, 0.6), epsilon=0.02, **TIGHT)
+    for name in ("theta", "phidot", "x", "y", "psi"):
+        assert first[name][-1] == pytest.approx(second[name][-1], abs=1e-9)
+    assert np.linalg.norm(one.constraint_residual(first)[:, -1]) == pytest.approx(
+        np.linalg.norm(two.constraint_residual(second)[:, -1]), abs=1e-9
+    )
+
+
+def test_an_affine_constraint_slides_against_what_moves() -> None:
+    # A belt that runs at the rate c drags a block on a spring: at rest the spring holds epsilon-friction.
+    c, k = sp.symbols("c k")
+    belt = LagrangianSystem(
+        m * (xdot**2 + ydot**2) / 2 - k * x**2 / 2, [x, y], [xdot, ydot], parameters={m: 1, c: 2, k: 3}
+    )
+    system = with_friction(belt, [xdot - c], epsilon=epsilon)
+    slip = system.field.equations[w]
+    assert sp.expand(slip + w / (epsilon * m) + k * x / m) == 0
+    assert sp.expand(system.dissipation() + (w + c) * w / epsilon) == 0
+    assert sp.expand(system.energy_rate() - system.dissipation()) == 0
+    assert system.slip_defect() == (0,)
+
+
+entry = st.integers(-2, 2)
+
+
+def random_system(
+    numbers: list[int], forms: list[int], spring: list[int], k: int
+) -> tuple[FrictionSystem, sp.Matrix]:
+    """Constant mass matrix, constraints, springs and damping on four coordinates."""
+    Jacobian = sp.Matrix(4, 4, numbers)
+    M = Jacobian.T * Jacobian + sp.eye(4)
+    A = sp.Matrix(k, 4, forms[: 4 * k])
+    assume(A.rank() == k)
+    q, rates = sp.symbols("q1:5"), sp.symbols("r1:5")
+    Q, U = sp.Matrix(list(q)), sp.Matrix(list(rates))
+    K = sp.diag(*spring)
+    B = sp.Matrix([[2, 1], [1, 3]])[:k, :k]
+    system = LagrangianSystem((U.T * M * U)[0] / 2 - (Q.T * K * Q)[0] / 2, q, rates)
+    return with_friction(system, list(A * U), epsilon=epsilon, damping=B), A
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.lists(entry, min_size=16, max_size=16),
+    st.lists(entry, min_size=8, max_size=8),
+    st.lists(entry, min_size=4, max_size=4),
+    st.integers(1, 2),
+)
+def test_for_constant_systems_friction_tends_to_constrained_motion(
+    numbers: list[int], forms: list[int], spring: list[int], k: int
+) -> None:
+    system, _ = random_system(numbers, forms, spring, k)
+    assert system.slip_defect() == (0,) * k
+    series = gsp.expand(gsp.solve_critical(system.standard_form).branches[0], order=0)
+    at_rest = dict.fromkeys(system.frame.across, 0)
+    limit = constrain(system.system, system.constraints).reduced.equations
+    coordinates = {s: e.subs(at_rest) for s, e in system.splitting.coordinates.items()}
+    for s, rate in series.reduced_field[0].as_dict().items():
+        chain = sum(sp.diff(coordinates[s], z) * r for z, r in limit.items())
+        assert sp.expand(rate.subs(coordinates, simultaneous=True) - chain) == 0
+    # Linear integrals of the layer problem: the ones found and the geometric ones span one space.
+    found = gsp.split(system.field)
+    assert found.system is not None
+    states = system.field.states
+
+    def rows(splitting) -> sp.Matrix:
+        slow = [splitting.coordinates[s] for s in splitting.system.x]
+        return sp.Matrix([[sp.diff(e, z) for z in states] for e in slow])
+
+    mine, other = rows(system.splitting), rows(found)
+    assert mine.rank() == other.rank() == sp.Matrix.vstack(mine, other).rank() == len(states) - k
+
+
+# -- names and refusals ----------------------------------------------------------------------------
+
+
+def test_slips_are_named_by_the_constraints_or_by_the_frame() -> None:
+    slip = sp.Symbol("slip")
+    by_constraint = with_friction(sleigh(), {slip: SLIP}, epsilon=epsilon, frame=FRAME)
+    by_frame = with_friction(sleigh(), [SLIP], epsilon=epsilon, frame={**FRAME, slip: SLIP})
+    assert by_constraint.field == by_frame.field
+    assert by_constraint.field.states == (v, omega, slip)
+    taken = LagrangianSystem(xdot**2 + ydot**2 - w * x, [x, y], [xdot, ydot], parameters={w: 1})
+    assert with_friction(taken, [ydot], epsilon=epsilon).frame.across == (sp.Symbol("s"),)
+
+
+def test_equal_systems_are_equal_and_hash_alike() -> None:
+    assert sliding_sleigh() == sliding_sleigh()
+    assert hash(sliding_sleigh()) == hash(sliding_sleigh())
+    assert sliding_sleigh() != sliding_sleigh(damping=2)
+    assert "friction against w" in repr(sliding_sleigh())
+
+
+b = sp.Symbol("b")
+DAMPINGS = {
+    "negative": (-1, "not positive definite"),
+    "zero": (0, "not positive definite"),
+    "wrong size": ([[1, 0], [0, 1]], r"shape \(2, 2\) for 1 constraints"),
+    "unknown symbol": (b, "b has no value"),
+    "negative at the values": (a - m, r"minor of size 1, a - m, takes the value -0\.8"),
+    "velocity": (1 + xdot**2, "depends on xdot"),
+    "negative somewhere": (sin(x), "not positive definite"),
+    "ragged": ([[1], [1, 2]], "square matrix"),
+    "text": ([["1"]], "is a str"),
+}
+
+
+@pytest.mark.parametrize("case", list(DAMPINGS))
+def test_what_is_no_damping_is_refused_by_name(case: str) -> None:
+    damping, words = DAMPINGS[case]
+    with pytest.raises(DeclarationError, match=words):
+        sliding_sleigh(damping=damping)
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"),
+    [
+        (sp.Matrix([[1, 2], [2, 1]]), "minor of size 2, -3"),
+        (sp.Matrix([[1, a], [0, 1]]), "not symmetric: entry \\(2, 1\\) is 0"),
+        ([1, 2], "square matrix"),
+    ],
+)
+def test_a_matrix_that_is_no_damping_is_refused_by_name(damping, words: str) -> None:
+    system = LagrangianSystem(
+        xdot**2 + ydot**2 + phidot**2, [x, y, phi], [xdot, ydot, phidot], parameters={a: 1}
+    )
+    with pytest.raises(DeclarationError, match=words):
+        with_friction(system, [xdot, ydot - phidot], epsilon=epsilon, damping=damping)
+
+
+def test_symbols_that_are_positive_decide_without_values() -> None:
+    q = sp.Symbol("q", positive=True)
+    r = sp.Symbol("r")
+    system = LagrangianSystem(xdot**2 + ydot**2 + r * 0, [x, y], [xdot, ydot], parameters={q: -1})
+    with pytest.raises(DeclarationError, match="not positive definite"):
+        with_friction(system, [xdot], epsilon=epsilon, damping=-q)
+
+
+def test_a_kinetic_energy_that_is_not_quadratic_has_no_friction_limit_here() -> None:
+    system = LagrangianSystem(xdot**4 / 4 + xdot**2 + ydot**2, [x, y], [xdot, ydot])
+    with pytest.raises(DeclarationError, match="not quadratic"):
+        with_friction(system, [ydot], epsilon=epsilon)
+    assert constrain(system, [ydot]).reduced.equations[xdot] == 0
+
+
+def test_constraints_in_time_and_epsilon_in_use_are_refused() -> None:
+    t = sp.Symbol("t")
+    system = LagrangianSystem(xdot**2 + ydot**2, [x, y], [xdot, ydot], parameters={epsilon: 1}, time=t)
+    with pytest.raises(DeclarationError, match="epsilon is a symbol of its own"):
+        with_friction(system, [ydot], epsilon=epsilon)
+    with pytest.raises(DeclarationError, match="Time-dependent constraints are not covered"):
+        with_friction(system, [ydot - t], epsilon=sp.Symbol("eps"))
+    with pytest.raises(DeclarationError, match="takes a LagrangianSystem"):
+        with_friction(VectorField({x: -x}, epsilon=None), [ydot], epsilon=epsilon)  # pyright: ignore
+
+
+STARTS = {
+    "mixed": ({"v": 1, "phidot": 2}, "Give all of xdot, ydot, phidot, or all of v, omega, w"),
+    "unknown": ({"v": 1, "omega": 1, "w": 0, "vv": 2}, 'names "vv"'),
+    "incomplete": ({"xdot": 1, "ydot": 0}, "some velocities"),
+}
+
+
+@pytest.mark.parametrize("case", list(STARTS))
+def test_a_wrong_start_of_a_scene_is_named(case: str) -> None:
+    start, words = STARTS[case]
+    with pytest.raises(DeclarationError, match=words):
+        sliding_sleigh().scene(
+            region={"v": (-2, 2)}, start=start, span=(0, 1), epsilon=0.1, epsilons=(0.1, 0.05), tolerance=1e-3
+        )

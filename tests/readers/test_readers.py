@@ -1,0 +1,525 @@
+"""Model files: what a user writes is read exactly, what a stranger writes cannot do harm."""
+
+import contextlib
+import os
+import time
+from pathlib import Path
+
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gsp
+from gsp import models
+from gsp.errors import ModelFileError
+from gsp.readers import expressions, load
+from gsp.readers.expressions import parse_expression, parse_number
+from gsp.systems.system import VectorField
+
+SYMBOLS = {name: sp.Symbol(name) for name in ("x", "y", "z", "v", "E", "velocity")}
+x, y, z, v = (SYMBOLS[name] for name in "xyzv")
+
+MICHAELIS_MENTEN = """
+name = "michaelis_menten"
+title = "An enzyme & its <substrate>"
+
+[parameters]
+kappa = 1
+lambda = 0.5
+
+[slow]
+s = "-s + (s + kappa - lambda)*c"
+
+[fast]
+c = "s - (s + kappa)*c"
+
+[region]
+s = [0.1, 2]
+
+[start]
+s = 1
+c = 0.5
+
+[scene]
+span = [0, 5]
+epsilon = 0.01
+"""
+
+SLEIGH = """
+name = "chaplygin_sleigh"
+
+[parameters]
+m = 1
+I = 1
+a = "1/5"
+
+[states]
+v = "omega*w + a*omega^2"
+omega = "a*w/(I*epsilon)"
+w = "-v*omega - (I + m*a^2)/(I*m*epsilon)*w"
+
+[reconstruction]
+phi = "omega"
+x = "v*cos(phi) - w*sin(phi)"
+y = "v*sin(phi) + w*cos(phi)"
+
+[region]
+v = [-2, 2]
+omega = [-2, 2]
+w = [-1, 1]
+
+[start]
+v = -1.5
+omega = 1
+phi = 2
+w = 0
+
+[scene]
+span = [0, 12]
+epsilon = 0.05
+epsilons = [0.02, 0.01, 0.005, 0.0025]
+path = ["x", "y"]
+"""
+
+
+def parse(text: str) -> sp.Expr:
+    return parse_expression(text, symbols=SYMBOLS)
+
+
+def write(folder: Path, text: str, name: str = "model.toml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# The grammar
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0.1", sp.Rational(1, 10)),
+        ("1e-3*x", x / 1000),
+        ("1.5E+2", sp.Integer(150)),
+        (".5 + 2.", sp.Rational(5, 2)),
+        ("-x^2", -(x**2)),
+        ("(-x)**2", x**2),
+        ("2^-x^2", 2 ** (-(x**2))),
+        ("x^y^z", x ** (y**z)),
+        ("x - y - z", x - y - z),
+        ("x/y/z", x / (y * z)),
+        ("x/y*z", x * z / y),
+        ("x - -y", x + y),
+        ("2*-x", -2 * x),
+        ("+x", x),
+        ("x^0.5", sp.sqrt(x)),
+        ("sqrt(x)*exp(-y) + log(z)", sp.sqrt(x) * sp.exp(-y) + sp.log(z)),
+        ("max(x, 1) - min(y, z)", sp.Max(x, 1) - sp.Min(y, z)),
+        ("abs(x)*sign(y)", sp.Abs(x) * sp.sign(y)),
+        ("sin(pi/6)", sp.Rational(1, 2)),
+        ("E*x", SYMBOLS["E"] * x),
+        ("x +\n\t y", x + y),
+        ("0^0", sp.Integer(1)),
+    ],
+)
+def test_the_grammar_reads_as_mathematics_does(text, expected):
+    assert parse(text) == expected
+
+
+@pytest.mark.parametrize("name", sorted(expressions.FUNCTIONS))
+def test_every_function_of_the_grammar_is_the_sympy_one(name):
+    count, function = expressions.FUNCTIONS[name]
+    assert parse(f"{name}({', '.join('xy'[:count])})") == function(*(x, y)[:count])
+
+
+def test_numbers_stay_exact():
+    assert parse_number("1.5e-3") == sp.Rational(3, 2000)
+    assert parse_number("0." + "3" * 49) == sp.Rational(int("3" * 49), 10**49)
+    assert all(number.is_Rational for number in parse("0.1*x + 1e-30").atoms(sp.Number))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ("empty", "Write 0")),
+        ("2x", ("no operator between '2' and 'x'", "character 2", "2*x")),
+        ("x(y + 1)", ("no operator between 'x' and '('",)),
+        ("(x)(y)", ("no operator between ')' and '('",)),
+        ("1.2.3", ("no operator",)),
+        ("x +", ("ends too early", "Complete")),
+        ("(x", ("not closed", "character 1")),
+        ("max(x", ("not closed",)),
+        ("x)", ("never opened",)),
+        ("x, y", ("','",)),
+        ("x * / y", ("'/' stands where a value belongs",)),
+        ("sin", ("sin is a function", "sin(x)")),
+        ("sin x", ("sin is a function",)),
+        ("min(x)", ("min takes 2 arguments and got 1",)),
+        ("sin(x, y)", ("sin takes 1 argument and got 2",)),
+        ("sinn(x)", ("no function", 'Did you mean "sin"')),
+        ("velocty", ('"velocty" is not declared', "character 1", 'Did you mean "velocity"')),
+        ("e*x", ("exp(1)",)),
+        ("x / 0", ("divides by zero", "character 3")),
+        ("x / (1 - 1)", ("divides by zero",)),
+        ("0^-1", ("not positive",)),
+        ("0^x", ("not positive",)),
+        ("log(0)", ("not real and finite",)),
+        ("sqrt(-1)", ("'sqrt' is not real",)),
+        ("(-8)^(1/3)", ("not a real number",)),
+        ("acos(2)", ("not a real number",)),
+        ("tan(pi/2)", ("not real and finite",)),
+        ("x.real", ("'.' means nothing", "character 2")),
+        ("x[0]", ("'[' means nothing",)),
+        ("'x'", ('"\'" means nothing',)),
+        ("x; y", ("';' means nothing",)),
+        ("\u03b5", ("means nothing",)),
+        ("\u0661", ("means nothing",)),
+    ],
+)
+def test_a_slip_is_named_with_its_place_and_its_remedy(text, words):
+    with pytest.raises(ModelFileError) as caught:
+        parse(text)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_the_offending_place_is_marked_by_a_caret():
+    with pytest.raises(ModelFileError) as caught:
+        parse("x*\tq + 1")
+    assert str(caught.value).splitlines()[1:] == ["    x* q + 1", "       ^"]
+
+
+REPEATED = {
+    "nested tanh": "tanh(#/(1 + tanh(#/(1 + tanh(#/(1 + tanh(#*x)))))))",
+    "wide tanh": "tanh(#/(1 + tanh(#/(1 + #*x))))",
+    "wide cosh": "cosh(#/(1 + cosh(#/(1 + #*x))))",
+    "roots": "sqrt(#/(1 + sqrt(#/(1 + #*x))))",
+    "denominators": "1/#7^90",
+    "exponents": "1/#e250",
+}
+HOSTILE = {
+    "import": "__import__('os').system('touch /tmp/owned')",
+    "call by name": "__import__(x)",
+    "attribute": "x.__class__.__mro__",
+    "lambda": "(lambda: 0)()",
+    "power tower": "9**9**9**9",
+    "nested powers": "((((x^9)^9)^9)^9)",
+    "large exponent": "1e999999999",
+    "many digits": "9" * 9000,
+    "minus signs": "-" * 50_000 + "x",
+    "allowed minus signs": "-" * 9000 + "x",
+    "megabyte of parentheses": "(" * 1_000_000,
+    "parentheses": "(" * 4000 + "x" + ")" * 900,
+    "power chain": "x" + "^x" * 2000,
+    "hidden power of two": "exp(log(2)*10^9 + x)",
+    "hidden power": "exp(10^9*log(x))",
+    "hidden power by quotient": "2^(10^9*log(x)/log(2))",
+    "root and power": "(2^(1/2))^(10^9)",
+    "exponential tower": "exp(exp(exp(100)))",
+    "exponential tower behind abs": "abs(exp(exp(exp(100))) - 1)",
+    "constants that cancel": "abs(sqrt(2) + sqrt(3) - sqrt(5 + 2*sqrt(6)))",
+    "extrema": "max(" * 90 + "x" + ", y)" * 90,
+    "hyperbolic nest": "tanh(" * 90 + "x" + ")" * 90,
+    "long product": "*".join(["(x + y)"] * 400),
+    "large product": "*".join(["9^999"] * 1200),
+    **{key: "+".join(part.replace("#", str(i)) for i in range(1, 180)) for key, part in REPEATED.items()},
+}
+
+
+@pytest.mark.parametrize("key", HOSTILE)
+def test_hostile_text_is_refused_at_once(key):
+    started = time.process_time()
+    with pytest.raises(ModelFileError):
+        parse(HOSTILE[key])
+    # Not a matter of speed: unguarded, these take minutes or the memory of the machine.
+    assert time.process_time() - started < 10
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "+".join(f"tanh({i}/(1 + tanh({i}/(1 + {i}*x))))" for i in range(1, 9)),
+        "+".join(f"cosh({i}/(1 + cosh({i}/(1 + {i}*x))))" for i in range(1, 6)),
+        "+".join(f"sqrt({i}/(1 + sqrt({i}/(1 + {i}*x))))" for i in range(1, 9)),
+        "*".join(f"sqrt({10**49 + i})" for i in range(16)),
+        "+".join(f"tanh({i}/(1 + {i}*x))" for i in range(1, 41)),
+        "(" * 99 + "x" + ")" * 99,
+        "1/(1 + " * 50 + "x" + ")" * 50,
+        "+".join(f"{i}*x*y^{i % 9}*z" for i in range(1, 400)),
+    ],
+    ids=lambda text: text[:16],
+)
+def test_the_largest_text_that_is_allowed_is_read_quickly(text):
+    started = time.process_time()
+    assert isinstance(parse(text), sp.Expr)
+    assert time.process_time() - started < 2
+
+
+@given(st.text(max_size=60))
+@settings(max_examples=200, deadline=None)
+def test_random_text_raises_nothing_but_our_own_error(text):
+    with contextlib.suppress(ModelFileError):
+        parse(text)
+
+
+@given(
+    st.lists(
+        st.sampled_from([*"xyz012.e+-*/^(),", "**", " ", "sin(", "log(", "sqrt(", "max(", "pi"]), max_size=25
+    )
+)
+@settings(max_examples=400, deadline=None)
+def test_random_near_misses_raise_nothing_but_our_own_error(pieces):
+    with contextlib.suppress(ModelFileError):
+        assert isinstance(parse("".join(pieces)), sp.Expr)
+
+
+def _join(operator):
+    symbol, build = operator
+    return lambda pair: (f"({pair[0][0]}){symbol}({pair[1][0]})", build(pair[0][1], pair[1][1]))
+
+
+def _apply(name):
+    return lambda inner: (f"{name}({inner[0]})", expressions.FUNCTIONS[name][1](inner[1]))
+
+
+LEAVES = st.one_of(
+    st.sampled_from([(name, SYMBOLS[name]) for name in "xyz"]),
+    st.decimals(0, 99, places=2).map(lambda number: (str(number), sp.Rational(str(number)))),
+)
+BINARY = [
+    ("+", lambda a, b: a + b),
+    (" - ", lambda a, b: a - b),
+    ("*", lambda a, b: a * b),
+]
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        *(st.tuples(inner, inner).map(_join(operator)) for operator in BINARY),
+        inner.map(lambda tree: (f"-({tree[0]})", -tree[1])),
+        st.tuples(inner, st.integers(0, 3)).map(
+            lambda pair: (f"({pair[0][0]})^{pair[1]}", pair[0][1] ** pair[1])
+        ),
+        st.sampled_from("xyz").flatmap(
+            lambda name: inner.map(
+                lambda tree: (f"({tree[0]})/(1 + {name}^2)", tree[1] / (1 + SYMBOLS[name] ** 2))
+            )
+        ),
+        st.sampled_from(["sin", "cos", "atan", "exp", "tanh"]).flatmap(lambda name: LEAVES.map(_apply(name))),
+    ),
+    max_leaves=8,
+)
+
+
+def test_constants_that_nearly_cancel_are_read():
+    assert parse("x^0 - tanh(13.82)") == 1 - sp.tanh(sp.Rational(691, 50))
+
+
+@given(TREES)
+@settings(max_examples=200, deadline=None)
+def test_a_printed_tree_is_read_back_as_itself(tree):
+    text, expected = tree
+    found = parse(text)
+    assert found == expected or sp.expand(found - expected) == 0
+
+
+# Files
+
+
+def test_a_file_in_standard_form_equals_the_named_scene(tmp_path):
+    scene = load(write(tmp_path, MICHAELIS_MENTEN))
+    assert scene.system == models.load("michaelis_menten").system
+    assert scene.title == "An enzyme & its <substrate>"
+    assert scene.region == {"s": (0.1, 2.0)}
+    assert scene.epsilons == (0.02, 0.01, 0.005, 0.0025)
+    assert scene.tolerance == 1e-6
+    assert gsp.load(str(tmp_path / "model.toml")) == scene
+
+
+def test_a_file_with_poles_and_reconstruction_equals_the_named_scene(tmp_path):
+    scene, named = load(write(tmp_path, SLEIGH)), models.load("chaplygin_sleigh")
+    assert scene.system == named.system
+    assert scene.full_flow == named.full_flow
+    assert scene.full_start == named.full_start
+    for attribute in ("region", "start", "span", "epsilon", "epsilons", "tolerance", "path"):
+        assert getattr(scene, attribute) == getattr(named, attribute)
+
+
+def test_the_name_defaults_to_the_files_and_is_a_plain_word(tmp_path):
+    text = MICHAELIS_MENTEN.replace('name = "michaelis_menten"', "")
+    assert load(write(tmp_path, text, "my model (2).toml")).name == "my_model_2"
+
+
+def test_windows_files_with_a_byte_order_mark_are_read(tmp_path):
+    path = tmp_path / "model.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + MICHAELIS_MENTEN.replace("\n", "\r\n").encode())
+    assert load(path).name == "michaelis_menten"
+
+
+def test_another_epsilon_and_observables_can_be_declared(tmp_path):
+    text = (
+        'epsilon = "mu"\n'
+        + SLEIGH.replace("*epsilon)", "*mu)")
+        + '\n[observables]\nspeed = "sqrt(v^2 + w^2)"\n'
+    )
+    system = load(write(tmp_path, text)).system
+    assert isinstance(system, VectorField)
+    assert system.epsilon == sp.Symbol("mu")
+    w = sp.Symbol("w")
+    assert system.observables == {sp.Symbol("speed"): sp.sqrt(v**2 + w**2)}
+
+
+def test_numbers_of_a_file_stay_exact(tmp_path):
+    text = MICHAELIS_MENTEN.replace("kappa = 1", "kappa = 0.1").replace("0.5\n\n[slow]", "-1_0.25e-1\n\n[slow]")
+    values = {symbol.name: value for symbol, value in load(write(tmp_path, text)).system.parameters.items()}
+    assert values == {"kappa": sp.Rational(1, 10), "lambda": sp.Rational(-41, 40)}
+
+
+CHANGES = {
+    "malformed": ("[slow]", "[slow", ("not valid TOML", "line")),
+    "key twice": ("kappa = 1", "kappa = 1\nkappa = 2", ("not valid TOML",)),
+    "unknown table": ("[region]", "[regions]", ("regions is unknown", 'Did you mean "region"')),
+    "unknown key": ("span =", "spam =", ("scene.spam is unknown", 'Did you mean "span"')),
+    "key of another table": ("[parameters]", "span = [0, 5]\n[parameters]", ("span is unknown", "scene.span")),
+    "value of epsilon at the top": (
+        "[parameters]",
+        "epsilon = 0.1\n[parameters]",
+        ("names the symbol", "[scene]"),
+    ),
+    "no span": ("span = [0, 5]", "", ("scene.span is missing", "span = [0, 5]")),
+    "no epsilon": ("epsilon = 0.01", "", ("scene.epsilon is missing",)),
+    "no region": ("s = [0.1, 2]", "", ("region bounds no state",)),
+    "no start": ("c = 0.5", "", ("no value for c",)),
+    "no fast": ('c = "s - (s + kappa)*c"', "", ("[fast] is missing or empty",)),
+    "both forms": ("[slow]", '[states]\nq = "-q"\n[slow]', ("both", "Keep one")),
+    "no equations": (MICHAELIS_MENTEN, "[scene]\nspan = [0, 1]", ("neither", "[slow] and [fast]")),
+    "table that is a value": (
+        "[parameters]",
+        "observables = 3\n[parameters]",
+        ("observables is a table", "number"),
+    ),
+    "list as a rate": ('s = "-s + (s', 's = ["s"]\nz = "(s', ("slow.s is a number, or text", "list")),
+    "boolean": ("kappa = 1", "kappa = true", ("parameters.kappa", "boolean")),
+    "nan": ("kappa = 1", "kappa = nan", ("parameters.kappa", "finite")),
+    "inf": ("c = 0.5", "c = -inf", ("start.c", "finite")),
+    "nan in region": ("[0.1, 2]", "[0.1, nan]", ("region.s", "finite")),
+    "irrational parameter": ("kappa = 1", 'kappa = "pi"', ("kappa", "pi")),
+    "large number": ("kappa = 1", "kappa = 1e999999999", ("parameters.kappa", "exponent")),
+    "huge number": ("kappa = 1", "kappa = 1e9999999999999999999999", ("not valid TOML",)),
+    "long integer": ("kappa = 1", "kappa = " + "1" * 5000, ("not valid TOML",)),
+    "long hexadecimal": ("kappa = 1", "kappa = 0x" + "f" * 9000, ("parameters.kappa",)),
+    "date": ("kappa = 1", "kappa = 2020-01-01", ("parameters.kappa", "date")),
+    "title that is a number": (
+        'title = "An enzyme & its <substrate>"',
+        "title = 3",
+        ("title is text", "number"),
+    ),
+    "long title": ("An enzyme", "An enzyme" * 99, ("title has", "200")),
+    "path as a name": ('name = "michaelis_menten"', 'name = "../../etc/passwd"', ("plain word",)),
+    "reversed region": ("[0.1, 2]", "[2, 0.1]", ("region of s is reversed",)),
+    "one number": ("[0.1, 2]", "[2]", ("region.s is a pair", "1")),
+    "start outside": ("s = 1\n", "s = 3\n", ("outside the region",)),
+    "reversed span": ("[0, 5]", "[5, 0]", ("span is reversed",)),
+    "negative epsilon": ("epsilon = 0.01", "epsilon = -0.01", ("positive",)),
+    "wrong state": ("s = [0.1, 2]", "ss = [0.1, 2]", ('"ss"', "no state")),
+    "undeclared name": ("(s + kappa)*c", "(s + kapa)*c", ("fast.c", '"kapa"', 'Did you mean "kappa"')),
+    "code": ("s - (s + kappa)*c", "__import__('os').system('id')", ("fast.c", "means nothing")),
+    "code as a name": ('c = "s -', '"__import__(\'os\')" = "s -', ("plain word",)),
+    "reserved name": ("kappa = 1", "kappa = 1\nexp = 1", ("parameters.exp", "grammar")),
+    "name used twice": ("kappa = 1", "kappa = 1\ns = 1", ("slow.s", "parameters", "Keep one")),
+    "long name": ("kappa = 1", "k" * 65 + " = 1\nkappa = 1", ("plain word", "64")),
+    "many parameters": (
+        "kappa = 1",
+        "kappa = 1\n" + "\n".join(f"p{i} = 1" for i in range(128)),
+        ("130", "128"),
+    ),
+    "many states": ("[fast]", "[fast]\n" + "\n".join(f"p{i} = 1" for i in range(64)), ("66", "64")),
+    "feedback": (
+        "[slow]",
+        '[reconstruction]\nphi = "s"\n[slow]\nq = "phi"',
+        ("slow.q depends on phi", "reconstruction variable"),
+    ),
+    "misplaced epsilon": ("(s + kappa)*c", "(s + kappa)*c*exp(epsilon)", ("no pole or power",)),
+    "pole in the fast rates": ("(s + kappa)*c", "(s + kappa)*c/epsilon", ("pole of order 1",)),
+    "path of one": ("epsilon = 0.01", 'epsilon = 0.01\npath = ["s"]', ("scene.path", "pair")),
+    "unknown path": ("epsilon = 0.01", 'epsilon = 0.01\npath = ["s", "q"]', ('"q"',)),
+    "ladder of one": ("epsilon = 0.01", "epsilon = 0.01\nepsilons = [0.1]", ("too few",)),
+    "ladder that is a number": (
+        "epsilon = 0.01",
+        "epsilon = 0.01\nepsilons = 0.1",
+        ("scene.epsilons is a list",),
+    ),
+}
+
+
+@pytest.mark.parametrize("key", CHANGES)
+def test_a_wrong_file_is_refused_with_its_name_the_key_and_the_remedy(key, tmp_path):
+    old, new, words = CHANGES[key]
+    assert old in MICHAELIS_MENTEN
+    path = write(tmp_path, MICHAELIS_MENTEN.replace(old, new, 1))
+    with pytest.raises(ModelFileError) as caught:
+        load(path)
+    message = str(caught.value)
+    assert message.startswith("model.toml: ")
+    for word in words:
+        assert word in message
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    cases = {
+        "missing.toml": ("no such file", "missing.toml"),
+        "folder.toml": ("no regular file",),
+        "pipe.toml": ("no regular file",),
+        "latin.toml": ("not UTF-8", "line 2"),
+        "large.toml": ("larger than 256 KiB",),
+        "zero\0.toml": ("cannot be read",),
+    }
+    (tmp_path / "folder.toml").mkdir()
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "latin.toml").write_bytes(b"\ntitle = '\xe9'")
+    (tmp_path / "large.toml").write_bytes(b"#" * 300_000)
+    for name, words in cases.items():
+        with pytest.raises(ModelFileError) as caught:
+            load(tmp_path / name)
+        for word in words:
+            assert word in str(caught.value)
+
+
+BOMBS = {
+    "deep arrays": "a = " + "[" * 100_000,
+    "deep tables": "a = " + "{a = " * 40_000,
+    "dotted key": "a." * 120_000 + "a = 1",
+    "dotted header": "[" + "a." * 120_000 + "a]",
+    "dotted key in a table": 'a = {b = "", ' + "a." * 120_000 + "a = 1}",
+    "dotted key without value": "a." * 120_000,
+    "many dotted keys": "\n".join("a." * 40 + f"b{i} = 1" for i in range(2900)),
+    "header and keys": "[" + "a." * 39 + "a]\n" + "\n".join(f"b{i}=1" for i in range(28_000)),
+    "parentheses": MICHAELIS_MENTEN.replace("(s + kappa)*c", "(" * 200_000),
+    "minus signs": MICHAELIS_MENTEN.replace("(s + kappa)*c", "-" * 50_000 + "s"),
+    "many arrays": "a = [" + "[]," * 80_000 + "]",
+}
+
+
+@pytest.mark.parametrize("key", BOMBS)
+def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
+    path = write(tmp_path, BOMBS[key])
+    started = time.process_time()
+    with pytest.raises(ModelFileError):
+        load(path)
+    # Not a matter of speed: unguarded, these take minutes or the memory of the machine.
+    assert time.process_time() - started < 10
+
+
+@given(st.text(max_size=80))
+@settings(max_examples=60, deadline=None)
+def test_random_files_raise_nothing_but_our_own_error(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "random.toml"
+    path.write_text(text, encoding="utf-8", errors="replace")
+    with pytest.raises(ModelFileError):
+        load(path)
+
+
+def test_a_missing_file_is_named_once() -> None:
+    with pytest.raises(ModelFileError) as caught:
+        load("nofile.toml")
+    assert str(caught.value).count("nofile.toml") == 1

@@ -1,0 +1,357 @@
+"""The report: complete, strict, escaped, self-contained, and all or nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+from html.parser import HTMLParser
+
+import pytest
+import sympy as sp
+
+from gsp import SlowFastSystem, analyse, charts, models
+from gsp.errors import DeclarationError, OutputError
+from gsp.readers.expressions import parse_expression
+from gsp.report import as_json, check_folder, write_report
+from gsp.report import folder as report_folder
+from gsp.report.mathml import Typesetter
+from gsp.report.wording import first_sentence, number, scientific, signed, words
+from gsp.scenes.scene import Scene
+
+HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags and attributes of a page; complains when a tag is not closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in {"dt", "dd", "td", "tr", "th"}:
+            while self.open and self.open[-1] in {"dt", "dd", "td", "tr", "th"} and self.open[-1] != tag:
+                self.open.pop()
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def sleigh():
+    return analyse(models.load("chaplygin_sleigh"))
+
+
+@pytest.fixture(scope="module")
+def written(sleigh, tmp_path_factory):
+    return write_report(sleigh, tmp_path_factory.mktemp("reports") / "sleigh").parent
+
+
+@pytest.fixture(scope="module")
+def saddle():
+    s, x, y, epsilon = sp.symbols("s x y epsilon")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"s": (0.1, 2)},
+        start={"s": 1, "x": -1, "y": -1},
+        span=(0, 0.5),
+        epsilon=0.02,
+        epsilons=(0.04, 0.02),
+        tolerance=1e-4,
+        title=HOSTILE,
+        description=HOSTILE,
+        source=HOSTILE,
+    )
+    return analyse(scene)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """One figure instead of all."""
+    monkeypatch.setattr(charts, "applicable", lambda analysis: {"time_series": charts.time_series})
+
+
+def _strict(text: str):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_json_is_strict_and_complete(written, sleigh):
+    content = _strict((written / "report.json").read_text(encoding="utf-8"))
+    assert content["slow"] == ["v", "p"]
+    assert content["fast"] == ["w"]
+    assert content["hyperbolicity"]["kind"] == "attracting"
+    assert content["hyperbolicity"]["gap"] == pytest.approx(1.04)
+    assert {"name", "statement", "value", "requirement", "holds"} == set(
+        content["hyperbolicity"]["conditions"][0]
+    )
+    assert set(content["comparison"]["errors"]) == {"0", "1", "2", "3"}
+    assert content["comparison"]["slopes"]["1"] == pytest.approx(2, abs=0.1)
+    assert set(content["comparison"]["claim_slopes"]) == set(sleigh.scene.claims)
+    assert {"split", "comparison", "report", "total"} <= set(content["timings"])
+    assert content["timings"]["total"] >= content["timings"]["report"]
+    assert content["stats"]["full"]["steps"] > 0
+    keys = [
+        "name",
+        "coordinates",
+        "raw",
+        "parameters",
+        "epsilon",
+        "span",
+        "start",
+        "region",
+        "versions",
+        "figures",
+    ]
+    assert set(keys) <= set(content)
+    assert content["raw"]["chart"] == ["v", "omega"]
+    for name in content["figures"]:
+        assert (written / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_series_parse_back_to_themselves(sleigh):
+    content = as_json(sleigh)
+    system = sleigh.placement.system
+    symbols = {s.name: s for s in (*system.states, *system.parameters)}
+    for key, table in (("h", sleigh.series.coefficients), ("reduced_field", sleigh.series.reduced_field)):
+        for texts, row in zip(content[key], table):
+            for text, expression in zip(texts, row):
+                assert sp.cancel(parse_expression(text, symbols=symbols) - expression) == 0
+
+
+def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
+    content = as_json(analyse(models.load("davis_skodje")))
+    assert content["comparison"]["slopes"] == dict.fromkeys("0123")
+    assert content["comparison"]["exact"]["0"] is True
+    assert content["coordinates"] == {"y1": "y1", "y2": "y2"}
+    assert content["raw"] is None
+    json.dumps(content, allow_nan=False)
+
+
+def test_page_is_well_formed_and_fetches_nothing(written):
+    page = Page((written / "report.html").read_text(encoding="utf-8"))
+    for tag, attributes in page.tags:
+        assert tag not in {"script", "link", "iframe", "object"}
+        for name in ("src", "href", "action", "data"):
+            assert (attributes.get(name) or "data:").startswith("data:")
+    text = re.sub(r"data:[^\"]*", "", (written / "report.html").read_text(encoding="utf-8"))
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "url(" not in text
+
+
+def test_page_says_what_the_numbers_say(written, sleigh):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert "May I reduce?" in text
+    assert "sampled" in text
+    assert "wrong at first order" in text
+    assert "right through order 1" in text
+    for name in sleigh.scene.claims:
+        assert name in text
+    assert text.count("<figure") == len(as_json(sleigh)["figures"])
+    numbers = [int(n) for n in re.findall(r"<b>Figure (\d+)\.", text)]
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path):
+    folder = write_report(saddle, tmp_path / "saddle").parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert "<img src=x" not in text
+    assert "&lt;/script&gt;&lt;img src=x" in text
+    assert all("onerror" not in attributes for _, attributes in page.tags)
+    assert "May I reduce? No:" in text
+    assert "orbits next to it leave it in some fast directions" in text
+    assert not (folder / "distance.png").exists()
+    _strict((folder / "report.json").read_text(encoding="utf-8"))
+
+
+def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
+    claims = {HOSTILE: next(iter(sleigh.scene.claims.values()))}
+    scene = dataclasses.replace(sleigh.scene, claims=claims)
+    comparison = dataclasses.replace(
+        sleigh.comparison, claims={HOSTILE: (0.1, 0.05, 0.025, 0.0125)}, claim_slopes={HOSTILE: 1.0}
+    )
+    hostile = dataclasses.replace(sleigh, scene=scene, comparison=comparison)
+    text = write_report(hostile, tmp_path / "r").read_text(encoding="utf-8")
+    assert "<img src=x" not in text
+    charts.png(charts.error_against_epsilon(comparison))
+
+
+@pytest.mark.parametrize("where", ["page", "moving"])
+def test_failure_midway_leaves_nothing_new_and_the_old_report_intact(
+    sleigh, quick, monkeypatch, tmp_path, where
+):
+    target = write_report(sleigh, tmp_path / "report").parent
+    (target / "notes.txt").write_text("mine")
+    before = {path.name: path.read_bytes() for path in target.iterdir()}
+
+    def fail(*arguments, **keywords):
+        raise RuntimeError("midway")
+
+    if where == "page":
+        monkeypatch.setattr(report_folder, "render", fail)
+    else:
+        move, moved = os.replace, []
+
+        def third_time(source, destination):
+            moved.append(destination)
+            return fail() if len(moved) == 3 else move(source, destination)
+
+        monkeypatch.setattr(os, "replace", third_time)
+    with pytest.raises(RuntimeError, match="midway"):
+        write_report(sleigh, target)
+    assert {path.name: path.read_bytes() for path in target.iterdir()} == before
+    if where != "moving":
+        with pytest.raises(RuntimeError):
+            write_report(sleigh, tmp_path / "deep" / "new")
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["report"]
+
+
+def test_an_older_report_is_replaced_and_other_files_stay(sleigh, quick, tmp_path):
+    target = tmp_path / "report"
+    target.mkdir()
+    (target / "notes.txt").write_text("mine")
+    (target / "path.png").write_text("also mine: no report lists it")
+    (target / "manifold.png").write_text("of an older report")
+    (target / "report.json").write_text('{"figures": ["manifold.png", "../escape.png", "notes.txt"]}')
+    write_report(sleigh, target)
+    found = {path.name for path in target.iterdir()}
+    assert found == {"notes.txt", "path.png", "report.html", "report.json", "time_series.png"}
+    assert _strict((target / "report.json").read_text(encoding="utf-8"))["figures"] == ["time_series.png"]
+
+
+def test_folders_are_made_readable_and_with_their_parents(sleigh, quick, tmp_path):
+    page = write_report(sleigh, tmp_path / "a" / "b")
+    assert page == tmp_path / "a" / "b" / "report.html"
+    mask = os.umask(0)
+    os.umask(mask)
+    assert page.parent.stat().st_mode & 0o777 == 0o777 & ~mask
+    assert page.is_file()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(OutputError, match="is a file"):
+        check_folder(file)
+    with pytest.raises(OutputError, match="cannot be written"):
+        check_folder(file / "below")
+    with pytest.raises(OutputError, match="cannot be written"):
+        check_folder("/proc/nowhere")
+    (tmp_path / "report" / "report.html").mkdir(parents=True)
+    with pytest.raises(OutputError, match="which is a folder"):
+        check_folder(tmp_path / "report")
+    assert check_folder(tmp_path / "fresh") == tmp_path / "fresh"
+    assert not (tmp_path / "fresh").exists()
+
+
+def test_a_full_disk_is_an_output_error(sleigh, quick, monkeypatch, tmp_path):
+    def full(files, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(report_folder, "_install", full)
+    with pytest.raises(OutputError, match="No space left"):
+        write_report(sleigh, tmp_path / "report")
+
+
+def test_progress_rises_to_one(sleigh, quick, tmp_path):
+    shares: list[float] = []
+    write_report(sleigh, tmp_path / "report", progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_numbers_and_words_are_set():
+    assert number(1e-5) == "10<sup>−5</sup>"
+    assert number(0.00011, 2) == "1.1×10<sup>−4</sup>"
+    assert number(-0.0123) == "−0.0123"
+    assert number(float("nan")) == "–"
+    assert scientific(1.234e-7) == "1.23×10<sup>−7</sup>"
+    assert words("at y = 0.9, b = 2.38e-10") == "at <i>y</i> = 0.9, <i>b</i> = 2.38×10<sup>−10</sup>"
+    assert words("x = -1: a b = -0.5 < 0") == "<i>x</i> = −1: <i>a b</i> = −0.5 &lt; 0"
+    assert first_sentence("no fold: b = l . g_x f. Use 1. Or 2.") == "no fold: b = l . g_x f"
+    assert signed(-0.5) == "− 0.5"
+    assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
+
+
+def test_mathematics_keeps_the_order_given_and_signs_are_signs():
+    v, m, epsilon = sp.symbols("v m epsilon")
+    setter = Typesetter([epsilon, m, v])
+    assert setter.row(m * v).index("<mi>m</mi>") < setter.row(m * v).index("<mi>v</mi>")
+    assert "<mo>−</mo>" in setter.row(-v)
+    series = setter.power_series([v, -m * v, sp.Integer(0)], epsilon)
+    assert series.index("<mi>v</mi>") < series.index("−") < series.index("<mi>O</mi>")
+    assert "<mn>3</mn>" in series
+    assert "<mn>0</mn>" in setter.power_series([sp.Integer(0)], epsilon)
+
+
+def test_page_and_json_say_where_the_reduction_ends(tmp_path):
+    analysis = analyse(models.load("van_der_pol"))
+    folder = write_report(analysis, tmp_path).parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    Page(text)
+    assert "Where the reduction ends" in text
+    assert "<i>T</i> = 1.61371 + 7.01432" in text
+    assert "2 drops a period" in text
+    assert "gsp chart" in text
+    content = _strict((folder / "report.json").read_text(encoding="utf-8"))
+    (fold,) = content["boundary"]["folds"]
+    assert fold["passage"]["exit"] == pytest.approx(analysis.boundary.folds[0].passage.exit(0.01))
+    assert fold["passage"]["drop"]["point"]["x"] == pytest.approx(-2)
+    assert content["boundary"]["orbit"]["period_coefficients"][0] == pytest.approx(1.613705639)
+    assert content["boundary"]["orbit"]["period"] == pytest.approx(analysis.boundary.orbit.period(0.01))
+    assert len(content["failures"]["least_order"]) == 11
+    assert content["failures"]["holds_over_span"]["2"] > content["failures"]["holds_over_span"]["1"]
+    assert "failure_map.png" in content["figures"]
+
+
+def test_a_page_without_folds_or_map_says_why_and_nothing_more(sleigh, quick, tmp_path):
+    bare = dataclasses.replace(sleigh, failures=None, failures_reason="the <runs> failed. Try again.")
+    folder = write_report(bare, tmp_path / "bare").parent
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    Page(text)
+    assert "No failure map: the &lt;runs&gt; failed.</p>" in text
+    assert "singular orbit" not in text
+    assert "folded" not in text.lower().split("where the reduction ends")[1]
+    content = _strict((folder / "report.json").read_text(encoding="utf-8"))
+    assert content["failures"] == {"reason": "the <runs> failed. Try again."}
+    assert content["boundary"]["folds"] == []
+
+
+def test_a_canard_point_is_named_with_its_series(quick, tmp_path):
+    x, y, a, epsilon = sp.symbols("x y a epsilon")
+    system = SlowFastSystem(slow={y: a - x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon, parameters={a: 1})
+    region = {"y": (-0.6, 1.2), "x": (1.1, 2.2)}
+    scene = Scene(system, region, {"y": 0.6, "x": 2}, (0, 0.2), 0.01, (0.02, 0.01), 1e-4)
+    text = write_report(analyse(scene, orders=(0, 1)), tmp_path).read_text(encoding="utf-8")
+    Page(text)
+    assert "The maximal canard is at <math>" in text
+    assert "what happens there" in text
+    assert "does not close" in text
+
+
+def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):
+    write_report(analyse(models.load("koper")), tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "&lt;sup&gt;" not in page
+    numbers = [int(n) for n in re.findall(r"<figcaption><b>Figure (\d+)", page)]
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_what_is_reported_is_an_analysis(tmp_path) -> None:
+    with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got None"):
+        write_report(None, tmp_path / "out")

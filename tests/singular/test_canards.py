@@ -1,0 +1,333 @@
+"""Canard values: published coefficients, theorems on random systems, and slow manifolds matched by integration."""
+
+import dataclasses
+from fractions import Fraction
+
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import DeclarationError, GspError
+from gsp.singular.singularities.canard_matching import match_canard
+from gsp.singular.singularities.canard_points import CanardError
+from gsp.singular.singularities.canards import CanardValue, canard_value
+
+x, y, a, eps = sp.symbols("x y a epsilon")
+v, w, current = sp.symbols("v w I")
+R = sp.Rational
+# x is fast and y slow throughout, as in van der Pol's equation.
+
+
+def planar(fast: sp.Expr, slow: sp.Expr, **parameters: float) -> gsp.SlowFastSystem:
+    return gsp.SlowFastSystem(
+        slow={y: slow}, fast={x: fast}, epsilon=eps, parameters={sp.Symbol(n): p for n, p in parameters.items()}
+    )
+
+
+def van_der_pol(value: float = 1) -> gsp.SlowFastSystem:
+    return planar(y - x**3 / 3 + x, a - x, a=value)
+
+
+def fitzhugh_nagumo() -> gsp.SlowFastSystem:
+    return gsp.SlowFastSystem(
+        slow={w: v + 0.7 - sp.Rational(4, 5) * w},
+        fast={v: v - v**3 / 3 - w + current},
+        epsilon=eps,
+        parameters={current: 0},
+    )
+
+
+# -- the classical cases -----------------------------------------------------------------------------
+
+
+def test_van_der_pol_has_the_published_coefficients() -> None:
+    canard = canard_value(van_der_pol(), parameter=a, order=10)
+    published = (1, "-1/8", "-3/32", "-173/1024", "-7593/16384")
+    assert canard.coefficients[:5] == tuple(sp.Rational(c) for c in published)
+    assert canard.coefficients[10] == sp.Rational(-1485473230701825, 137438953472)
+    assert len(canard.coefficients) == 11
+    assert canard.is_exact
+    assert dict(canard.point) == {"y": sp.Rational(-2, 3), "x": 1, "a": 1}
+
+
+def test_van_der_pol_has_its_hopf_point_at_one_for_every_epsilon() -> None:
+    canard = canard_value(van_der_pol(), parameter="a", order=5)
+    assert canard.hopf_coefficients == (1, 0, 0, 0, 0, 0)
+
+
+def test_the_value_at_a_hundredth_is_right_to_25_digits() -> None:
+    value = canard_value(van_der_pol(), parameter=a).value(0.01, digits=25)
+    assert abs(value - sp.Float("0.99874045124595557658620761797", 30)) < sp.Float("1e-25", 10)
+
+
+def test_the_value_does_not_depend_on_the_order_that_was_asked_for() -> None:
+    values = {canard_value(van_der_pol(), parameter=a, order=n).value(0.02, digits=18) for n in (0, 3, 12)}
+    assert len(values) == 1
+
+
+def test_fitzhugh_nagumo_in_slow_time() -> None:
+    canard = canard_value(fitzhugh_nagumo(), parameter=current)
+    exact = ("7/24", "13/32", "-19/9600", "20789/512000", "27443677/368640000")
+    assert canard.coefficients == tuple(sp.Rational(c) for c in exact)
+    assert canard.point["v"] == -1
+    # The trace condition solved in closed form: 1 - v^2 = 0.8 epsilon on the equilibria.
+    epsilon = sp.Rational(2, 25)
+    rest = -sp.sqrt(1 - sp.Rational(4, 5) * epsilon)
+    hopf = (rest + sp.Rational(7, 10)) * sp.Rational(5, 4) - rest + rest**3 / 3
+    assert sp.N(hopf, 15) == pytest.approx(0.33128133745474581144, abs=1e-15)
+    series = [sp.diff(_hopf_of(eps), eps, k).subs(eps, 0) / sp.factorial(k) for k in range(5)]
+    assert canard.hopf_coefficients == tuple(sp.nsimplify(c) for c in series)
+
+
+def _hopf_of(epsilon: sp.Expr) -> sp.Expr:
+    rest = -sp.sqrt(1 - sp.Rational(4, 5) * epsilon)
+    return (rest + sp.Rational(7, 10)) * sp.Rational(5, 4) - rest + rest**3 / 3
+
+
+# -- theorems ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_krupa_szmolyan_formulas_hold_for_their_normal_form(seed: int) -> None:
+    # lambda_H = -(a1 + a5)/2 epsilon, lambda_c = -((a1 + a5)/2 + A/8) epsilon, A = -a2 + 3 a3 - 2 a4 - 2 a5
+    # (2001, theorems 3.1 and 3.2), in their variables: x fast, y slow.
+    numbers = [sp.Rational((7 * seed + 5 * i) % 11 - 5, 2 + (seed + i) % 4) for i in range(9)]
+    a1, a2, a3, a4, a5, *rest = numbers
+    fast = -y * (1 + a2 * x + rest[0] * y) + x**2 * (1 + a3 * x + rest[1] * x**2) + eps * (a1 * x + rest[2] * y)
+    slow = x * (1 + a4 * x + rest[3] * eps) - a * (1 + rest[3] * x) + a5 * y
+    canard = canard_value(planar(fast, slow, a=0), parameter=a, order=2, near={"x": 0, "y": 0, "a": 0})
+    A = -a2 + 3 * a3 - 2 * a4 - 2 * a5
+    assert canard.hopf_coefficients[:2] == (0, -(a1 + a5) / 2)
+    assert canard.coefficients[:2] == (0, -((a1 + a5) / 2 + A / 8))
+
+
+def test_a_canard_that_is_a_parabola_for_every_epsilon_ends_its_series() -> None:
+    # y = x^2 - epsilon/2 is invariant for a = 0 exactly; the parameter b adds b epsilon to it.
+    canard = canard_value(planar(y - x**2, a - x, a=0.3), parameter=a, order=6)
+    assert canard.coefficients == (0,) * 7
+    assert float(canard.value(0.1)) == 0.0
+    shifted = canard_value(planar(y - x**2, a - x + 3 * eps, a=0.3), parameter=a, order=6)
+    assert shifted.coefficients == (0, -3, 0, 0, 0, 0, 0)
+
+
+def test_affine_changes_of_both_variables_and_of_the_parameter_change_nothing_but_the_parameter() -> None:
+    # x = 2 X - 1, y = 3 - 5 Y, a = 7 b + 2 (epsilon is kept: epsilon X' = g/2, Y' = -f/5).
+    put_in = {x: 2 * x - 1, y: 3 - 5 * y, a: 7 * a + 2}
+    fast = (y - x**3 / 3 + x).subs(put_in, simultaneous=True) / 2
+    slow = -(a - x).subs(put_in, simultaneous=True) / 5
+    changed = canard_value(planar(fast, slow, a=0), parameter=a, order=6)
+    plain = canard_value(van_der_pol(), parameter=a, order=6)
+    assert 7 * changed.coefficients[0] + 2 == plain.coefficients[0]
+    assert tuple(7 * c for c in changed.coefficients[1:]) == plain.coefficients[1:]
+
+
+def test_a_fixed_factor_of_epsilon_scales_the_coefficients_by_its_powers() -> None:
+    plain = canard_value(van_der_pol(), parameter=a, order=5).coefficients
+    scaled = canard_value(planar((y - x**3 / 3 + x) / 3, a - x, a=1), parameter=a, order=5).coefficients
+    assert scaled == tuple(c * 3**k for k, c in enumerate(plain))
+
+
+def test_elementary_functions_at_a_rational_fold_are_exact_and_agree_with_their_taylor_polynomials() -> None:
+    # Coefficient k sees the equations through the power 2 k + 2 of the fast variable.
+    transcendental = canard_value(planar(y - sp.exp(x) + x, a - sp.sin(x), a=0.1), parameter=a, order=3)
+    taylor = [
+        sum(c * x**k for k, c in enumerate(s)) for s in ([1 / sp.factorial(k) for k in range(11)], _sine(11))
+    ]
+    polynomial = canard_value(
+        planar(y - taylor[0] + x, a - taylor[1], a=0.1), parameter=a, order=3, near={"x": 0, "y": 1, "a": 0}
+    )
+    assert transcendental.is_exact
+    assert transcendental.coefficients == polynomial.coefficients
+    assert transcendental.coefficients[1] != 0
+
+
+def _sine(length: int) -> list[sp.Expr]:
+    return [sp.Integer((0, 1, 0, -1)[k % 4]) / sp.factorial(k) for k in range(length)]
+
+
+def test_an_algebraic_fold_is_solved_in_its_number_field() -> None:
+    canard = canard_value(planar(y - x**3 / 3 + 2 * x, a - x, a=1), parameter=a, order=3)
+    root = sp.sqrt(2)
+    assert canard.coefficients[0] == root
+    # x = sqrt(2) X, y = 2 sqrt(2) Y, a = sqrt(2) A, t = 2 s, epsilon = 4 delta bring back van der Pol's equation.
+    plain = canard_value(van_der_pol(), parameter=a, order=3).coefficients
+    assert canard.coefficients == tuple(root * c / 4**k for k, c in enumerate(plain))
+    assert canard.is_exact
+    numerical = canard.value(sp.Rational(1, 50), digits=12)
+    assert abs(numerical - sp.N(canard.partial_sum(sp.Rational(1, 50)), 15)) < 1e-6
+
+
+def test_a_transcendental_fold_gives_floats_and_says_so() -> None:
+    # The fold of y = exp(x) - 2 x is at log 2; g = y - exp(x) + 2 x with x = u + log 2 is y - 2 exp(u) + 2 u + c.
+    canard = canard_value(planar(y - sp.exp(x) + 2 * x, a - x, a=0.5), parameter=a, order=3)
+    moved = canard_value(planar(y - 2 * sp.exp(x) + 2 * x, a - x, a=0.1), parameter=a, order=3)
+    assert not canard.is_exact
+    assert moved.is_exact
+    assert abs(canard.coefficients[0] - sp.log(2)) < sp.Float("1e-45", 10)
+    for left, right in zip(canard.coefficients[1:], moved.coefficients[1:]):
+        assert abs(left - right) < sp.Float("1e-40", 10)
+
+
+# -- against integration -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("epsilon", "digits"), [(0.1, 4), (0.05, 10)])
+def test_the_slow_manifolds_of_van_der_pol_meet_where_the_series_says(epsilon: float, digits: int) -> None:
+    canard = canard_value(van_der_pol(), parameter=a, order=6)
+    match = match_canard(canard, epsilon, reach=(1.2, 1.9), digits=20)
+    value = canard.value(epsilon, digits=digits)
+    assert match.mismatch < 1e-15
+    assert abs(match.value - value) < 10.0 ** (1 - digits)
+    # No formula knows the parameter better than the manifolds define it.
+    assert abs(match.value - value) < 10 * match.resolution + 10.0**-digits
+
+
+def test_the_slow_manifolds_of_fitzhugh_nagumo_meet_where_the_series_says() -> None:
+    canard = canard_value(fitzhugh_nagumo(), parameter=current)
+    match = match_canard(canard, 0.05, reach=(1.2, 1.8), digits=18)
+    assert abs(match.value - canard.value(0.05, digits=9)) < 1e-9
+
+
+def test_the_slow_manifolds_of_a_system_with_exponentials_meet_where_the_series_says() -> None:
+    canard = canard_value(planar(y - sp.exp(x) + x, a - sp.sin(x), a=0.1), parameter=a, order=8)
+    match = match_canard(canard, 0.02, reach=(0.8, 1.0), digits=16)
+    assert match.resolution < 1e-5
+    assert abs(match.value - canard.partial_sum(0.02, order=8)) < 100 * match.resolution + 1e-9
+
+
+def test_the_brusselator_has_its_hopf_point_at_one_plus_epsilon_and_its_canard_beyond() -> None:
+    # epsilon x' = 1 - (a + 1) x + x^2 y, y' = a x - x^2 y: the trace at (1, a) is a - 1 - epsilon.
+    canard = canard_value(planar(1 - (a + 1) * x + x**2 * y, a * x - x**2 * y, a=2), parameter=a, order=4)
+    assert canard.hopf_coefficients == (1, 1, 0, 0, 0)
+    assert canard.coefficients == (1, R(3, 2), R(15, 8), R(81, 8), R(2667, 32))
+    match = match_canard(canard, R(1, 100), reach=(0.4, 0.8), digits=18)
+    assert match.resolution < 1e-5
+    assert abs(match.value - canard.value(R(1, 100), digits=6)) < 10 * match.resolution + 1e-6
+
+
+def test_an_orbit_that_does_not_reach_the_fold_is_reported() -> None:
+    canard = canard_value(van_der_pol(), parameter=a)
+    with pytest.raises(CanardError, match="does not arrive at the fold"):
+        match_canard(canard, 0.05, reach=(1.2, 3.5), digits=10)
+
+
+# -- accuracy is told --------------------------------------------------------------------------------
+
+
+def test_more_digits_than_the_series_has_are_refused_with_their_number() -> None:
+    canard = canard_value(van_der_pol(), parameter=a)
+    with pytest.raises(CanardError, match=r"has about 10 digits at epsilon = 0\.05"):
+        canard.value(0.05, digits=16)
+    canard.value(0.05, digits=10)
+
+
+@pytest.mark.parametrize("digits", [0, -1, 2.5, True, 10**6])
+def test_digits_are_a_whole_number(digits: float) -> None:
+    with pytest.raises(DeclarationError, match="digits"):
+        canard_value(van_der_pol(), parameter=a).value(0.01, digits=digits)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("epsilon", [0, -0.1, float("nan"), float("inf")])
+def test_epsilon_is_positive(epsilon: float) -> None:
+    with pytest.raises(DeclarationError, match="epsilon"):
+        canard_value(van_der_pol(), parameter=a).value(epsilon)
+
+
+# -- which canard point ------------------------------------------------------------------------------
+
+
+def test_the_nearest_canard_point_is_taken_and_the_others_are_listed() -> None:
+    assert canard_value(van_der_pol(-0.5), parameter=a).coefficients[0] == -1
+    assert canard_value(van_der_pol(0.5), parameter=a).coefficients[0] == 1
+    both = canard_value(van_der_pol(0), parameter=a)
+    assert both.coefficients[0] == 1
+    assert [point["a"] for point in both.others] == [-1]
+    assert canard_value(van_der_pol(), parameter=a, near={"x": -0.8}).coefficients[:2] == (
+        -1,
+        sp.Rational(1, 8),
+    )
+
+
+@pytest.mark.parametrize(
+    ("fast", "slow", "message"),
+    [
+        (y - x, a - x, "no fold at a finite point"),
+        (y - sp.exp(-x), a - x, "no fold at a finite point"),
+        (y, a - x, "does not depend on x"),
+        (y - x**3, a - x, "a cusp"),
+        (y - x**2, 1 + a**2, "jump point"),
+        (y - x**2, -x + a**2, "transversality coefficient"),
+        (y - x**2, -x + eps * a, "does not appear"),
+        (y - x**2, a + x, "faux canard"),
+        (y - x**2, a + y + x**2, "f_x = 0"),
+        (y**2 - x**2, a - x, "two of its branches meet"),
+        (y - x**2, a * x, "does not move"),
+    ],
+)
+def test_what_is_no_canard_point_is_named(fast: sp.Expr, slow: sp.Expr, message: str) -> None:
+    with pytest.raises(CanardError, match=message):
+        canard_value(planar(fast, slow, a=0), parameter=a)
+
+
+def test_what_is_not_planar_is_refused() -> None:
+    z = sp.Symbol("z")
+    system = gsp.SlowFastSystem(slow={y: a - x, z: 1}, fast={x: y - x**2}, epsilon=eps, parameters={a: 0})
+    with pytest.raises(CanardError, match="2 slow and 1 fast"):
+        canard_value(system, parameter=a)
+    with pytest.raises(DeclarationError, match="takes a SlowFastSystem"):
+        canard_value("system", parameter=a)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("parameter", ["b", sp.Symbol("c"), None])
+def test_an_unknown_parameter_is_refused(parameter: object) -> None:
+    with pytest.raises(DeclarationError, match="no parameter"):
+        canard_value(van_der_pol(), parameter=parameter)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("order", [-1, 1.5, True, 10**6])
+def test_the_order_is_a_whole_number(order: float) -> None:
+    with pytest.raises(DeclarationError, match="order"):
+        canard_value(van_der_pol(), parameter=a, order=order)  # type: ignore[arg-type]
+
+
+def test_near_takes_known_names() -> None:
+    with pytest.raises(DeclarationError, match='near names "q"'):
+        canard_value(van_der_pol(), parameter=a, near={"q": 1})
+
+
+def test_the_result_is_frozen_and_reads_as_a_series() -> None:
+    canard = canard_value(van_der_pol(), parameter=a, order=2)
+    assert isinstance(canard, CanardValue)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        canard.order = 3  # type: ignore[misc]
+    assert repr(canard) == "CanardValue(a = 1 - epsilon/8 - 3*epsilon**2/32 + O(epsilon^3))"
+    assert canard.partial_sum(Fraction(1, 2)) == 1 - sp.Rational(1, 16) - sp.Rational(3, 128)
+    assert issubclass(CanardError, GspError)
+
+
+# -- any units ---------------------------------------------------------------------------------------
+
+
+def morris_lecar(declared: float, volts: sp.Expr = v, gate: sp.Expr = w) -> gsp.SlowFastSystem:
+    """Morris and Lecar (1981), the Hopf set of Ermentrout and Terman (2010), with V and w as given functions."""
+    m, n = (1 + sp.tanh((volts + R(6, 5)) / 18)) / 2, (1 + sp.tanh((volts - 2) / 30)) / 2
+    leaves = current - 2 * (volts + 60) - 8 * gate * (volts + 84) - R(22, 5) * m * (volts - 120)
+    return gsp.SlowFastSystem(
+        slow={w: (n - gate) * sp.cosh((volts - 2) / 60) / sp.diff(gate, w)},
+        fast={v: leaves / 20 / sp.diff(volts, v)},
+        epsilon=eps,
+        parameters={current: declared},
+    )
+
+
+@pytest.mark.parametrize(
+    ("volts", "gate"),
+    [(v, w), (v / 100, w), (100 * v, w), (v + 500, w), (v, w / 50), (7 * v - 300, 3 - 20 * w), (v, w + w**3)],
+    ids=["as it is", "in hundredths", "in hundreds", "shifted", "gate", "all", "gate bent"],
+)
+def test_the_nearest_canard_point_is_found_in_any_units(volts, gate) -> None:
+    low, high = 83.645531767021, 222.452513410707
+    for declared, nearest, other in ((84, low, high), (230, high, low)):
+        found = canard_value(morris_lecar(declared, volts, gate), parameter="I", order=0)
+        assert float(found.coefficients[0]) == pytest.approx(nearest, rel=1e-12)
+        assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)

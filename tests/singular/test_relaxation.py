@@ -1,0 +1,172 @@
+"""Singular orbits: their periods against closed forms and against the full system, and how they end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import charts
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.orbits.periodic import periodic_orbit
+from gsp.singular.passage.folds import omega0
+from gsp.singular.relaxation import singular_orbit
+from gsp.systems.system import SlowFastSystem
+
+x, y, z, w, epsilon = sp.symbols("x y z w epsilon")
+CUBIC = y - x**3 / 3 + x
+VAN_DER_POL = SlowFastSystem(slow={y: -x}, fast={x: CUBIC}, epsilon=epsilon)
+# x'' - mu (1 - x^2) x' + x = 0, to all digits shown; epsilon = 1/mu^2 and slow time is t/mu.
+PERIODS = {10: 19.078369566939014, 100: 162.83707109237001}
+
+
+def orbit_of(system, start, **options):
+    return singular_orbit(solve_critical(system).nearest(start), start, **options)
+
+
+@pytest.fixture(scope="module")
+def van_der_pol():
+    return orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6})
+
+
+def test_van_der_pols_period_has_the_coefficients_of_dorodnitsyn(van_der_pol):
+    # T = (3 - 2 ln 2) mu + 3 Omega_0 mu^(-1/3) - (2/3) ln(mu)/mu + ...
+    assert van_der_pol.coefficients == pytest.approx([3 - 2 * np.log(2), 3 * omega0(), 1 / 3], rel=1e-8)
+
+
+def test_what_is_left_of_the_period_is_the_next_constant(van_der_pol):
+    left = {mu: (period / mu - van_der_pol.period(mu**-2.0)) * mu**2 for mu, period in PERIODS.items()}
+    # -1.32327 in the literature, reached like epsilon^(1/3).
+    assert left[100] == pytest.approx(-1.32327, abs=0.08)
+    assert abs(left[100] + 1.32327) < abs(left[10] + 1.32327) / 2
+
+
+CASES = {
+    "asymmetric": (
+        SlowFastSystem(slow={y: sp.Rational(3, 10) - x + y / 5}, fast={x: CUBIC + x**2 / 10}, epsilon=epsilon),
+        {"x": 2, "y": 0.6},
+    ),
+    "two fast variables": (
+        SlowFastSystem(
+            slow={y: -x + w / 5}, fast={x: CUBIC + w / 5 - y / 5, w: y - w + x / 4}, epsilon=epsilon
+        ),
+        {"x": 2, "y": 0.6, "w": 0.5},
+    ),
+    "two slow variables": (
+        SlowFastSystem(slow={y: -x + z / 3, z: x - z + y / 2}, fast={x: CUBIC + z / 10}, epsilon=epsilon),
+        {"x": 2, "y": 0.6, "z": 0.5},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
+    system, start = CASES[name]
+    orbit = orbit_of(system, start)
+    assert orbit.closes
+    left = []
+    for small in (1e-2, 1e-3, 1e-4):
+        full = periodic_orbit(system, start=start, epsilon=small)
+        left.append((full.period - orbit.period(small)) / small)
+    steps = np.abs(np.diff(left))
+    assert np.abs(left).max() < 2.0
+    # Converging like epsilon^(1/3): without the term in epsilon ln epsilon the differences would grow by ln 10 each.
+    assert steps[1] < 0.8 * steps[0]
+    assert steps[1] < 0.1
+
+
+def test_a_slaved_variable_changes_nothing(van_der_pol):
+    system = SlowFastSystem(slow={y: -x, z: x - z}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6, "z": 0})
+    assert orbit.period_pieces == 2
+    assert orbit.coefficients == pytest.approx(van_der_pol.coefficients, rel=1e-6)
+
+
+def test_pieces_run_from_drop_to_fold(van_der_pol):
+    for before, piece in zip(van_der_pol.cycle, van_der_pol.cycle[1:]):
+        assert before.fold is not None
+        landing = before.fold.drop.point
+        assert [piece.run[n][0] for n in ("x", "y")] == pytest.approx([landing["x"], landing["y"]])
+    assert "closed after 3 slow pieces" in str(van_der_pol)
+
+
+def test_an_orbit_that_settles_does_not_close():
+    system = SlowFastSystem(slow={y: sp.Rational(3, 2) - x}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6})
+    assert not orbit.closes
+    assert orbit.coefficients is None
+    assert np.isnan(orbit.period(0.01))
+    assert "settles" in orbit.message
+
+
+def test_an_orbit_that_escapes_says_so():
+    system = SlowFastSystem(slow={y: sp.Integer(1)}, fast={x: x**2 + y}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": -1, "y": -1})
+    assert "escapes" in orbit.message
+    assert len(orbit.pieces) == 1
+
+
+def test_a_canard_point_is_no_drop():
+    system = SlowFastSystem(slow={y: 1 - x}, fast={x: CUBIC}, epsilon=epsilon)
+    orbit = orbit_of(system, {"x": 2, "y": 0.6})
+    assert not orbit.closes
+    assert "canard" in orbit.message
+
+
+def test_pieces_are_bounded():
+    system, start = CASES["two slow variables"]
+    orbit = orbit_of(system, start, max_pieces=3)
+    assert len(orbit.pieces) == 3
+    assert "max_pieces" in orbit.message
+
+
+def test_bad_input_is_named():
+    with pytest.raises(DeclarationError, match="takes a Branch"):
+        singular_orbit(VAN_DER_POL, {"x": 2, "y": 0.6})  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DeclarationError, match="max_pieces"):
+        orbit_of(VAN_DER_POL, {"x": 2, "y": 0.6}, max_pieces=0)
+
+
+@pytest.mark.parametrize("start", [{"x": 0.1, "y": -0.1}, {"x": 0, "y": 0.6}])
+def test_a_start_over_a_sheet_that_does_not_attract_is_refused(start):
+    with pytest.raises(HyperbolicityError, match=r"does not attract.*fast eigenvalues"):
+        orbit_of(VAN_DER_POL, start)
+
+
+def test_a_saddle_sheet_is_no_start_either():
+    system = SlowFastSystem(slow={y: -y}, fast={x: x - y, w: -w + y}, epsilon=epsilon)
+    with pytest.raises(HyperbolicityError, match="does not attract"):
+        orbit_of(system, {"x": 1, "y": 1, "w": 1})
+
+
+@pytest.mark.parametrize("start", [{"x": 2}, {"x": 2, "y": 0.6, "q": 1}, {"x": float("nan"), "y": 0.6}, None])
+def test_starts_that_are_not_well_formed_are_named(start):
+    branch = solve_critical(VAN_DER_POL).nearest({"x": 2, "y": 0.6})
+    with pytest.raises(DeclarationError, match="start"):
+        singular_orbit(branch, start)
+
+
+def test_a_start_on_the_fold_is_named():
+    with pytest.raises(HyperbolicityError, match="normal hyperbolicity is lost"):
+        singular_orbit(solve_critical(VAN_DER_POL).branches[0], {"x": 1, "y": -2 / 3})
+
+
+def test_the_chart_shows_pieces_drops_and_full_orbits(van_der_pol):
+    full = [periodic_orbit(VAN_DER_POL, start={"x": 2, "y": 0.6}, epsilon=small) for small in (0.1, 0.01)]
+    axes = charts.singular_orbit(van_der_pol, orbits=full)
+    assert charts.png(axes).startswith(b"\x89PNG")
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"slow piece", "drop", "fold", "landing point"} <= set(labels)
+    assert sum("epsilon = " in label for label in labels) == 2
+    # What leads to the cycle is a part of it.
+    assert "what leads to it" not in labels
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$y$", "$x$")
+
+
+def test_the_chart_of_an_open_orbit_and_wrong_names(van_der_pol):
+    system, start = CASES["two slow variables"]
+    orbit = orbit_of(system, start, max_pieces=3)
+    assert charts.png(charts.singular_orbit(orbit, names=("z", "x"))).startswith(b"\x89PNG")
+    with pytest.raises(DeclarationError, match="over a slow variable"):
+        charts.singular_orbit(van_der_pol, names=("x", "y"))

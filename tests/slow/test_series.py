@@ -1,0 +1,371 @@
+"""The series of the slow manifold: exact coefficients, the invariance equation, and manufactured manifolds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+import tests.systems as systems
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError, HyperbolicityError, UnsupportedFunctionError
+from gsp.slow.series import Components, expand
+from gsp.slow.slow_points import zero_derivative
+from gsp.systems.system import SlowFastSystem
+
+eps = systems.epsilon
+x, y, z = systems.x, systems.y, systems.z
+
+SLEIGH = {
+    1: "-I*m*p*v/(I + a**2*m)**2",
+    2: "I**2*a*m**2*p*(-2*I*m*v**2 - 2*a**2*m**2*v**2 + p**2)/(I + a**2*m)**5",
+    3: "I**3*m**3*p*v*(-5*I*a**2*m**2*v**2 - I*p**2 - 5*a**4*m**3*v**2 + 9*a**2*m*p**2)/(I + a**2*m)**7",
+}
+MICHAELIS_MENTEN = {
+    0: "s/(kappa + s)",
+    1: "kappa*l*s/(kappa + s)**4",
+    2: "-kappa*l*s*(kappa**2 - 2*kappa*l + kappa*s + 3*l*s)/(kappa + s)**7",
+    3: "kappa*l*s*(kappa**4 - 5*kappa**3*l + 2*kappa**3*s + 5*kappa**2*l**2 + 6*kappa**2*l*s + kappa**2*s**2"
+    " - 24*kappa*l**2*s + 11*kappa*l*s**2 + 15*l**2*s**2)/(kappa + s)**10",
+}
+# The sleigh's slow manifold w at epsilon = 0.1, m = I = 1, a = 1/5, from an orbit segment in 45 digits.
+SLEIGH_POINTS = {
+    (1.0, 1.0): (-0.0987164908384117188755671970196255611, [2.56e-3, 8.56e-4, 1.44e-4, 2.68e-5, 6.65e-6]),
+    (-1.0, 1.0): (0.0950569759766681569343008548321774693, [1.10e-3, 6.10e-4, 1.01e-4, 1.61e-5, 4.10e-6]),
+    (0.5, -2.0): (0.0847862203708975205358871087803772895, [1.14e-2, 1.65e-3, 5.82e-4, 1.21e-5, 2.40e-5]),
+}
+
+
+def expression(text: str) -> sp.Expr:
+    names = "v p w m I a s c kappa"
+    table = {name: sp.Symbol(name) for name in names.split()}
+    return sp.sympify(text, locals={**table, "l": sp.Symbol("lambda")})
+
+
+def branch_of(system: SlowFastSystem, **near: float):
+    manifold = solve_critical(system)
+    return manifold.nearest(near) if near else manifold.branches[0]
+
+
+def defect(system: SlowFastSystem, series, tiny: sp.Rational) -> list[sp.Rational]:
+    """epsilon Dh f - g at a rational point, parameters and epsilon rational too; exact, explicit branches."""
+    symbols = (*system.x, *system.parameters)
+    point = {s: sp.Rational(3 + 2 * i, 7 + i) for i, s in enumerate(symbols)}
+    values = {p: point[p] for p in system.parameters}
+    h = {
+        symbol: sum(tiny**k * series.coefficients[k][symbol].subs(values) for k in range(series.order + 1))
+        for symbol in system.y
+    }
+    at = {**point, **{symbol: h[symbol].subs(point) for symbol in h}, eps: tiny}
+    f = [rate.subs(at) for rate in system.f]
+    return [
+        tiny * sum(sp.diff(h[symbol], s).subs(point) * rate for s, rate in zip(system.x, f)) - g.subs(at)
+        for symbol, g in system.fast.items()
+    ]
+
+
+def vanishes(value: sp.Expr) -> bool:
+    symbols = sorted(value.free_symbols, key=str)
+    points = [{s: sp.Rational(3 + 2 * i + j, 7 + i) for i, s in enumerate(symbols)} for j in range(3)]
+    return all(abs(sp.N(value.subs(point), 40)) < 1e-30 for point in points)
+
+
+def test_the_sleigh_has_the_exact_coefficients() -> None:
+    series = expand(branch_of(systems.sleigh()), order=3)
+    assert series.coefficients[0]["w"] == 0
+    for k, text in SLEIGH.items():
+        assert sp.cancel(series.coefficients[k]["w"] - expression(text)) == 0
+
+
+def test_michaelis_menten_has_the_exact_coefficients() -> None:
+    series = expand(branch_of(systems.michaelis_menten()), order=3)
+    for k, text in MICHAELIS_MENTEN.items():
+        assert sp.cancel(series.coefficients[k]["c"] - expression(text)) == 0
+
+
+@pytest.mark.parametrize("system", [systems.sleigh(), systems.michaelis_menten(), systems.saddle()])
+def test_every_order_through_six_solves_the_invariance_equation_exactly(system: SlowFastSystem) -> None:
+    # In exact arithmetic the defect of order n is c epsilon^(n+1), however small epsilon is.
+    series = expand(branch_of(system), order=6)
+    large, small = (max(map(abs, defect(system, series, sp.Rational(1, 10**k)))) for k in (9, 10))
+    assert abs(float(sp.log(large / small, 10)) - 7) < 1e-3
+
+
+def test_the_reduced_field_is_f_on_the_manifold() -> None:
+    system = systems.sleigh()
+    series = expand(branch_of(system), order=4)
+    w = sum(eps**k * series.coefficients[k]["w"] for k in range(5))
+    for symbol, rate in system.slow.items():
+        full = rate.subs(sp.Symbol("w"), w)
+        for k in range(5):
+            taylor = sp.diff(full, eps, k).subs(eps, 0) / sp.factorial(k)
+            assert vanishes(taylor - series.reduced_field[k][symbol])
+
+
+def test_the_saddle_type_manifold_has_its_known_geometric_series() -> None:
+    series = expand(branch_of(systems.saddle()), order=4)
+    exact = {y: -(x**2) / (1 + 2 * eps), z: -(x**3) / ((1 + 2 * eps) * (1 - 3 * eps))}
+    for symbol, value in exact.items():
+        for k in range(5):
+            taylor = sp.diff(value, eps, k).subs(eps, 0) / sp.factorial(k)
+            assert sp.expand(series.coefficients[k][symbol] - taylor) == 0
+
+
+@pytest.mark.parametrize(("v", "Omega"), list(SLEIGH_POINTS))
+def test_the_error_at_each_order_is_the_published_one(v: float, Omega: float) -> None:
+    series = expand(branch_of(systems.sleigh()), order=5)
+    exact, errors = SLEIGH_POINTS[v, Omega]
+    for order, expected in enumerate(errors, start=1):
+        w = series.evaluate({"v": v, "p": 1.04 * Omega}, 0.1, order=order)[0]
+        assert abs(w - exact) == pytest.approx(expected, rel=0.006)
+
+
+@pytest.mark.parametrize(
+    ("system", "near", "slow"),
+    [
+        (systems.van_der_pol(), {"x": 2.0, "y": 2 / 3}, {"y": 0.9}),
+        (systems.van_der_pol(), {"x": 0.2, "y": -0.2}, {"y": -0.3}),
+        (systems.koper(), {"x": 2.4, "y": 0.0, "z": 0.5}, {"y": 0.1, "z": 0.4}),
+        (systems.coupled(), {"x": 0.5, "y": 0.4, "z": 0.2}, {"x": 0.6}),
+        (systems.transcendental(), {"x": 0.5, "y": 0.3}, {"x": 0.7}),
+    ],
+)
+@pytest.mark.parametrize("order", [0, 1, 2, 3])
+def test_the_residual_falls_with_one_power_more_than_the_order(system, near, slow, order: int) -> None:
+    series = expand(branch_of(system, **near), order=order)
+    sizes = [np.linalg.norm(series.residual(slow, e)) for e in (4e-3, 2e-3)]
+    assert np.log2(sizes[0] / sizes[1]) == pytest.approx(order + 1, abs=0.1)
+
+
+def test_an_explicit_branch_and_its_implicit_twin_give_the_same_manifold() -> None:
+    explicit = branch_of(systems.michaelis_menten())
+    implicit = replace(explicit, graph=None, seed=((1.0,), (0.5,)))
+    assert not implicit.is_explicit
+    points = np.linspace(0.2, 3.0, 7)[:, None]
+    for order in (1, 4):
+        one = expand(explicit, order=order).evaluate(points, 0.05)
+        two = expand(implicit, order=order).evaluate(points, 0.05)
+        np.testing.assert_allclose(one, two, rtol=1e-13)
+
+
+coefficient = st.integers(-3, 3)
+
+
+@st.composite
+def manufactured(draw: st.DrawFn):
+    """A system with a chosen polynomial manifold y = h(x, epsilon), one slow and two fast variables."""
+    h = [sum(draw(coefficient) * x**i * eps**k for i in range(3) for k in range(3)) for _ in range(2)]
+    f = draw(coefficient) + draw(coefficient) * x + draw(coefficient) * y * z + draw(coefficient) * eps
+    # det = 1 + (x + c)^2 never vanishes, so that the branch is hyperbolic everywhere.
+    c = draw(coefficient)
+    A = sp.Matrix([[1, x + c], [-(x + c), 1]])
+    offset = sp.Matrix([y - h[0], z - h[1]])
+    on = sp.sympify(f).subs({y: h[0], z: h[1]}, simultaneous=True)
+    g = -A * offset + eps * sp.Matrix([sp.diff(part, x) for part in h]) * on
+    return SlowFastSystem(slow={x: f}, fast={y: g[0], z: g[1]}, epsilon=eps), h
+
+
+@settings(max_examples=25, deadline=None)
+@given(manufactured())
+def test_a_manufactured_system_returns_its_manifold(case) -> None:
+    system, h = case
+    series = expand(solve_critical(system).branches[0], order=3)
+    for symbol, part in zip((y, z), h):
+        for k in range(4):
+            expected = sp.expand(part).coeff(eps, k)
+            assert sp.expand(series.coefficients[k][symbol] - expected) == 0
+
+
+def test_permuted_variables_permute_the_coefficients() -> None:
+    system = systems.saddle()
+    swapped = SlowFastSystem(slow=system.slow, fast={z: system.fast[z], y: system.fast[y]}, epsilon=eps)
+    one = expand(branch_of(system), order=3)
+    two = expand(branch_of(swapped), order=3)
+    assert two.coefficients[3] == (one.coefficients[3][z], one.coefficients[3][y])
+
+
+def test_order_ten_of_koper_on_its_implicit_cubic_stays_consistent() -> None:
+    series = expand(branch_of(systems.koper(), x=2.4, y=0.0, z=0.5), order=8)
+    values = series.terms({"y": 0.05, "z": 0.5}, 0.01)
+    assert np.all(np.abs(values[1:, 0]) < 0.02 ** np.arange(1, 9))
+    assert abs(series.residual({"y": 0.05, "z": 0.5}, 0.01)[0]) < 1e-13
+
+
+@pytest.mark.parametrize("epsilon", [0.4, 0.25, 0.2])
+def test_the_optimal_order_is_as_good_as_the_best_within_a_factor_ten(epsilon: float) -> None:
+    # h_k = (-1)^k k! x^(k+1), Euler's series, which diverges for every epsilon; its Borel sum is the manifold.
+    system = SlowFastSystem(slow={x: x**2}, fast={y: x - y}, epsilon=eps)
+    series = expand(branch_of(system), order=14)
+    assert [series.coefficients[k]["y"] for k in range(4)] == [x, -(x**2), 2 * x**3, -6 * x**4]
+    exact = quad(lambda t: np.exp(-t) / (1 + epsilon * t), 0, np.inf, epsabs=1e-14)[0]
+    errors = np.abs(np.cumsum(series.terms(1.0, epsilon)[:, 0]) - exact)
+    order = series.optimal_order(1.0, epsilon)
+    assert errors[order] < 10 * min(errors)
+    assert errors[14] > 100 * errors[order]
+    assert 1 <= series.truncation_error(1.0, epsilon) / errors[order] < 30
+
+
+def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges() -> None:
+    # epsilon = 0.2, (v, p/J) = (1/2, -2): terms fall to about 1e-6 near order 25 and pass 1 before order 60.
+    series = expand(branch_of(systems.sleigh()), order=60)
+    point, exact = {"v": 0.5, "p": -2 * 1.04}, 0.14688108653956
+    errors = np.abs(np.cumsum(series.terms(point, 0.2)[:, 0]) - exact)
+    assert errors[60] > 1
+    order = series.optimal_order(point, 0.2)
+    assert 1 <= series.truncation_error(point, 0.2) / errors[order] < 30
+    # One sum may be right by accident, two neighbours are not.
+    assert errors[order] < 3 * np.maximum(errors[:-1], errors[1:]).min()
+
+
+def test_a_terminating_series_is_best_at_its_full_order() -> None:
+    gamma = (1 - eps) * x
+    system = SlowFastSystem(slow={x: -x}, fast={y: -y + (gamma + x**2) / (1 + x) ** 2}, epsilon=eps)
+    series = expand(branch_of(system), order=5)
+    assert all(series.coefficients[k]["y"] == 0 for k in range(1, 6))
+    assert series.optimal_order(0.7, 0.3) == 5
+    assert abs(series.residual(0.7, 0.3)[0]) < 1e-16
+
+
+def test_numerical_values_put_the_parameters_in_first() -> None:
+    series = expand(branch_of(systems.sleigh()), order=6)
+    assert not series.specialised.chart.ring.knows(sp.Symbol("m"))
+    point = {sp.Symbol("v"): sp.Rational(7, 10), sp.Symbol("p"): sp.Rational(-3, 5)}
+    values = dict(systems.sleigh().parameters)
+    exact = sum(
+        sp.Rational(1, 20) ** k * series.coefficients[k]["w"].subs(values).subs(point) for k in range(7)
+    )
+    assert series.evaluate({"v": 0.7, "p": -0.6}, 0.05)[0] == pytest.approx(float(exact), rel=1e-14)
+
+
+def test_shapes_follow_the_input() -> None:
+    series = expand(branch_of(systems.saddle()), order=2)
+    assert series.evaluate(0.5, 0.01).shape == (2,)
+    assert series.evaluate([0.5, 0.6, 0.7], 0.01).shape == (3, 2)
+    assert series.evaluate({"x": np.array([0.5, 0.6])}, 0.01).shape == (2, 2)
+    assert series.terms(0.5, 0.01).shape == (3, 2)
+    assert series.residual([0.5, 0.6], 0.01).shape == (2, 2)
+
+
+def test_components_are_found_by_place_symbol_and_name() -> None:
+    row = Components((x, y), (x + 1, y + 2))
+    assert row[0] == row["x"] == row[x] == x + 1
+    assert row.as_dict() == {x: x + 1, y: y + 2}
+    with pytest.raises(KeyError, match="none of x, y"):
+        row["q"]
+
+
+@pytest.mark.parametrize("order", [-1, 1.5, "2", True, None])
+def test_a_wrong_order_is_named(order) -> None:
+    with pytest.raises(DeclarationError, match="non-negative integer"):
+        expand(branch_of(systems.saddle()), order=order)
+
+
+def test_a_system_in_place_of_a_branch_is_named_with_the_remedy() -> None:
+    with pytest.raises(DeclarationError, match=r"takes a Branch.*solve_critical"):
+        expand(systems.saddle(), order=1)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_branch_that_is_nowhere_hyperbolic_is_refused() -> None:
+    system = SlowFastSystem(slow={x: 1}, fast={y: (y - x) ** 2}, epsilon=eps)
+    with pytest.raises(HyperbolicityError, match="singular on the whole branch"):
+        expand(branch_of(system), order=1)
+
+
+def test_a_singular_point_is_named() -> None:
+    series = expand(branch_of(systems.michaelis_menten()), order=2)
+    with pytest.raises(HyperbolicityError, match="singular at s = -1"):
+        series.evaluate(-1.0, 0.1)
+
+
+def test_epsilon_must_be_positive_and_finite() -> None:
+    series = expand(branch_of(systems.saddle()), order=1)
+    for wrong in (0.0, -0.1, float("nan"), float("inf")):
+        with pytest.raises(DeclarationError, match="finite and positive"):
+            series.evaluate(0.5, wrong)
+
+
+def test_an_order_beyond_what_is_known_is_named() -> None:
+    series = expand(branch_of(systems.saddle()), order=2)
+    with pytest.raises(DeclarationError, match="known through order 2"):
+        series.evaluate(0.5, 0.1, order=3)
+
+
+def test_a_function_without_a_series_rule_is_named() -> None:
+    system = SlowFastSystem(slow={x: sp.gamma(x)}, fast={y: x - y}, epsilon=eps)
+    with pytest.raises(UnsupportedFunctionError, match="gamma"):
+        expand(branch_of(system), order=1)
+
+
+def test_terms_that_are_rounding_altogether_do_not_count():
+    x, y, u, v, eps = sp.symbols("x y u v epsilon")
+    k = sp.Rational(3, 10)
+    # Eliminating v from the first equation makes a polynomial of degree 15, whose series loses a digit a term and more.
+    system = SlowFastSystem(
+        slow={x: -x + y / 2 + u, y: -y + v * k},
+        fast={u: x - u - u**5 + k * v, v: y + u**2 / 4 - 2 * v - v**3},
+        epsilon=eps,
+    )
+    series = expand(solve_critical(system).nearest({"x": 0.8, "y": 0.5, "u": 0.3, "v": 0.1}), order=3)
+    point = {"x": 1.0, "y": 1.0}
+    assert series.optimal_order(point, 0.02) == 2
+    # The zero-derivative principle expands nothing.
+    exact = zero_derivative(series.branch, point, epsilon=0.02).y
+    assert abs(series.evaluate(point, 0.02, order=2) - exact).max() < 1e-6
+    assert abs(series.evaluate(point, 0.02, order=3) - exact).max() > 1e-4
+    # The level of the terms kept; the lost one, 2.5e-2, is not among them.
+    assert series.truncation_error(point, 0.02) < 1e-3
+
+
+@pytest.mark.parametrize("real", [False, True])
+@pytest.mark.parametrize(
+    ("make", "pieces"),
+    [
+        (sp.Abs, (1, -1)),
+        (lambda u: sp.sign(u) * u, (1, -1)),
+        (lambda u: sp.Max(u, 0), (1, 0)),
+        (lambda u: sp.Min(u, 2 * u), (1, 2)),
+        (lambda u: sp.Heaviside(u) * u, (1, 0)),
+        (lambda u: sp.Max(-u, u / 2, u), (1, -1)),
+    ],
+)
+def test_the_series_off_a_kink_is_that_of_each_side(real: bool, make, pieces: tuple[int, int]) -> None:
+    # epsilon y' = k x - y with x' = -x: h = k x/(1 - epsilon), k on either side.
+    x, y = sp.symbols("x y", real=True) if real else sp.symbols("x y")
+    system = SlowFastSystem(slow={x: -x}, fast={y: make(x) - y}, epsilon=eps)
+    series = expand(branch_of(system), order=4)
+    for at, k in zip((sp.Rational(7, 5), sp.Rational(-3, 5)), pieces):
+        assert [row[0].subs(x, at) for row in series.coefficients] == [k * at] * 5
+
+
+def test_an_absolute_value_is_shown_as_one() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: sp.Abs(x) - y}, epsilon=eps)
+    assert expand(branch_of(system), order=1).coefficients == ((sp.Abs(x),), (sp.Abs(x),))
+
+
+def test_kinks_in_fast_variables_expand_on_an_implicit_branch() -> None:
+    # For x > y > 0: epsilon y' = x - 2 y - y^2 without the kinks.
+    kinked = SlowFastSystem(slow={x: -x}, fast={y: sp.Max(x, y) - 2 * y - y * sp.Abs(y)}, epsilon=eps)
+    smooth = SlowFastSystem(slow={x: -x}, fast={y: x - 2 * y - y**2}, epsilon=eps)
+    points = np.array([[0.5], [2.0]])
+    found, expected = (expand(solve_critical(s).nearest({x: 1.0, y: 0.4}), order=3) for s in (kinked, smooth))
+    near = np.sqrt(1 + points) - 1
+    np.testing.assert_allclose(
+        found.evaluate(points, 0.01, near=near), expected.evaluate(points, 0.01, near=near), rtol=1e-13
+    )
+
+
+def test_a_kink_along_the_whole_branch_has_no_series() -> None:
+    # y = epsilon x + ..., so that z = |y| is no power series, though M0 itself is found.
+    system = SlowFastSystem(slow={x: -x}, fast={y: eps * x - y, z: sp.Abs(y) - z}, epsilon=eps)
+    assert expand(branch_of(system), order=0).coefficients == ((0, 0),)
+    with pytest.raises(UnsupportedFunctionError, match="across that kink"):
+        expand(branch_of(system), order=1)
+
+
+def test_piecewise_is_refused_with_its_equation_and_a_remedy() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=eps)
+    with pytest.raises(UnsupportedFunctionError, match=r"in the equation for y': Piecewise.*Write it with Abs"):
+        expand(branch_of(system), order=1)

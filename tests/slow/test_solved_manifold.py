@@ -1,0 +1,421 @@
+"""The slow manifold solved: reference values, invariance, two routes to one answer, and failures with their place."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+from scipy.special import airy
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import BranchError, DeclarationError, GspError, Status
+from gsp.hyperbolicity.hyperbolicity import Kind
+from gsp.integration.trajectory import integrate
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.slow.chebyshev import interpolate, nodes
+from gsp.slow.series import expand
+from gsp.slow.slow_points import zero_derivative
+from gsp.slow.solved_manifold import solve_manifold
+from gsp.systems.system import SlowFastSystem
+from tests.slow.test_slow_points import MICHAELIS_MENTEN, SLEIGH, SLEIGH_POINTS
+from tests.systems import (
+    coupled,
+    epsilon,
+    koper,
+    michaelis_menten,
+    saddle,
+    sleigh,
+    transcendental,
+    van_der_pol,
+    x,
+    y,
+    z,
+)
+
+t, u, w = sp.symbols("t u w")
+TIGHT = 1e-13
+
+
+def branch_of(system, point=None):
+    branch = solve_critical(system).branches[0]
+    return branch.through(point) if point else branch
+
+
+def inside(manifold, count=200):
+    box = np.array([manifold.region[s.name] for s in manifold.branch.system.x])
+    return box[:, 0] + np.random.default_rng(3).random((count, len(box))) * (box[:, 1] - box[:, 0])
+
+
+def saddle_exact(points, value):
+    s = points[:, 0]
+    return np.stack([-(s**2) / (1 + 2 * value), -(s**3) / ((1 + 2 * value) * (1 - 3 * value))], axis=1)
+
+
+def oscillating_exact(points, value):
+    s = points[:, 0]
+    rows = [np.sin(s) + value * np.cos(s), np.cos(s) + value * np.sin(s)]
+    return np.stack(rows, axis=1) / (1 + value**2)
+
+
+def airy_exact(sign):
+    """w of epsilon w' = u - w^2, u' = sign: -sqrt(u) followed from u = +infinity is a quotient of Airy functions."""
+
+    def exact(points, value):
+        scale = value ** (1 / 3)
+        ai, slope, _, _ = airy(points[:, 0] / scale**2)
+        return -sign * (scale * -slope / ai)[:, None]
+
+    return exact
+
+
+OSCILLATING = SlowFastSystem(slow={t: 1}, fast={x: x - sp.sin(t), y: -y + sp.cos(t)}, epsilon=epsilon)
+DAVIS_SKODJE = SlowFastSystem(
+    slow={x: -x}, fast={y: -y + ((1 - epsilon) * x + x**2) / (1 + x) ** 2}, epsilon=epsilon
+)
+LINEAR = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=epsilon)
+UPWARDS = SlowFastSystem(slow={u: 1}, fast={w: u - w**2}, epsilon=epsilon)
+DOWNWARDS = SlowFastSystem(slow={u: -1}, fast={w: u - w**2}, epsilon=epsilon)
+
+EXACT = {
+    "saddle": (branch_of(saddle()), {"x": (-1, 2)}, Kind.SADDLE, saddle_exact),
+    "oscillating saddle": (branch_of(OSCILLATING), {"t": (0, 7)}, Kind.SADDLE, oscillating_exact),
+    "Davis-Skodje": (branch_of(DAVIS_SKODJE), {"x": (0, 3.5)}, Kind.ATTRACTING, lambda p, e: p / (1 + p)),
+    "linear": (branch_of(LINEAR), {"y": (-1, 3)}, Kind.ATTRACTING, lambda p, e: p / (1 - e)),
+    "Airy, repelling": (
+        branch_of(UPWARDS, {"u": 1, "w": -1}), {"u": (0.2, 2)}, Kind.REPELLING, airy_exact(1),
+    ),
+    "Airy, attracting": (
+        solve_critical(DOWNWARDS).nearest({"u": 1, "w": 1}), {"u": (0.2, 2)}, Kind.ATTRACTING, airy_exact(-1),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("value", [0.1, 0.01])
+def test_exact_manifolds(name: str, value: float) -> None:
+    branch, region, kind, exact = EXACT[name]
+    manifold = solve_manifold(branch, region=region, epsilon=value, tolerance=TIGHT)
+    assert manifold.status.ok, manifold.message
+    assert manifold.kind is kind
+    points = inside(manifold)
+    true = exact(points, value)
+    scale = 1 + np.abs(true).max()
+    assert np.abs(manifold.evaluate(points) - true).max() < 3e-13 * scale
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-10])
+def test_the_estimated_error_is_honest(name: str, tolerance: float) -> None:
+    branch, region, _, exact = EXACT[name]
+    manifold = solve_manifold(branch, region=region, epsilon=0.1, tolerance=tolerance)
+    points = inside(manifold)
+    true = exact(points, 0.1)
+    error = np.linalg.norm(manifold.evaluate(points) - true, axis=1).max()
+    rounding = 1e-14 * (1 + np.abs(true).max())
+    assert error < 10 * manifold.error_estimate + rounding
+    assert manifold.error_estimate < max(1000 * (error + rounding), tolerance)
+    assert manifold.error_estimate < 10 * tolerance * (1 + np.abs(true).max())
+
+
+def test_michaelis_menten_is_followed_forward_from_large_s() -> None:
+    manifold = solve_manifold(
+        branch_of(michaelis_menten()), region={"s": (0.1, 5)}, epsilon=0.1, tolerance=TIGHT
+    )
+    assert manifold.status.ok
+    np.testing.assert_allclose(manifold.evaluate([0.1, 0.5, 1, 5]), MICHAELIS_MENTEN, rtol=0, atol=1e-13)
+    assert manifold.error_estimate < 1e-12
+
+
+def test_the_sleigh() -> None:
+    region = {"v": (-1.2, 1.2), "p": (-2.2, 1.2)}
+    manifold = solve_manifold(branch_of(sleigh()), region=region, epsilon=0.1, tolerance=TIGHT)
+    assert manifold.status.ok
+    np.testing.assert_allclose(manifold.evaluate(SLEIGH_POINTS), SLEIGH, rtol=0, atol=1e-13)
+    # v = a/(m epsilon), w = -a omega is an exact solution for every epsilon: 2 and p = J omega + m a w = omega.
+    edge = solve_manifold(
+        branch_of(sleigh()), region={"v": (1.5, 2), "p": (0.5, 1)}, epsilon=0.1, tolerance=TIGHT
+    )
+    np.testing.assert_allclose(edge.evaluate([[2, 0.5], [2, 1]]), [[-0.1], [-0.2]], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("value", [1e-4, 1e-2, 0.1])
+def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
+    # s' = (-(kappa + 1) s + (kappa - sigma + s) c)/sigma, epsilon c' = s - c (kappa + s)/(kappa + 1): the scaling
+    # of Patsatzis, Fabiani, Russo and Siettos (2023), kappa = 10, sigma = 100, s up to 1.
+    s, c = sp.symbols("s c")
+    system = SlowFastSystem(
+        slow={s: (-11 * s + (s - 90) * c) / 100}, fast={c: s - c * (10 + s) / 11}, epsilon=epsilon
+    )
+    branch = branch_of(system)
+    manifold = solve_manifold(branch, region={"s": (1e-6, 1)}, epsilon=value, tolerance=1e-12)
+    assert manifold.status.ok
+    assert manifold.error_estimate < 1e-11
+    points = np.linspace(1e-6, 1, 40)
+    if value == 0.1:
+        run = solve_ivp(
+            lambda q, c: ((q - c * (10 + q) / 11) / value) / ((-11 * q + (q - 90) * c) / 100),
+            (30, 1e-6), [30 * 11 / 40], method="Radau", rtol=1e-12, atol=1e-14, t_eval=points[::-1],
+        )  # fmt: skip
+        other = run.y.T[::-1]
+    else:
+        other = zero_derivative(branch, points, epsilon=value).y
+    np.testing.assert_allclose(manifold.evaluate(points), other, rtol=0, atol=2e-12)
+
+
+def test_the_middle_sheet_of_van_der_pol_is_followed_backward() -> None:
+    value = 0.01
+    region = {"y": (-0.3, 0.1), "x": (-0.9, 0.9)}
+    manifold = solve_manifold(branch_of(van_der_pol()), region=region, epsilon=value, tolerance=1e-12)
+    assert manifold.status.ok, manifold.message
+    assert manifold.kind is Kind.REPELLING
+    # Backward in time the sheet attracts: what starts next to it upwards is on it long before y = 0.1.
+    start = {"y": 0.55, "x": float(branch_of(van_der_pol()).points([0.55], near=[-0.6])[0, 0])}
+    at = np.linspace(0, -0.9, 181)
+    run = integrate(van_der_pol(), start=start, span=(0, -0.9), epsilon=value, rtol=1e-13, atol=1e-14, at=at)
+    assert run.status.ok
+    on = (run["y"] < 0.1) & (run["y"] > -0.3)
+    assert on.sum() > 20
+    np.testing.assert_allclose(manifold.evaluate(run["y"][on])[:, 0], run["x"][on], rtol=0, atol=1e-10)
+
+
+CASES = {
+    "two slow": (branch_of(sleigh()), {"v": (0.2, 1), "p": (0.2, 1)}),
+    "implicit": (branch_of(van_der_pol()), {"y": (0.4, 1.4), "x": (1.2, 3)}),
+    "seeded": (branch_of(van_der_pol(), {"y": 0.7, "x": 2}), {"y": (0.4, 1.4)}),
+    "two fast": (branch_of(coupled(), {"x": 0.5, "y": 0.3, "z": 0.2}), {"x": (0.3, 0.7)}),
+    "functions": (branch_of(transcendental()), {"x": (0.3, 1.2), "y": (-3, 3)}),
+    "folded": (branch_of(koper()), {"y": (0.0, 0.5), "z": (0.2, 0.8), "x": (1.2, 3)}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_three_methods_agree(name: str) -> None:
+    branch, region = CASES[name]
+    manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
+    assert manifold.status.ok, manifold.message
+    points = inside(manifold, 50)
+    found = manifold.evaluate(points)
+    other = zero_derivative(manifold.branch, points, epsilon=0.01)
+    np.testing.assert_allclose(found, other.y, rtol=0, atol=1e-10)
+    assert np.abs(manifold.residual(points)).max() < 1e-9
+    assert (np.abs(manifold.residual(points)) > 0).any()
+
+
+@pytest.mark.parametrize("name", ["two slow", "implicit", "two fast", "folded"])
+def test_the_full_flow_stays_on_it(name: str) -> None:
+    branch, region = CASES[name]
+    manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
+    system = branch.system
+    centre = [0.5 * sum(manifold.region[s.name]) for s in system.x]
+    start = dict(zip((s.name for s in system.states), [*centre, *manifold.evaluate([centre])[0]]))
+    run = integrate(system, start=start, span=(0, 0.1), epsilon=0.01, rtol=1e-12, atol=1e-13)
+    slow = np.stack([run[s.name] for s in system.x], axis=1)
+    fast = np.stack([run[s.name] for s in system.y], axis=1)
+    assert np.abs(slow[-1] - slow[0]).max() > 1e-3
+    np.testing.assert_allclose(fast, manifold.evaluate(slow), rtol=0, atol=1e-9)
+
+
+def test_the_slope_is_the_derivative_and_the_residual_is_what_it_says() -> None:
+    branch, region = CASES["folded"]
+    manifold = solve_manifold(branch, region=region, epsilon=0.01)
+    points = inside(manifold, 5)
+    h = 1e-6
+    for j in range(2):
+        shift = h * np.eye(2)[j]
+        difference = (manifold.evaluate(points + shift) - manifold.evaluate(points - shift)) / (2 * h)
+        np.testing.assert_allclose(manifold.slope(points)[:, :, j], difference, rtol=0, atol=1e-8)
+    rates = compile_flow(branch.system).rates(
+        np.hstack([points, manifold.evaluate(points)]), parameter_vector(branch.system, 0.01)
+    )
+    defect = 0.01 * (np.einsum("mij,mj->mi", manifold.slope(points), rates[:, :2]) - rates[:, 2:])
+    np.testing.assert_allclose(manifold.residual(points), defect, rtol=0, atol=1e-15)
+
+
+def test_a_saddle_with_a_focus_over_two_slow_variables() -> None:
+    system = SlowFastSystem(
+        slow={u: 1 + w**2, w: -w + u},
+        fast={x: -x + 5 * y + sp.sin(u), y: -5 * x - y + w, z: z - u * w + x},
+        epsilon=epsilon,
+    )
+    branch = branch_of(system)
+    manifold = solve_manifold(branch, region={"u": (0.1, 0.5), "w": (-0.5, 0.5)}, epsilon=0.01, tolerance=1e-11)
+    assert manifold.status.ok
+    assert manifold.kind is Kind.SADDLE
+    points = inside(manifold, 30)
+    other = zero_derivative(branch, points, epsilon=0.01)
+    np.testing.assert_allclose(manifold.evaluate(points), other.y, rtol=0, atol=1e-10)
+
+
+def test_three_slow_variables_and_the_order_of_names() -> None:
+    region = {"x": (0.2, 0.6), "z": (-0.5, 0.5), "u": (0, 0.5)}
+    slow = {x: -x + y, z: x - z, u: -u * x}
+    fast = {y: x * z + sp.cos(u) - y}
+    one = SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon)
+    other = SlowFastSystem(slow=dict(reversed(slow.items())), fast=fast, epsilon=epsilon)
+    points = {"x": [0.3, 0.5], "z": [-0.2, 0.4], "u": [0.1, 0.45]}
+    values = []
+    for system in (one, other):
+        manifold = solve_manifold(branch_of(system), region=region, epsilon=0.02, tolerance=1e-8)
+        assert manifold.status.ok
+        assert manifold.nodes.shape == (len(manifold.values), 3)
+        values.append(manifold.evaluate(points))
+    np.testing.assert_allclose(values[0], values[1], rtol=0, atol=1e-13)
+    reference = zero_derivative(branch_of(one), points, epsilon=0.02).y
+    np.testing.assert_allclose(values[0], reference, rtol=0, atol=1e-7)
+
+
+def test_a_field_without_jets_is_solved_all_the_same() -> None:
+    system = SlowFastSystem(slow={u: -1}, fast={w: sp.Max(u, 0) - w}, epsilon=epsilon)
+    manifold = solve_manifold(branch_of(system), region={"u": (0.5, 1.5)}, epsilon=0.05, tolerance=1e-12)
+    assert manifold.status.ok
+    points = inside(manifold)
+    np.testing.assert_allclose(manifold.evaluate(points), points + 0.05, rtol=0, atol=1e-11)
+
+
+def test_work_and_shapes() -> None:
+    manifold = solve_manifold(branch_of(saddle()), region={"x": (-1, 1)}, epsilon=0.05)
+    assert len(manifold.nodes) == 17
+    assert manifold.nodes.shape == (17, 1)
+    assert manifold.values.shape == (17, 2)
+    assert manifold.node_errors.shape == (17,)
+    assert (manifold.node_errors < 1e-10).all()
+    assert not manifold.values.flags.writeable
+    assert manifold.evaluate(0.3).shape == manifold.residual(0.3).shape == (2,)
+    assert manifold.evaluate([0.3]).shape == (1, 2)
+    assert manifold.slope(0.3).shape == (2, 1)
+    assert manifold.evaluate({"x": [0.1, 0.2]}).shape == (2, 2)
+    assert "saddle" in repr(manifold)
+    again = solve_manifold(branch_of(saddle()), region={"x": (-1, 1)}, epsilon=0.05)
+    assert np.array_equal(again.values, manifold.values)
+
+
+# -- what cannot be done ---------------------------------------------------------------------------
+
+
+def test_a_fold_in_the_region_is_told_with_its_place() -> None:
+    branch = branch_of(van_der_pol(), {"y": 0.7, "x": 2})
+    for low in (-0.6666666666666666, -1.0):
+        manifold = solve_manifold(branch, region={"y": (low, 1)}, epsilon=0.01)
+        assert manifold.status is Status.FOLD_REACHED
+        assert manifold.kind is Kind.LOST
+        assert np.isnan(manifold.evaluate(0.5)).all()
+        assert manifold.error_estimate == float("inf")
+    assert "y = -" in manifold.message
+
+
+def test_a_region_outside_the_branch_is_told_with_its_place() -> None:
+    system = SlowFastSystem(slow={u: -u}, fast={w: sp.log(u) - w}, epsilon=epsilon)
+    manifold = solve_manifold(branch_of(system), region={"u": (-1, 1)}, epsilon=0.01)
+    assert not manifold.status.ok
+    assert "u = -1" in manifold.message
+
+
+def test_a_pole_in_the_region_is_told_with_its_place() -> None:
+    system = SlowFastSystem(slow={u: -u}, fast={w: 1 / (u - sp.Rational(1, 2)) - w}, epsilon=epsilon)
+    manifold = solve_manifold(branch_of(system), region={"u": (0, 1)}, epsilon=0.01)
+    assert manifold.status is Status.NON_FINITE
+    assert "u = 0.5" in manifold.message
+
+
+def test_orbits_that_come_from_a_fold_leave_a_larger_reported_error() -> None:
+    # On w = sqrt(u), u' = 1, what happened at the fold u = 0 is felt by exp(-4 u^(3/2)/(3 epsilon)).
+    branch = solve_critical(UPWARDS).nearest({"u": 1, "w": 1})
+    far = solve_manifold(branch, region={"u": (0.5, 1)}, epsilon=0.01)
+    assert far.status.ok
+    near = solve_manifold(branch, region={"u": (0.15, 0.25)}, epsilon=0.01)
+    assert near.status is Status.HISTORY_ENDS
+    assert "can be followed only to u = 0." in near.message
+    assert 1e-9 < near.error_estimate < 1.0
+    # Two histories that both were on the branch differ by less than that.
+    runs = [
+        solve_ivp(
+            lambda q, c: (q - c**2) / 0.01, (begin, 0.15), [start], method="Radau", rtol=1e-11, atol=1e-13
+        )
+        for begin, start in ((0.04, 0.2), (0.05, 0.21))
+    ]
+    spread = abs(runs[0].y[0, -1] - runs[1].y[0, -1])
+    assert abs(near.evaluate(0.15)[0] - runs[0].y[0, -1]) < near.error_estimate + spread
+
+
+def test_past_the_manifolds_life_there_is_no_surface() -> None:
+    branch = solve_critical(UPWARDS).nearest({"u": 1, "w": 1})
+    manifold = solve_manifold(branch, region={"u": (0.5, 1.5)}, epsilon=1.0)
+    assert not manifold.status.ok
+    assert manifold.error_estimate == float("inf")
+    assert np.isnan(manifold.evaluate([0.7, 1.0])).all()
+    assert manifold.values.shape == (len(manifold.nodes), 1)
+    assert "u = " in manifold.message
+
+
+def test_a_kink_is_not_resolved_and_says_where() -> None:
+    system = SlowFastSystem(slow={u: -1}, fast={w: sp.Max(u, 1) - w}, epsilon=epsilon)
+    manifold = solve_manifold(branch_of(system), region={"u": (0.5, 1.5)}, epsilon=0.01)
+    assert manifold.status is Status.NOT_CONVERGED
+    assert manifold.error_estimate > 1e-6
+    assert "not smooth there" in manifold.message
+
+
+def test_a_third_time_scale_is_warned_about() -> None:
+    system = SlowFastSystem(
+        slow={u: -u}, fast={x: sp.sin(u) - x + y, y: -1000 * (y - u**2) + x}, epsilon=epsilon
+    )
+    manifold = solve_manifold(branch_of(system), region={"u": (0.1, 1)}, epsilon=0.01)
+    assert manifold.status.ok
+    assert "third time scale" in manifold.message
+    points = inside(manifold, 20)
+    other = expand(branch_of(system), order=6).evaluate(points, 0.01)
+    np.testing.assert_allclose(manifold.evaluate(points), other, rtol=0, atol=1e-10)
+
+
+def test_a_point_outside_is_refused() -> None:
+    manifold = solve_manifold(branch_of(LINEAR), region={"y": (0, 1)}, epsilon=0.05)
+    with pytest.raises(GspError, match=r"covers y in \[0, 1\]. Got y = 1.5"):
+        manifold.evaluate([0.5, 1.5])
+    with pytest.raises(GspError, match="Got y = nan"):
+        manifold.evaluate(float("nan"))
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"region": {}}, DeclarationError, "region bounds no state"),
+        ({"region": {"x": (0, 1)}}, DeclarationError, "no interval for y"),
+        ({"region": {"y": (1, 0)}}, DeclarationError, "is reversed"),
+        ({"region": {"q": (0, 1)}}, DeclarationError, "which is no state"),
+        ({"epsilon": -0.1}, DeclarationError, "epsilon must be finite and positive"),
+        ({"tolerance": 1e-20}, DeclarationError, "tolerance is a number from 1e-14"),
+        ({"tolerance": float("nan")}, DeclarationError, "tolerance is a number from 1e-14"),
+    ],
+)
+def test_a_wrong_call_raises(change, error, words) -> None:
+    arguments = {"region": {"y": (0, 1)}, "epsilon": 0.05, **change}
+    with pytest.raises(error, match=words):
+        solve_manifold(branch_of(LINEAR), **arguments)
+
+
+def test_a_wrong_branch_raises() -> None:
+    with pytest.raises(DeclarationError, match="takes a Branch"):
+        solve_manifold(LINEAR, region={"y": (0, 1)}, epsilon=0.05)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BranchError, match="has 3 points over the centre"):
+        solve_manifold(branch_of(van_der_pol()), region={"y": (-0.1, 0.2)}, epsilon=0.05)
+    symbols = sp.symbols("q1:5")
+    many = SlowFastSystem(slow={q: -q for q in symbols}, fast={y: symbols[0] - y}, epsilon=epsilon)
+    with pytest.raises(DeclarationError, match="one to three slow variables"):
+        solve_manifold(branch_of(many), region={q.name: (0, 1) for q in symbols}, epsilon=0.05)
+
+
+# -- the interpolant -------------------------------------------------------------------------------
+
+
+def test_chebyshev_interpolants_are_exact_for_polynomials_and_nested() -> None:
+    box = np.array([[0.0, 2.0], [-1.0, 3.0]])
+    grid = nodes(box, (5, 9))
+    values = np.stack([grid[..., 0] ** 4 * grid[..., 1] ** 3, grid[..., 0] - grid[..., 1] ** 8], axis=-1)
+    surface = interpolate(box, values)
+    points = box[:, 0] + np.random.default_rng(0).random((50, 2)) * (box[:, 1] - box[:, 0])
+    a, b = points.T
+    np.testing.assert_allclose(surface(points), np.stack([a**4 * b**3, a - b**8], axis=1), rtol=0, atol=1e-10)
+    slopes = [[4 * a**3 * b**3, 3 * a**4 * b**2], [np.ones(50), -8 * b**7]]
+    np.testing.assert_allclose(surface.derivative(points).transpose(1, 2, 0), slopes, rtol=0, atol=1e-9)
+    assert np.array_equal(nodes(box, (9, 9))[::2], grid)
+    chopped = interpolate(box, values[..., :1]).chopped(1e-9)
+    assert chopped.coefficients.shape == (5, 4, 1)

@@ -1,0 +1,210 @@
+"""Where a series is best cut and how wrong it is there: honest on random systems, robust to single small terms."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import sympy as sp
+from matplotlib.figure import Figure
+
+from gsp.charts.manifolds import slow_line
+from gsp.charts.sampling import on_branch, slow_curve, slow_ends
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import BeyondReachWarning, HyperbolicityError
+from gsp.slow.series import SeriesManifold, expand
+from gsp.slow.solved_manifold import solve_manifold
+from gsp.slow.truncation import AHEAD, best, errors, past
+from gsp.systems.system import SlowFastSystem
+from tests.systems import michaelis_menten, saddle, van_der_pol
+
+x, y, u, eps = sp.symbols("x y u epsilon")
+# A solved manifold tells the error of a series that is this much larger than its own.
+CLEAR = 10.0
+POINTS = 30
+
+
+def random_system(rng: np.random.Generator) -> SlowFastSystem:
+    """One or two slow variables and a fast one, quadratic, attracting at 0."""
+
+    def c(largest: int = 20) -> sp.Rational:
+        return sp.Rational(int(rng.integers(-largest, largest + 1)), 20)
+
+    kind = rng.choice(["linear in y", "quadratic in y", "two slow"], p=[0.4, 0.4, 0.2])
+    slow = {x: int(rng.choice([-1, 1])) + c() * x + c() * y + c(8) * x * y}
+    fast = {y: -(1 + abs(c())) * y + c() * x + c(10) * x**2 + c(10) * x * y}
+    if kind == "quadratic in y":
+        slow[x] += c(8) * x**2 + c(8) * y**2
+        fast[y] += c(8) * y**2
+    if kind == "two slow":
+        slow[u] = c() + c() * x + c() * u + c() * y + c(8) * x * y
+        fast[y] += c() * u + c(10) * u * y + c(10) * x * u
+    return SlowFastSystem(slow=slow, fast=fast, epsilon=eps)
+
+
+def battery(seed: int, count: int):
+    """(series, points, epsilon, solved values, their error) of random systems whose manifold could be solved well."""
+    rng = np.random.default_rng(seed)
+    found = 0
+    while found < count:
+        system = random_system(rng)
+        epsilon, width = float(rng.choice([0.02, 0.05, 0.1, 0.2, 0.4])), rng.uniform(0.2, 1.0)
+        points = rng.uniform(-width, width, (POINTS, len(system.x)))
+        branch = solve_critical(system).nearest(dict.fromkeys(system.states, 0.0))
+        region = {s.name: (-width, width) for s in system.x}
+        solved = solve_manifold(branch, region=region, epsilon=epsilon, tolerance=1e-10)
+        if solved.surface is not None and solved.error_estimate < 1e-7:
+            found += 1
+            yield branch, points, epsilon, solved.evaluate(points), solved.error_estimate
+
+
+def test_the_truncation_error_is_honest_on_random_systems() -> None:
+    ratios = []
+    for branch, points, epsilon, true, floor in battery(seed=11, count=20):
+        for order in (1, 2, 3, 4):
+            series = expand(branch, order=order, symbolic=False)
+            orders = series.optimal_order(points, epsilon)
+            sums = series.terms(points, epsilon).cumsum(axis=1)[np.arange(POINTS), orders]
+            error = np.linalg.norm(sums - true, axis=1)
+            told = error > CLEAR * floor
+            ratios.append((error / series.truncation_error(points, epsilon))[told])
+    ratio = np.concatenate(ratios)
+    assert len(ratio) > 1500
+    assert (ratio > 1.0).mean() <= 0.01
+    assert ratio.max() <= 3.0
+    # Honest, and of use: it is not above the error by more than this as a rule.
+    assert np.median(ratio) > 0.1
+
+
+def test_an_accidentally_small_term_does_not_end_the_search() -> None:
+    # h_4 is nearly 0 at this point; the true error of order 3 is 1.4e-2.
+    system = SlowFastSystem(
+        slow={x: 1 + x / 20 + 7 * y / 20 + x * y / 20},
+        fast={y: -3 * x**2 / 10 - x * y / 4 - x - 6 * y / 5},
+        epsilon=eps,
+    )
+    branch = solve_critical(system).branches[0]
+    point, epsilon = 0.3802, 0.4
+    solved = solve_manifold(branch, region={"x": (0.3, 0.45)}, epsilon=epsilon, tolerance=1e-10)
+    assert solved.error_estimate < 1e-6
+    for order in (3, 4, 5):
+        series = expand(branch, order=order)
+        chosen = series.optimal_order(point, epsilon)
+        error = abs(series.terms(point, epsilon)[: chosen + 1].sum() - solved.evaluate(point)[0])
+        assert error <= series.truncation_error(point, epsilon) <= 30 * error
+
+
+def test_the_best_order_is_looked_for_two_orders_further() -> None:
+    # Near the fold of van der Pol the terms of order 4 and 5 are the first to grow.
+    branch = solve_critical(van_der_pol()).nearest({"x": 2, "y": 2 / 3})
+    series = expand(branch, order=3)
+    place = np.linspace(-0.6, -0.3, 61)
+    terms = expand(branch, order=3 + AHEAD).terms(place, 0.05)[..., 0]
+    sizes = np.abs(terms)
+    growing = (
+        (sizes[:, 3] < sizes[:, 2]) & (sizes[:, 2] < sizes[:, 1]) & (sizes[:, 4:].max(axis=1) > 3 * sizes[:, 3])
+    )
+    assert growing.any()
+    assert (series.optimal_order(place[growing], 0.05) < 3).all()
+
+
+@pytest.mark.parametrize(
+    ("sizes", "order", "expected"),
+    [
+        ([1, 0.1, 0.01, 1e-3, 1e-4, 1e-5], 3, 3),
+        ([1, 0.1, 0.01, 1e-3, 1e-2, 1e-1], 3, 1),
+        ([1, 0.1, 1e-9, 1e-3, 1e-4, 1e-5], 3, 3),
+        ([1, 2, 4, 8, 16, 32], 3, 0),
+        ([1, 0, 0, 0, 0, 0], 3, 3),
+        ([1, 0.1, 0.01, 1e-3, np.nan, np.nan], 3, 3),
+        ([1, 0.1, 0.01, np.nan, np.nan, np.nan], 3, 2),
+    ],
+)
+def test_the_best_order_of_a_row_of_terms(sizes: list, order: int, expected: int) -> None:
+    found = errors(np.array([sizes], dtype=float), order)
+    assert found.shape == (1, order + 1)
+    assert best(found)[0] == expected
+
+
+def test_an_error_is_never_below_the_terms_left_out_nor_below_rounding() -> None:
+    falling = np.array([[1, 0.1, 0.01, 1e-3, 1e-4, 1e-5]])
+    assert (errors(falling, 3) >= falling[:, 1:5]).all()
+    assert errors(np.array([[2.0, 0.0, 0.0]]), 0)[0, 0] > 1e-16
+    # 1/2 + 1/4 + ... = 1
+    assert errors(np.array([[1.0, 0.5, 0.25]]), 0)[0, 0] >= 1.0
+
+
+# -- the reach ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def curve() -> SeriesManifold:
+    return expand(solve_critical(van_der_pol()).nearest({"x": 2, "y": 2 / 3}), order=3)
+
+
+def test_evaluation_beyond_the_reach_warns_and_gives_nan_on_request(curve: SeriesManifold) -> None:
+    with pytest.warns(
+        BeyondReachWarning, match=r"beyond its reach at y = -0\.66: .*after order 0.*optimal_order"
+    ):
+        value = curve.evaluate(-0.66, 0.05)
+    assert abs(value[0]) > 100
+    assert np.isnan(curve.evaluate(-0.66, 0.05, masked=True)).all()
+    points = np.array([-0.66, -0.65, 0.5, 1.0])
+    with pytest.warns(BeyondReachWarning, match="1 more of 4 points"):
+        plain = curve.evaluate(points, 0.05)
+    masked = curve.evaluate(points, 0.05, masked=True)
+    assert np.isnan(masked[:, 0]).tolist() == [True, True, False, False]
+    assert (masked[2:] == plain[2:]).all()
+    # M0 itself is what there is: order 0 is never past the best one.
+    assert curve.evaluate(-0.66, 0.05, order=0)[0] == pytest.approx(1.08, abs=0.01)
+
+
+def test_within_the_reach_nothing_is_said() -> None:
+    # Warnings are errors here.
+    for system in (saddle(), michaelis_menten()):
+        series = expand(solve_critical(system).branches[0], order=3)
+        for value in (0.1, 0.01, 1e-6):
+            assert np.isfinite(series.evaluate([0.5, 1.0], value)).all()
+
+
+def test_a_singular_point_is_nan_on_request_too() -> None:
+    series = expand(solve_critical(michaelis_menten()).branches[0], order=2)
+    with pytest.raises(HyperbolicityError, match="singular at s = -1"):
+        series.evaluate(np.array([-1.0, 1.0]), 0.1)
+    assert np.isnan(series.evaluate(np.array([-1.0, 1.0]), 0.1, masked=True)[:, 0]).tolist() == [True, False]
+
+
+def test_terms_are_summed_without_the_check(curve: SeriesManifold, monkeypatch: pytest.MonkeyPatch) -> None:
+    called = []
+    monkeypatch.setattr("gsp.slow.series.errors", lambda *a: called.append(a))
+    assert curve.terms(-0.66, 0.05).sum() > 100
+    assert not called
+
+
+def test_an_unknown_last_term_counts_as_past_the_best_order() -> None:
+    assert past(np.array([[0.1, np.nan], [0.1, 0.15], [0.1, 0.5]])).tolist() == [True, False, True]
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------
+
+
+def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_marked(
+    curve: SeriesManifold,
+) -> None:
+    # What a picture reads off an analysis, of the sheet right up to its fold at y = -2/3.
+    placement = SimpleNamespace(branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0)})
+    analysis = SimpleNamespace(scene=SimpleNamespace(epsilon=0.05), series=curve, placement=placement)
+    on = slow_curve(analysis)
+    drawn = np.isfinite(on[:, 1])
+    first = int(np.argmax(drawn))
+    assert first > 0
+    assert drawn[first:].all()
+    solved = solve_manifold(curve.branch, region={"y": (on[first, 0], 1.0)}, epsilon=0.05, tolerance=1e-8)
+    assert solved.status.ok
+    assert np.abs(solved.evaluate(on[first:, :1]) - on[first:, 1:]).max() < 0.05 * np.abs(on[first:, 1]).max()
+    assert slow_ends(analysis) == (True, [on[first, 0]])
+    axes = Figure().add_subplot()
+    slow_line(analysis, axes, on, on_branch(analysis, on[:, :1]))
+    assert [line.get_label() for line in axes.lines][1] == "its terms stop falling"
+    # Far from the fold there is no end to mark.
+    placement.region = {"y": (0.5, 1.0)}
+    assert slow_ends(analysis) == (True, [])
