@@ -79,6 +79,7 @@ from .singular.singularities import FoldedSingularity as FoldedSingularity
 from .singular.singularities import canard_value as canard_value
 from .singular.singularities import folded_singularities as folded_singularities
 from .singular.singularities import match_canard as match_canard
+from .slow.raw_series import carry_back as carry_back
 from .slow.series import SeriesManifold as SeriesManifold
 from .slow.series import expand as expand
 from .slow.slow_points import SlowPoints as SlowPoints

@@ -1,9 +1,11 @@
-"""The layers of the house: a module imports only from stages before it, and each library has its place."""
+"""The house: a package imports exactly what docs/packages.toml allows, and the page and the picture show that table."""
 
 import ast
+import importlib.util
 import os
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,134 +13,21 @@ import pytest
 import gsp
 
 ROOT = Path(gsp.__file__).parent
+DOCS = Path(__file__).parent.parent / "docs"
 
-# In this order; a module may import only from those above it.
-LAYERS = [
-    "errors",
-    "interrupts",
-    "attempts",
-    "drawn",
-    "tables",
-    "arguments",
-    "flow",
-    "region",
-    "laurent",
-    "declaration",
-    "system",
-    "kernels",
-    "differentiation",
-    "functions",
-    "instructions",
-    "machine_code",
-    "remembering",
-    "lowering",
-    "polynomials",
-    "factorisation",
-    "ring",
-    "power_series",
-    "truncation",
-    "inversion",
-    "integrals",
-    "layer",
-    "splitting",
-    "elimination",
-    "branch",
-    "critical",
-    "normal_forms",
-    "continuation",
-    "spectrum",
-    "sampling",
-    "losses",
-    "hyperbolicity",
-    "singularities",
-    "tape",
-    "slow_points",
-    "slow_track",
-    "gauss",
-    "orbit_segments",
-    "chebyshev",
-    "manifold",
-    "chart",
-    "series",
-    "raw",
-    "reduced",
-    "validity",
-    "surface_flow",
-    "solvers",
-    "integrators",
-    "crossings",
-    "events",
-    "endings",
-    "explanations",
-    "trajectory",
-    "parallel",
-    "members",
-    "ensemble",
-    "periodic",
-    "canard_orbits",
-    "exponentials",
-    "decaying",
-    "landing",
-    "inner",
-    "shadowing",
-    "fibres",
-    "layers",
-    "passage",
-    "relaxation",
-    "mixed_modes",
-    "scene",
-    "settings",
-    "mechanics",
-    "models",
-    "readers",
-    "placement",
-    "comparison",
-    "classical_methods",
-    "methods",
-    "peers",
-    "work_runs",
-    "work_curves",
-    "claims",
-    "failures",
-    "prediction",
-    "outlook",
-    "candidates",
-    "verdict",
-    "choice",
-    "pieces",
-    "switching",
-    "simulation",
-    "boundary",
-    "analysis",
-    "charts",
-    "report",
-    "cli",
-]
 
-# Who may import what, beyond the standard library. A trailing dot means the package and all below it.
-LIBRARIES = {
-    "numpy": None,
-    "sympy": None,
-    "flint": {"factorisation", "passage", "polynomials", "ring", "singularities"},
-    "numba": {"kernels"},
-    "llvmlite": {"kernels", "lowering", "machine_code"},
-    "scipy": {"branch", "hyperbolicity", "losses", "passage", "peers", "periodic", "sampling"},
-    "matplotlib": {"charts"},
-    "mpl_toolkits": {"charts"},
-    "jinja2": {"report"},
-    "markupsafe": {"report"},
-    "click": {"cli"},
-    "rich": {"cli"},
-    "casadi": {"peers"},
-    "diffrax": {"peers"},
-    "heyoka": {"peers"},
-    "jax": {"peers"},
-    "numbalsoda": {"peers"},
-    "pydiffsol": {"peers"},
-    "sksundae": {"peers"},
-}
-# Symbols stop here: nothing below may know SymPy, and what knows SymPy may not know numba.
-WITHOUT_SYMPY = {"errors", "kernels", "cli"}
+def drawing():
+    spec = importlib.util.spec_from_file_location("draw_packages", DOCS / "draw_packages.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+PACKAGES = drawing().table()
+# What knows symbols may not know numba, and what is compiled may not know symbols, but for the two that join them.
+JOINING = {"peers"}
 
 
 def modules() -> list[tuple[str, Path]]:
@@ -150,45 +39,63 @@ def modules() -> list[tuple[str, Path]]:
     return found
 
 
-def imports(path: Path) -> list[str]:
-    names: list[str] = []
+def imports(path: Path) -> set[str]:
+    names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"relative import in {path.name}"
-            names.append(node.module or "")
-            if node.module == "gsp":
-                names += [f"gsp.{alias.name}" for alias in node.names]
-    return names
+            module = node.module or ""
+            names |= {f"gsp.{alias.name}" for alias in node.names} if module == "gsp" else {module}
+    return names - {"gsp", "gsp.__version__"}
 
 
-@pytest.mark.parametrize(("layer", "path"), modules(), ids=lambda value: getattr(value, "stem", value))
-def test_a_module_imports_only_from_earlier_layers(layer: str, path: Path) -> None:
-    assert layer in LAYERS, f"{layer} has no place in the table of layers"
-    for name in imports(path):
-        parts = name.split(".")
-        if parts[0] != "gsp" or len(parts) < 2 or parts[1] not in LAYERS:
-            continue
-        other = parts[1]
-        assert other == layer or LAYERS.index(other) < LAYERS.index(layer), f"{layer} imports {other}"
+def of_package(name: str) -> tuple[set[str], set[str]]:
+    """What the modules of a package import of ours and of others, the standard library and numpy apart."""
+    ours: set[str] = set()
+    others: set[str] = set()
+    for package, path in modules():
+        for imported in imports(path) if package == name else ():
+            head, *rest = imported.split(".")
+            if head == "gsp":
+                ours |= {rest[0]} - {name}
+            elif head not in sys.stdlib_module_names and head != "numpy":
+                others.add(head)
+    return ours, others
 
 
-@pytest.mark.parametrize(("layer", "path"), modules(), ids=lambda value: getattr(value, "stem", value))
-def test_third_party_libraries_are_imported_where_the_table_allows(layer: str, path: Path) -> None:
-    for name in imports(path):
-        library = name.split(".")[0]
-        if library in sys.stdlib_module_names or library == "gsp":
-            continue
-        assert library in LIBRARIES, f"{layer} imports {library}, which the table does not know"
-        allowed = LIBRARIES[library]
-        assert allowed is None or layer in allowed, f"{layer} imports {library}"
-        assert not (library == "sympy" and layer in WITHOUT_SYMPY), f"{layer} imports sympy"
+def test_the_table_has_every_package_and_no_other() -> None:
+    assert set(PACKAGES) == {package for package, _ in modules()}
 
 
-def test_every_layer_of_the_table_exists() -> None:
-    present = {layer for layer, _ in modules()}
-    assert set(LAYERS) == present
+def test_few_modules_lie_outside_the_packages() -> None:
+    assert len(list(ROOT.glob("*.py"))) <= 5
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_a_package_imports_exactly_what_the_table_says(name: str) -> None:
+    ours, others = of_package(name)
+    assert ours == set(PACKAGES[name]["ours"]), "of ours"
+    assert others == set(PACKAGES[name]["others"]), "of others"
+
+
+def test_no_package_imports_itself_by_a_circle() -> None:
+    list(TopologicalSorter({name: package["ours"] for name, package in PACKAGES.items()}).static_order())
+
+
+def test_symbols_and_compiled_loops_do_not_meet() -> None:
+    for name, package in PACKAGES.items():
+        assert name in JOINING or not {"numba", "sympy"} <= set(package["others"]), name
+
+
+def test_the_page_has_the_table() -> None:
+    assert drawing().as_markdown(PACKAGES) in (DOCS / "architecture.md").read_text(encoding="utf-8")
+
+
+def test_the_picture_was_made_from_the_table() -> None:
+    # The remedy: python docs/draw_packages.py
+    assert drawing().mark() in (DOCS / "images" / "packages.svg").read_text(encoding="utf-8")
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
@@ -205,9 +112,10 @@ def test_a_run_of_a_declared_field_imports_nothing_of_series() -> None:
     code = (
         "import sys, sympy, gsp; x = sympy.Symbol('x');"
         "gsp.integrate(gsp.VectorField({x: -x}, epsilon=None), start={'x': 1}, span=(0, 1));"
-        "print(sorted({'gsp.slow.series', 'gsp.integration.reduced_flow', 'gsp.integration.reduction_end.endings'} & set(sys.modules)))"
+        "late = {'gsp.slow.series', 'gsp.integration.reduced_flow', 'gsp.integration.reduction_end.endings'};"
+        "print(sorted(late & set(sys.modules)))"
     )
-    environment = {key: value for key, value in os.environ.items() if key != "GSP_EAGER"}
+    environment = {key: value for key, value in os.environ.items() if key != "EAGER_IMPORT"}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
@@ -215,7 +123,7 @@ def test_a_run_of_a_declared_field_imports_nothing_of_series() -> None:
 
 
 def test_the_eager_switch_imports_every_public_name() -> None:
-    environment = {**os.environ, "GSP_EAGER": "1"}
+    environment = {**os.environ, "EAGER_IMPORT": "1"}
     code = "import gsp; print(all(name in vars(gsp) for name in gsp.__all__))"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
@@ -231,8 +139,8 @@ def test_every_public_name_has_a_docstring() -> None:
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'slow'"):
-        gsp.slow  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match="slowly"):
+        gsp.slowly  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_no_module_evaluates_text() -> None:
@@ -253,10 +161,4 @@ def test_no_module_evaluates_text() -> None:
 
 def test_no_public_function_has_the_name_of_a_module() -> None:
     # Importing a submodule binds its name in the package, and would hide the function.
-    clashes = set(gsp.__all__) & {layer for layer, _ in modules()} - {
-        "models",
-        "charts",
-        "mechanics",
-        "readers",
-    }
-    assert not clashes
+    assert not set(gsp.__all__) & set(PACKAGES) - {"models", "charts", "mechanics", "readers"}

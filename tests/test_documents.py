@@ -84,11 +84,3 @@ def test_the_examples_in_docstrings_print_what_they_say(name: str) -> None:
     for test in finder.find(module, name, globs=globals_):
         runner.run(test)
     assert runner.summarize(verbose=False).failed == 0
-
-
-def test_the_architecture_page_shows_the_table_that_is_tested() -> None:
-    from tests.test_architecture import LAYERS
-
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    named = re.findall(r"^\| `([a-z_]+)` \|", page, re.MULTILINE)
-    assert named == LAYERS
