@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.choice.choice import candidates
+from gsp.choice import candidates
 from gsp.choice.prediction import AHEAD, Failure, Prediction
 from gsp.comparison.comparison import CHECK, ROUNDING, _error, compare
 from gsp.critical.critical_manifold import solve_critical

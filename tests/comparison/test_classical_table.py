@@ -18,8 +18,8 @@ from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
-from tests import systems
-from tests.systems import epsilon, x, y
+from tests import example_systems as systems
+from tests.example_systems import epsilon, x, y
 
 LADDER = (0.01, 0.005, 0.0025)
 # Branch, points (m, n_slow): explicit and implicit, several slow and fast variables, a saddle.

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import tests.systems as systems
 from gsp.critical.continuation import continue_critical, switch_branch
 from gsp.critical.continuation.ending import Ending
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BranchError, DeclarationError
 from gsp.systems.system import SlowFastSystem
+from tests import example_systems as systems
 
 eps = systems.epsilon
 x, y, v, w, y1, y2, y3 = sp.symbols("x y v w y1 y2 y3")

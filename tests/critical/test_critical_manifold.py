@@ -14,7 +14,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError, DeclarationError
 from gsp.systems.system import SlowFastSystem
-from tests import systems
+from tests import example_systems as systems
 
 x, y, z, w, u, a, b, eps = sp.symbols("x y z w u a b epsilon")
 

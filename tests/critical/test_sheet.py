@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import tests.systems as systems
 from gsp.critical.continuation import continue_critical
 from gsp.critical.continuation.ending import Ending
 from gsp.critical.continuation.fold_curve import continue_folds
@@ -12,6 +11,7 @@ from gsp.critical.continuation.sheet import critical_sheet
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BranchError, DeclarationError
 from gsp.systems.system import SlowFastSystem
+from tests import example_systems as systems
 
 eps = systems.epsilon
 a, b, c, y, v, w, y1, y2, current = sp.symbols("a b c y v w y1 y2 I")

@@ -20,8 +20,8 @@ from gsp.scenes.scene import Scene
 from gsp.slow.series import expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
-from tests import systems
-from tests.systems import epsilon, x, y, z
+from tests import example_systems as systems
+from tests.example_systems import epsilon, x, y, z
 
 v, p, w, m, inertia, a, phi = sp.symbols("v p w m I a phi")
 SLEIGH = solve_critical(systems.sleigh()).branches[0]

@@ -11,8 +11,8 @@ from gsp.fibres.composite_solution import composite
 from gsp.integration.trajectory import integrate
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
-from tests import systems
-from tests.systems import epsilon, x, y
+from tests import example_systems as systems
+from tests.example_systems import epsilon, x, y
 
 v, p, w, m, inertia, a, omega, phi, tau = sp.symbols("v p w m I a omega phi tau")
 SLEIGH = solve_critical(systems.sleigh()).branches[0]

@@ -14,7 +14,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses import Locator
 from gsp.systems.system import SlowFastSystem
-from tests import systems
+from tests import example_systems as systems
 
 x, y, z, u, v, a, eps = sp.symbols("x y z u v a epsilon")
 UNIT = {"x": (-1, 1)}

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import tests.systems as systems
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.reduced_flow import restrict
@@ -12,6 +11,7 @@ from gsp.integration.trajectory import Method, integrate
 from gsp.slow.series import expand
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests import example_systems as systems
 
 eps = systems.epsilon
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}

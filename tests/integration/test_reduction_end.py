@@ -7,7 +7,6 @@ import pytest
 import sympy as sp
 
 import gsp
-import tests.systems as systems
 from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration.crossings import Stepper
 from gsp.integration.reduction_end.endings import Ending
@@ -15,6 +14,7 @@ from gsp.integration.reduction_end.validity import Validity, faddeev_leverrier
 from gsp.integration.trajectory import Method, Trajectory, integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests import example_systems as systems
 
 eps = systems.epsilon
 x, y, z, w = sp.symbols("x y z w")

@@ -11,7 +11,7 @@ from gsp.kernels.jets import flow_jet, flow_jet_with_tangents
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.tape import write_tape
 from gsp.systems.system import SlowFastSystem
-from tests.systems import coupled, epsilon, sleigh, transcendental, x, y
+from tests.example_systems import coupled, epsilon, sleigh, transcendental, x, y
 
 ORDER = 8
 

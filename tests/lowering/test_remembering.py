@@ -18,7 +18,7 @@ import gsp
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import validity_of
 from gsp.integration.trajectory import integrate
-from gsp.lowering.compiled_flow import compiled_flow as lowering
+from gsp.lowering import compiled_flow as lowering
 from gsp.lowering.remembering import remembered
 from gsp.lowering.tape import write_tape
 from gsp.systems.system import SlowFastSystem, VectorField

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gsp import analyse, charts, load
-from gsp.analysis.analysis import analysis
+from gsp.analysis import analysis
 from gsp.analysis.attempts import Missing, attempt, made
 from gsp.errors import DefectWarning, GspError, MissingPartError
 from gsp.report import write_report

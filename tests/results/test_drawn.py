@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import charts, compare, integrate, mixed_mode, models, periodic_orbit
-from gsp.analysis.analysis import analysis
+from gsp.analysis import analysis
 from gsp.analysis.fold_surroundings import boundary_of
 from gsp.charts.style import mathematics
 from gsp.errors import DeclarationError

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-import tests.systems as systems
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, HyperbolicityError, UnsupportedFunctionError
 from gsp.slow.series import Components, expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.system import SlowFastSystem
+from tests import example_systems as systems
 
 eps = systems.epsilon
 x, y, z = systems.x, systems.y, systems.z

@@ -9,7 +9,7 @@ from gsp.errors import BranchError, DeclarationError, Status, UnsupportedFunctio
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.system import SlowFastSystem
-from tests.systems import (
+from tests.example_systems import (
     coupled,
     epsilon,
     koper,

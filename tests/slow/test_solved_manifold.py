@@ -16,8 +16,7 @@ from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
-from tests.slow.test_slow_points import MICHAELIS_MENTEN, SLEIGH, SLEIGH_POINTS
-from tests.systems import (
+from tests.example_systems import (
     coupled,
     epsilon,
     koper,
@@ -30,6 +29,7 @@ from tests.systems import (
     y,
     z,
 )
+from tests.slow.test_slow_points import MICHAELIS_MENTEN, SLEIGH, SLEIGH_POINTS
 
 t, u, w = sp.symbols("t u w")
 TIGHT = 1e-13

@@ -15,7 +15,7 @@ from gsp.slow.series import SeriesManifold, expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD, best, errors, past
 from gsp.systems.system import SlowFastSystem
-from tests.systems import michaelis_menten, saddle, van_der_pol
+from tests.example_systems import michaelis_menten, saddle, van_der_pol
 
 x, y, u, eps = sp.symbols("x y u epsilon")
 # A solved manifold tells the error of a series that is this much larger than its own.
