@@ -1,7 +1,6 @@
 """Deliberate faults: how many of a random sample of one-token changes the tests of a module see.
 
-    python tests/mutation.py gsp/comparison.py --tests tests/comparison/test_comparison.py tests/test_faults.py
-    --sample 20
+    python tests/mutation.py gsp/comparison/comparison.py --tests tests/comparison/test_comparison.py --sample 20
 
 Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed, `if`
 negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or

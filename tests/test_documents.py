@@ -15,7 +15,7 @@ import gsp
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def blocks(document: Path, language: str) -> list[str]:
@@ -27,6 +27,23 @@ def blocks(document: Path, language: str) -> list[str]:
 def test_readme_begins_with_the_two_commands() -> None:
     first = blocks(ROOT / "README.md", "sh")[0].splitlines()
     assert first == ["pip install . && gsp report chaplygin_sleigh", "pip install '.[test]' && pytest"]
+
+
+def test_ruff_has_one_version() -> None:
+    pins = {
+        name: re.findall(r"ruff==([0-9.]+)", (ROOT / name).read_text(encoding="utf-8"))
+        for name in ("pyproject.toml", ".pre-commit-config.yaml")
+    }
+    (version,) = pins["pyproject.toml"]
+    assert pins[".pre-commit-config.yaml"] == [version, version]
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "README.md", ".ci/run"])
+def test_paths_that_a_document_names_are_there(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    paths = re.findall(r"(?<![\w./])(?:gsp|tests|docs|benchmarks|examples)/[\w./]*\w", text)
+    assert paths
+    assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
