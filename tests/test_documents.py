@@ -38,10 +38,10 @@ def test_ruff_has_one_version() -> None:
     assert pins[".pre-commit-config.yaml"] == [version, version]
 
 
-@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "README.md", ".ci/run"])
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "README.md", "docs/architecture.md", ".ci/run"])
 def test_paths_that_a_document_names_are_there(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
-    paths = re.findall(r"(?<![\w./])(?:gsp|tests|docs|benchmarks|examples)/[\w./]*\w", text)
+    paths = re.findall(r"(?<![\w./])(?:gsp|tests|docs|benchmarks|examples)/[\w./-]*\w", text)
     assert paths
     assert [path for path in paths if not (ROOT / path).exists()] == []
 

@@ -25,7 +25,7 @@ def render(analysis: Analysis, *, pictures: Mapping[str, bytes | Missing], timin
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
     environment = Environment(
-        loader=PackageLoader("gsp"),
+        loader=PackageLoader("gsp.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
