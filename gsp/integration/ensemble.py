@@ -6,12 +6,15 @@ import operator
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import GspError, Status, nearest
+from gsp.integration.crossings import LOOK
+from gsp.integration.explanations import Explanation
 from gsp.integration.loop import (
     STATUS,
     Stats,
@@ -44,6 +47,9 @@ from gsp.results.drawn import Drawn
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.flow import Flow, frozen
 
+if TYPE_CHECKING:
+    from gsp.integration.watched_members import WatchedMembers
+
 # Steps between two looks at an interrupt, and rows of scratch in each thread.
 _RECORD = 128
 _SHOWN_STATES = 4
@@ -54,6 +60,8 @@ _WORST_FIRST = (
     Status.SINGULAR_JACOBIAN,
     Status.STEP_TOO_SMALL,
     Status.TOO_MANY_STEPS,
+    Status.HYPERBOLICITY_LOST,
+    Status.FOLD_REACHED,
     Status.INTERRUPTED,
     Status.SUCCESS,
 )
@@ -77,14 +85,20 @@ class Member:
     t: np.ndarray
     y: np.ndarray
     stats: Stats
+    _explanation: Explanation | None = None
 
     @property
     def message(self) -> str:
         """One line: how it ended, where, and what to do about it."""
         if self.status.ok:
             return f"member {self.index} reached the end: {self.place}"
-        remedy = remedy_of(self.status, self.stats)
-        return f"member {self.index} stopped: {self.status.name} at {self.place}; {remedy}"
+        return f"member {self.index} stopped: {self.status.name} at {self._words}"
+
+    @property
+    def _words(self) -> str:
+        """Where it stopped, why, and the remedy, as far as they are known."""
+        note, remedy = self._explanation or ("", remedy_of(self.status, self.stats))
+        return "; ".join(filter(None, (self.place, note, remedy)))
 
     @property
     def place(self) -> str:
@@ -130,6 +144,7 @@ class Ensemble(Drawn):
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
     _explicit: np.ndarray = field(repr=False)
+    _explanations: Mapping[int, Explanation] = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -185,6 +200,7 @@ class Ensemble(Drawn):
                 decompositions,
                 bool(stiff),
             ),
+            _explanation=self._explanations.get(i),
         )
 
     @property
@@ -228,8 +244,7 @@ class Ensemble(Drawn):
                 lines.append(f"{share} reached the end")
             else:
                 first = self.member(self.statuses.index(status))
-                remedy = remedy_of(status, first.stats)
-                lines.append(f"{share} {status.name}, first member {first.index} at {first.place}; {remedy}")
+                lines.append(f"{share} {status.name}, first member {first.index} at {first._words}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -282,9 +297,10 @@ def integrate_many(
     that memory does not grow with the steps. The other arguments are those of `integrate`.
 
     Every number is, bit for bit, what `integrate` returns for that member alone, whatever `threads` (by default one for
-    each core). A member that stops early has its own status and spoils no other. `progress` is called with the
-    fraction of members done; Ctrl-C returns what is done, with the rest INTERRUPTED. Raises `DeclarationError` for
-    arguments that are not well formed, naming the member.
+    each core). A member that stops early, one of a reduced flow also at a fold or another loss of normal hyperbolicity,
+    has its own status and spoils no other. `progress` is called with the fraction of members done; Ctrl-C returns what
+    is done, with the rest INTERRUPTED. Raises `DeclarationError` for
+    arguments that are not well formed and `HyperbolicityError` for a start on a loss, naming the member.
 
     >>> from gsp import VectorField
     >>> x, k = sp.symbols("x k")
@@ -321,11 +337,16 @@ def integrate_many(
         MILD_ATTEMPTS,
     )
     # Addresses are asked for here: two threads would compile twice.
+    control = (float(rtol), float(atol), limit)
     shared = (
         _INDEX[solver.kernel], program,
-        members.constants.copy(), first, stops_of(grid, first, last), before, (float(rtol), float(atol), limit),
-        begins,
+        members.constants.copy(), first, stops_of(grid, first, last), before, control,
     )  # fmt: skip
+    watched = None
+    if flow.is_reduced:
+        watched = _watched(flow, members, t, span=(first, last), method=chosen, control=control)
+    # A watched run looks at its steps as often as `integrate` does, between them too.
+    length = _RECORD if watched is None else LOOK
     ends = members.starts.copy()
     reached = np.full(m, first)
     kept = np.full((m, t.size, n), np.nan)
@@ -334,53 +355,61 @@ def integrate_many(
     counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
     codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
     explicit = np.zeros(m, dtype=np.bool_)
+    arrays = (ends, reached, kept, counters, codes)
 
     def worker() -> Work:
         memory = np.zeros(solver.memory_size(n))
-        times, states = np.empty(_RECORD), np.empty((_RECORD, n))
+        times, states = np.empty(length), np.empty((length, n))
 
         def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
-            return times, states, np.empty((_RECORD if method is Method.DOP853 else 0, rows, n))
+            dense = watched is not None or method is Method.DOP853
+            return times, states, np.empty((length if dense else 0, rows, n))
 
         record = record_of(chosen, solver.rows)
         trial_record = record_of(Method.TAYLOR, first_solver.rows) if tries else record
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
-            kernels.run_members(
-                *shared,
-                low,
-                high,
-                halt,
-                ends,
-                reached,
-                kept,
-                counters,
-                codes,
-                explicit,
-                rate,
-                memory,
-                record,
-                trial_record,
-            )
+            scratch = (rate, memory, record)
+            if watched is None:
+                kernels.run_members(
+                    *shared, begins, low, high, halt, *arrays, explicit, *scratch, trial_record
+                )  # fmt: skip
+            else:
+                watched.run(shared, low, high, halt, arrays, scratch)
 
         return work
 
     share(worker, m, threads=min(count, m), progress=progress)
     endings = {kernels.NOT_FINISHED: Status.INTERRUPTED, **STATUS}
+    statuses = [endings[code] for code in codes.tolist()]
+    explanations = {}
+    for i, trajectory in (watched.alone if watched else {}).items():
+        statuses[i] = trajectory.status
+        explanations[i] = Explanation(trajectory._note, trajectory._remedy)
     return Ensemble(
         flow=flow,
         method=chosen,
         members=members,
         t=frozen(t),
         y=frozen(kept).transpose(0, 2, 1),
-        statuses=tuple(endings[code] for code in codes.tolist()),
+        statuses=tuple(statuses),
         reached=frozen(reached),
         last=frozen(ends),
         _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
         _explicit=frozen(explicit),
+        _explanations=explanations,
     )
+
+
+def _watched(flow: Flow, members: Members, t: np.ndarray, **options) -> WatchedMembers:
+    # Imported here, as in `trajectory`: all that series need would be a good part of the first solve.
+    from gsp.integration.reduced_flow import ReducedFlow
+    from gsp.integration.watched_members import WatchedMembers
+
+    assert isinstance(flow, ReducedFlow)
+    return WatchedMembers(flow, members, t, **options)
 
 
 def _range(values: np.ndarray | None) -> str:

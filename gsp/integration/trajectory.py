@@ -255,12 +255,14 @@ def trajectory_of(
     events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
     keeps: bool = False,
+    state: tuple[float, ...] | None = None,
 ) -> Trajectory:
     """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
 
-    With `keeps` it is `integrate`, which returns what was made until then.
+    With `keeps` it is `integrate`, which returns what was made until then. `state` is what `flow.initial(start)`
+    gives, where that is known.
     """
-    y = _start(flow, start)
+    y = _start(flow, start) if state is None else state
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
     check_flag(dense, what="dense")
@@ -279,7 +281,7 @@ def trajectory_of(
         # A step is gone over again by the method that made it, so that a watched run keeps to one.
         found = trajectory_of(
             flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
-            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps,
+            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
@@ -288,7 +290,7 @@ def trajectory_of(
         stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
         state = np.array(y)
         if flow.is_reduced:
-            ending = _ending(flow, stepper, (first, last), state)
+            ending = _ending(flow, stepper, (first, last), state, stops_of(grid, first, last))
             begun = ending.at_start(first, state)
         search = _search(asked, ending, stepper, (first, last), state)
     if begun is not None:
@@ -331,14 +333,16 @@ def trajectory_of(
     return _trajectory(flow, small, grid, record, crossings, note, override)
 
 
-def _ending(flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> Ending:
+def _ending(
+    flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray, stops: np.ndarray
+) -> Ending:
     """What watches the run of a reduced flow."""
     # Imported here: all that series need would be an eighth of the first solve of a flow that is not reduced.
     from gsp.integration.reduced_flow import ReducedFlow
     from gsp.integration.reduction_end.endings import Ending
 
     assert isinstance(flow, ReducedFlow)
-    return Ending(flow, stepper, span, y)
+    return Ending(flow, stepper, span, y, stops)
 
 
 def _search(

@@ -24,7 +24,8 @@ NOT_FINISHED = ledger.RECORD_FULL
 
 
 @kernel
-def _advance(kernel, program, p, stops, control, y, rate, memory, counters, record):
+def advance(kernel, program, p, stops, control, y, rate, memory, counters, record):
+    """Call the integrator numbered `kernel`."""
     rtol, atol, max_steps = control
     times, states, dense = record
     if kernel == RODAS5P:
@@ -39,24 +40,30 @@ def _advance(kernel, program, p, stops, control, y, rate, memory, counters, reco
 
 
 @kernel
+def keep(times, states, new, stop, stops, before, kept):
+    """Enter the states of the first `new` rows that end on `stops`, from number `stop` on, in `kept` (times, n)."""
+    columns, n = kept.shape
+    for row in range(new):
+        # Steps end on the stops exactly, so that equality is meant here.
+        if stop < stops.shape[0] and times[row] == stops[stop]:
+            if before + stop < columns:
+                for j in range(n):
+                    kept[before + stop, j] = states[row, j]
+            stop += 1
+
+
+@kernel
 def _run_member(
     kernel, program, p, stops, before, control, halt, y, kept, counters, rate, memory, record
 ):  # fmt: skip
     """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
     times, states, _ = record
-    columns, n = kept.shape
     code = ledger.RECORD_FULL
     while code == ledger.RECORD_FULL and halt[0] == 0:
         begun = counters[ledger.STEPS]
         stop = counters[ledger.NEXT_STOP]
-        code = _advance(kernel, program, p, stops, control, y, rate, memory, counters, record)
-        for row in range(counters[ledger.STEPS] - begun):
-            # Steps end on the stops exactly, so that equality is meant here.
-            if stop < stops.shape[0] and times[row] == stops[stop]:
-                if before + stop < columns:
-                    for j in range(n):
-                        kept[before + stop, j] = states[row, j]
-                stop += 1
+        code = advance(kernel, program, p, stops, control, y, rate, memory, counters, record)
+        keep(times, states, counters[ledger.STEPS] - begun, stop, stops, before, kept)
     return code
 
 

@@ -28,7 +28,7 @@ from gsp.integration.crossings import (
 from gsp.integration.loop import Record, advance, standing
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.reduction_end.validity import eigenvalues, validity_of
+from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
 from gsp.kernels.scan import clear_of_zero
 from gsp.lowering.compiled_flow import compile_flow
 
@@ -61,8 +61,6 @@ MAX_STEPS = 20_000
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
 ACROSS = "the reduction ends here; integrate the full system across"
-# The first outputs of `Validity.tests`; the borders follow.
-TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
 # At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
 # zero that the numerator has too it does not.
 APPROACH, GROWTH = (1e-3, 1e-6), 3.0
@@ -83,33 +81,46 @@ class Loss:
     is_branch_point: bool
 
 
+def on_loss(validity: Validity, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether det g_y is 0 to rounding at points with these `tests` (..., outputs), and whether H is."""
+    zero, pair, _, rounding, size = np.abs(np.moveaxis(rows, -1, 0)[: len(TESTS)])
+    return zero <= ON_LOSS * rounding, (pair <= ON_LOSS * size) & validity.watches_pairs
+
+
+def begins(flow: ReducedFlow, rows: np.ndarray) -> np.ndarray:
+    """Whether a run begins at starts with these `tests` (..., outputs): above order 0 the series must hold there."""
+    return (rows[..., 2] > 0.0) | (flow.order == 0)
+
+
 class Ending:
-    """Watches one run of a reduced flow.
+    """Watches one run of a reduced flow, whose steps end on the `stops` (s,).
 
     Raises `HyperbolicityError` when the start lies on a loss of normal hyperbolicity.
     """
 
-    def __init__(self, flow: ReducedFlow, stepper: Stepper, span: tuple[float, float], y: np.ndarray) -> None:
+    def __init__(
+        self,
+        flow: ReducedFlow,
+        stepper: Stepper,
+        span: tuple[float, float],
+        y: np.ndarray,
+        stops: np.ndarray | None = None,
+    ) -> None:
         self.flow = flow
         self.stepper = stepper
         self.span = span
+        self.stops = np.array(span[1:]) if stops is None else stops
         self.validity = validity_of(flow)
         row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
         self._refuse_loss(y, row)
-        zero, pair, series, *_ = row.tolist()
-        self._begins = not flow.order or series > 0.0
-        # Positive where the reduction holds; Q is made so.
-        orientation = (-1.0 if zero < 0.0 else 1.0, -1.0 if pair < 0.0 else 1.0, 1.0)
-        watched = (0, 1, 2) if self.validity.watches_pairs else (0, 2)
-        watched = watched if flow.order else watched[:-1]
+        self._begins = begins(flow, row)
+        self._columns, signs = self.validity.watched(row[np.newaxis])
+        self._orientation = signs[0]
         settles = (self._zero, self._pair, self._series)
-        borders = row[len(TESTS) :]
-        self._columns = np.array([*watched, *range(len(TESTS), len(row))])
-        self._orientation = np.array(
-            [*(orientation[i] for i in watched), *np.where(borders < 0.0, -1.0, 1.0).tolist()]
-        )
-        self.watched = [Watched(TESTS[i], -1, 1, settles[i]) for i in watched]
-        self.watched += [Watched("border", -1, 1, self._border) for _ in borders]
+        self.watched = [
+            Watched(TESTS[i], -1, 1, settles[i]) if i < len(TESTS) else Watched("border", -1, 1, self._border)
+            for i in self._columns
+        ]
         self.signs = np.ones(len(self._columns))
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -321,7 +332,7 @@ class Ending:
         record = None
         if t != fold.t:
             record = advance(
-                stepper.compiled, stepper.p, y, t, np.array([fold.t]),
+                stepper.compiled, stepper.p, y, t, np.append(self._between(t, fold.t), fold.t),
                 method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
                 first_step=fold.t - t,
@@ -345,10 +356,18 @@ class Ending:
         if times[-1] == fold.t:
             states[-1] = fold.state
         else:
-            times = np.append(times, fold.t)
-            states = np.vstack([states, fold.state])
-            dense = np.concatenate([dense, np.zeros((1, *record.dense.shape[1:]))])
+            # A straight line: what the method makes of the rest is lost in its errors.
+            new = np.append(self._between(times[-1], fold.t), fold.t)
+            shares = ((new - times[-1]) / (fold.t - times[-1]))[:, None]
+            line = states[-1] + shares * (fold.state - states[-1])
+            line[-1] = fold.state
+            times, states = np.append(times, new), np.vstack([states, line])
+            dense = np.concatenate([dense, np.zeros((len(new), *record.dense.shape[1:]))])
         return record._replace(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
+
+    def _between(self, first: float, last: float) -> np.ndarray:
+        """The stops strictly between two times."""
+        return self.stops[(self.stops - first) * (self.stops - last) < 0.0]
 
     def _holds(self, states: np.ndarray) -> np.ndarray:
         return self.values(np.zeros(len(states)), states)[:, 0] > 0.0
@@ -361,9 +380,8 @@ class Ending:
         return eigenvalues(self.validity, self.validity.point(y, self.stepper.p))
 
     def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
-        zero, pair, _, rounding, size = np.abs(row[: len(TESTS)]).tolist()
-        on_zero = zero <= ON_LOSS * rounding
-        if not (on_zero or (self.validity.watches_pairs and pair <= ON_LOSS * size)):
+        on_zero, on_pair = on_loss(self.validity, row)
+        if not (on_zero or on_pair):
             return
         z = self.validity.point(y, self.stepper.p)
         values = eigenvalues(self.validity, z)

@@ -36,6 +36,8 @@ from gsp.systems.flow import Flow, Values
 Matrix = list[list[sp.Expr]]
 # A polynomial within these is freed of repeated factors in milliseconds.
 MOST_OPERATIONS, MOST_DEGREES = 200, 12
+# The first outputs of `Validity.tests`; the borders follow.
+TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
 
 
 class DesingularisedFlow(Flow):
@@ -129,6 +131,15 @@ class Validity:
         size = norm ** sp.Rational(n * (n - 1), 4)
         outputs = [parts.determinant, parts.hurwitz, q, _plus(moved), size, *self.borders]
         return self._over((*self.states, self._fall), outputs)
+
+    def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
+        first = [0, *[1] * self.watches_pairs, *[2] * (self.order > 0)]
+        columns = np.array([*first, *range(len(TESTS), rows.shape[1])])
+        signs = np.where(rows < 0.0, -1.0, 1.0)
+        # Positive where the series holds; the others may have either sign.
+        signs[:, 2] = 1.0
+        return columns, signs[:, columns]
 
     @cached_property
     def lift(self) -> CompiledFunction:

@@ -1,0 +1,105 @@
+"""The members of an ensemble of a reduced flow, each ended where `integrate` ends it.
+
+Compiled code runs the members and looks at the test functions along each record of steps as the single run does. Most
+members keep clear of every loss of normal hyperbolicity; the others are integrated one by one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gsp.errors import GspError
+from gsp.integration.crossings import DIP, SUBDIVISIONS, Stepper
+from gsp.integration.members import Members
+from gsp.integration.methods import Method
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.endings import Ending, begins, on_loss
+from gsp.integration.reduction_end.validity import validity_of
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.kernels import ledger
+from gsp.kernels.ensemble import NOT_FINISHED, evaluate_members
+from gsp.kernels.watched_ensemble import run_watched_members
+from gsp.lowering.compiled_flow import compile_flow
+
+# Failures that may be runs into a zero of det g_y.
+MAY_BE_LOSSES = (ledger.STEP_TOO_SMALL, ledger.NON_FINITE)
+
+Arrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""What is known of each member: state and time reached, states at the times kept, counters and code."""
+
+
+class WatchedMembers:
+    """Runs the members of an ensemble of a reduced flow over `span`, each as `integrate` does.
+
+    `t` (k,) are the times kept. `alone` holds the runs that were made one by one, by the member's number. Raises the
+    `HyperbolicityError` of the first member that starts on a loss of normal hyperbolicity, with its number.
+    """
+
+    def __init__(
+        self,
+        flow: ReducedFlow,
+        members: Members,
+        t: np.ndarray,
+        *,
+        span: tuple[float, float],
+        method: Method,
+        control: tuple[float, float, int],
+    ) -> None:
+        self.flow, self.members, self.t, self.span = flow, members, t, span
+        self.method, self.control = method, control
+        self.alone: dict[int, Trajectory] = {}
+        validity = validity_of(flow)
+        # Asked for here and not in the threads, since it compiles.
+        lift, tests = validity.lift, validity.tests
+        constants, starts = members.constants.copy(), members.starts.copy()
+        points, values = (np.empty((len(members), 1, f.outputs)) for f in (lift, tests))
+        evaluate_members(lift.address, starts[:, np.newaxis], constants, points)
+        evaluate_members(tests.address, points, constants, values)
+        rows = values[:, 0]
+        columns, signs = validity.watched(rows)
+        lost = np.logical_or(*on_loss(validity, rows))
+        for i in np.flatnonzero(lost).tolist():
+            stepper = Stepper(compile_flow(flow), constants[i], method, *control[:2])
+            try:
+                Ending(flow, stepper, span, starts[i])
+            except GspError as error:
+                raise type(error)(f"member {i}: {error}") from None
+        self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1)
+        self._tests = (
+            lift.address, lift.outputs, tests.address, tests.outputs, columns, signs, float(DIP), SUBDIVISIONS
+        )  # fmt: skip
+
+    def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:
+        """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""
+        *_, codes = arrays
+        run_watched_members(*shared, self._tests, low, high, halt, *arrays, self._clear, *scratch)
+        for i in range(low, high):
+            if not self._clear[i] or codes[i] in MAY_BE_LOSSES:
+                self._run_alone(i, halt, arrays)
+
+    def _run_alone(self, i: int, halt: np.ndarray, arrays: Arrays) -> None:
+        """Member `i` as `integrate` runs it; as one that has not begun once `halt` is not 0."""
+        ends, reached, kept, counters, codes = arrays
+        start = self.members.starts[i]
+        # What the compiled run went through after a loss is no result.
+        ends[i], reached[i], kept[i], counters[i], codes[i] = start, self.span[0], np.nan, 0, NOT_FINISHED
+        kept[i, self.t == self.span[0]] = start
+        if halt[0]:
+            return
+
+        def look(_: float) -> None:
+            # Ctrl-C itself reaches the calling thread alone.
+            if halt[0]:
+                raise KeyboardInterrupt
+
+        rtol, atol, max_steps = self.control
+        trajectory = trajectory_of(
+            self.flow, start={}, state=tuple(start.tolist()), span=self.span,
+            epsilon=float(self.members.constants[i, 0]), rtol=rtol, atol=atol, at=self.t, method=self.method,
+            max_steps=max_steps, progress=look, keeps=True,
+        )  # fmt: skip
+        record = trajectory._record
+        ends[i], reached[i] = record.states[-1], record.times[-1]
+        kept[i, : trajectory.t.size] = trajectory.y.T
+        counters[i, : len(record.counters)] = record.counters
+        self.alone[i] = trajectory

@@ -1,0 +1,47 @@
+"""Many runs of one flow whose test functions keep clear of zero, looked at as the single run looks at them."""
+
+from __future__ import annotations
+
+from gsp.kernels import ensemble, ledger
+from gsp.kernels.compilation import kernel
+from gsp.kernels.scan import clear_of_zero
+
+
+@kernel
+def run_watched_members(
+    kernel, program, constants, first, stops, before, control, tests, low, high, halt,
+    ends, reached, kept, counters, codes, ordinary, rate, memory, record,
+):  # fmt: skip
+    """`ensemble.run_members` without its trial, each record of steps looked at by `clear_of_zero` as it is full.
+
+    `tests` are (lift, size, address, outputs, columns, signs (members, w), margin, pieces) for `clear_of_zero`. A
+    member whose entry of `ordinary` (members,) is False is not begun; the entry becomes False, and the member is left
+    where it is, when a look does not find its steps clear.
+    """
+    times, states, dense = record
+    lift, size, address, outputs, columns, signs, margin, pieces = tests
+    for i in range(low, high):
+        if halt[0] != 0:
+            return
+        if not ordinary[i]:
+            continue
+        memory[:] = 0.0
+        memory[ledger.TIME] = first
+        rate[:] = 0.0
+        code = ledger.RECORD_FULL
+        while code == ledger.RECORD_FULL and halt[0] == 0 and ordinary[i]:
+            begun = counters[i, ledger.STEPS]
+            stop = counters[i, ledger.NEXT_STOP]
+            time = memory[ledger.TIME]
+            state = ends[i].copy()
+            code = ensemble.advance(
+                kernel, program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
+            )
+            new = counters[i, ledger.STEPS] - begun
+            ensemble.keep(times, states, new, stop, stops, before, kept[i])
+            ordinary[i] = clear_of_zero(
+                lift, size, address, outputs, constants[i], columns, signs[i], margin, pieces,
+                time, state, times[:new], states[:new], dense[:new],
+            )  # fmt: skip
+        reached[i] = memory[ledger.TIME]
+        codes[i] = code
