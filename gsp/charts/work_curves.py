@@ -86,7 +86,6 @@ def _name(curve: WorkCurve) -> str:
         "radau5": "Radau 5",
         "radau9": "Radau 9",
         "radau13": "Radau 13",
-        "radau": "Radau 5 to 13",
         "dop853": "DOP853",
         "taylor": "Taylor",
     }

@@ -42,7 +42,6 @@ class Method(Enum):
 
     RODAS5P: Rosenbrock, order 5, stiffly accurate; for fields with a fast time scale.
     RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; the same, for tight tolerances.
-    RADAU: these three, the order following the convergence of the iteration from step to step.
     DOP853: explicit Runge-Kutta, order 8; for reduced flows and other fields on one time scale.
     TAYLOR: explicit, order 12 to 20 by the tolerance; for smooth fields that are barely stiff or not at all, code for
     which takes a tenth of a second to build.
@@ -52,7 +51,6 @@ class Method(Enum):
     RADAU5 = "radau5"
     RADAU9 = "radau9"
     RADAU13 = "radau13"
-    RADAU = "radau"
     DOP853 = "dop853"
     TAYLOR = "taylor"
 
@@ -81,7 +79,6 @@ _SOLVERS = {
         method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages))
         for method, stages in zip((Method.RADAU5, Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
     },
-    Method.RADAU: Solver(radau, launch_radau, radau_tableau.STAGES[-1], attrgetter("variable_program")),
     Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program")),
 }
 # Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these

@@ -111,10 +111,10 @@ class Trajectory(Drawn):
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.
 
-        It is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, which RADAU takes by
-        turns, and 9, 12 and 15 for TAYLOR of order 12, 16 and 20. The implicit methods choose their steps so that its
-        error stays near the tolerance in slaved fast variables too; where these carry a time scale of their own,
-        RODAS5P falls to order 3 between the steps, and RADAU9 serves better.
+        It is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, and 9, 12 and 15 for
+        TAYLOR of order 12, 16 and 20. The implicit methods choose their steps so that its error stays near the
+        tolerance in slaved fast variables too; where these carry a time scale of their own, RODAS5P falls to order 3
+        between the steps, and RADAU9 serves better.
 
         Raises `GspError` outside the interval covered.
         """

@@ -5,8 +5,7 @@ Jacobian of the step's start, transformed to one real and (stages - 1)/2 complex
 collocation polynomials as first guess and as dense output.
 
 The driver's contract in `ledger` holds with additions. The number of stages is that of the rows of `dense`, and
-`memory` has `memory_size(stages, n)` entries: the tail keeps what the next step starts from. Where `dense` has 7 rows
-and `program` has the codes, or zeros, of all three numbers of stages, the number varies from step to step.
+`memory` has `memory_size(stages, n)` entries: the tail keeps what the next step starts from.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.radau_block import (
-    AGE,
     ATOL,
     CODE_SIZE,
     CONTRACTION,
@@ -31,9 +29,7 @@ from gsp.kernels.radau_block import (
     NORM,
     POINT,
     RTOL,
-    STAGES,
     USABLE,
-    change_stages,
     lines_of,
     width_of,
 )
@@ -72,17 +68,6 @@ TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
 # 3 times as bad with these; nor is it on Prothero and Robinson's problem, where only this sees to it.
 GAP_SHARE = np.array([0.02, 0.02, 0.016])
 
-# Variable order: more stages when the iteration has converged at such a rate for so many steps and the step is steady,
-# fewer when it is slower than this. RADAU's rates, 0.002 and 0.8 or a failure, were up to 20 % slower on the stiff
-# problems of `benchmarks`: there are few steps between two jumps in which to climb again. The first number of stages
-# is that of the fixed order that is fastest at the tolerance.
-FAST_RATE = 0.02
-SLOW_RATE = 0.4
-STEADY = 0.2
-SMALLEST_AGE = 5
-FIVE_STAGES = 3e-4
-SEVEN_STAGES = 1e-6
-
 
 @kernel
 def _control(rtol, atol, stages):
@@ -95,14 +80,14 @@ def _control(rtol, atol, stages):
 
 
 @kernel
-def _attempt_by_code(program, base, p, step, stages, control, twice, memory, block, counters):
+def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
     """`attempt_by_loops` by the flow's own code, the functions of `machine_code.collocation` on `block`.
 
     Where the pivots cannot be used or something is not finite it says so by `ledger.NON_FINITE`.
     """
     _, _, tolerance, gap_share = control
-    begin_code = program[base]
-    round_code = program[base + 1]
+    begin_code = program[ledger.CODE]
+    round_code = program[ledger.CODE + 1]
     call(begin_code, step, memory, p, block)
     if block[USABLE] != 1.0:
         return math.inf, 0, FAILURE_FACTOR, ledger.NON_FINITE
@@ -118,10 +103,10 @@ def _attempt_by_code(program, base, p, step, stages, control, twice, memory, blo
     counters[ledger.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:
         return math.inf, rounds, factor, failure_of(verdict)
-    call(program[base + 2], step, memory, p, block)
+    call(program[ledger.CODE + 2], step, memory, p, block)
     counters[ledger.FIELD_CALLS] += 1
     if twice and block[ERROR] >= 1.0:
-        call(program[base + 3], step, memory, p, block)
+        call(program[ledger.CODE + 3], step, memory, p, block)
         counters[ledger.FIELD_CALLS] += 1
     error = max(block[ERROR], gap_share * block[GAP])
     if not math.isfinite(error):
@@ -134,13 +119,14 @@ def _attempt_by_code(program, base, p, step, stages, control, twice, memory, blo
 def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense):
     """Advance until the last stop, a full record or a failure; see `ledger` for arguments and codes."""
     field = program[ledger.FIELD]
-    rows = dense.shape[1]
+    stages = dense.shape[1]
     n = y.shape[0]
-    varies = program.shape[0] == ledger.CODE + 3 * CODE_SIZE
     lines = lines_of(n)
-    size = lines + n * width_of(rows)
-    for k in range(ledger.CODE + CODE_SIZE - 1, program.shape[0], CODE_SIZE):
-        size = max(size, program[k])
+    width = width_of(stages)
+    coded = program[ledger.CODE] != 0
+    size = lines + n * width
+    if coded:
+        size = max(size, program[ledger.CODE + CODE_SIZE - 1])
     # At the start of a cache line, so that no vector lies in two.
     room = np.empty(size + 7)
     skipped = -(room.ctypes.data // 8) % 8
@@ -148,13 +134,13 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     jacobian_flat = np.empty(n * n)
     end = POINT + END * n
 
-    if memory[STAGES] == 0.0:
-        memory[STAGES] = rows
+    if memory[CONTRACTION] == 0.0:
         memory[CONTRACTION] = 1.0
-        if varies:
-            memory[STAGES] = 3 if rtol > FIVE_STAGES else 5 if rtol >= SEVEN_STAGES else 7
-    stages = int(memory[STAGES])
     control = _control(rtol, atol, stages)
+    block[RTOL], block[ATOL] = control[0], control[1]
+    exponent = -1.0 / (stages + 1)
+    largest_growth = ERROR_FLOOR**exponent
+    most = most_rounds(stages)
     work = block[POINT : POINT + n]
     work_rate = block[end : end + n]
     if not begin(
@@ -166,21 +152,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
         block[POINT + n + i] = rate[i]
     recorded = 0
     have_jacobian = False
-    wanted = stages
-    stages = 0
     while True:
-        if wanted != stages:
-            if stages != 0:
-                change_stages(memory, n, wanted)
-            stages = wanted
-            width = width_of(stages)
-            control = _control(rtol, atol, stages)
-            block[RTOL], block[ATOL] = control[0], control[1]
-            exponent = -1.0 / (stages + 1)
-            largest_growth = ERROR_FLOOR**exponent
-            most = most_rounds(stages)
-            base = ledger.CODE + ((stages - 3) // 2 * CODE_SIZE if varies else 0)
-            coded = program[base] != 0
         if recorded == times.shape[0]:
             return ledger.RECORD_FULL
         if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
@@ -204,7 +176,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
         failure = ledger.NON_FINITE
         if coded:
             error, rounds, factor, failure = _attempt_by_code(
-                program, base, p, step, stages, control, twice, memory, block, counters
+                program, p, step, stages, control, twice, memory, block, counters
             )
         if failure == ledger.NON_FINITE:
             # The loops pivot, and say what is wrong where that does not help.
@@ -224,11 +196,11 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                 states[recorded, i] = y[i] = block[end + i]
                 rate[i] = block[end + n + i]
             if recorded < dense.shape[0]:
-                for k in range(rows):
+                for k in range(stages):
                     for i in range(n):
-                        dense[recorded, k, i] = block[lines + i * width + k] if k < stages else 0.0
+                        dense[recorded, k, i] = block[lines + i * width + k]
             if coded:
-                call(program[base + 4], step, memory, p, block)
+                call(program[ledger.CODE + 4], step, memory, p, block)
             else:
                 memory[LENGTH] = step
                 for k in range(n * width):
@@ -248,14 +220,6 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
             accept(t_new, step, clipped, lands, min(growth, largest_growth), factor, memory, counters)
             counters[ledger.JACOBIAN_CALLS] += 1
             have_jacobian = False
-            if varies:
-                memory[AGE] += 1.0
-                theta = memory[CONTRACTION] / (1.0 + memory[CONTRACTION])
-                steady = abs(factor - 1.0) <= STEADY
-                if theta >= SLOW_RATE:
-                    wanted = max(stages - 2, 3)
-                elif theta <= FAST_RATE and steady and memory[AGE] >= SMALLEST_AGE:
-                    wanted = min(stages + 2, 7)
             if counters[ledger.NEXT_STOP] == stops.shape[0]:
                 return ledger.FINISHED
         else:

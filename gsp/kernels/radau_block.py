@@ -2,8 +2,7 @@
 
 A few numbers, then rows of n, then the dense output of the attempt: for each state a line of `width_of(stages)`, the
 coefficients and after them the rise. What the code alone reads comes after that. The tail of the driver's `memory`
-holds the iteration's last theta/(1 - theta), the number of stages and for how many steps it has been that, the length
-of the last step, and such lines for that.
+holds the iteration's last theta/(1 - theta), the length of the last step, and such lines for that.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from gsp.kernels import ledger
 from gsp.kernels.compilation import kernel
 
-# Entries of the kernel's program for one number of stages: five functions and the size of the block.
+# Entries of the kernel's program that are the step's code: five functions and the size of the block.
 CODE_SIZE = 6
 
 # 1 if the pivots can be used; the norm of the last correction, the error of the step and of its dense output, each over
@@ -30,9 +29,7 @@ ESTIMATE = 5
 ROWS = 6
 
 CONTRACTION = ledger.MEMORY_SIZE
-STAGES = CONTRACTION + 1
-AGE = STAGES + 1
-LENGTH = AGE + 1
+LENGTH = CONTRACTION + 1
 LINES = LENGTH + 1
 
 
@@ -51,22 +48,3 @@ def lines_of(n):
 def memory_size(stages: int, n: int) -> int:
     """Entries of `memory` for `n` states."""
     return LINES + n * width_of.py_func(stages)
-
-
-@kernel
-def change_stages(memory, n, stages):
-    """Go on with another number of `stages`: lines are rewritten, higher coefficients being 0 or left out."""
-    before = int(memory[STAGES])
-    width, new = width_of(before), width_of(stages)
-    for j in range(n):
-        # From the side that is not overwritten.
-        i = j if new <= width else n - 1 - j
-        rise = memory[LINES + i * width + before]
-        for q in range(stages):
-            k = q if new <= width else stages - 1 - q
-            memory[LINES + i * new + k] = memory[LINES + i * width + k] if k < before else 0.0
-        memory[LINES + i * new + stages] = rise
-    memory[STAGES] = stages
-    memory[AGE] = 0.0
-    # Of another controller.
-    memory[ledger.PREVIOUS_STEP] = 0.0

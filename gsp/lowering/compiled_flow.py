@@ -19,8 +19,6 @@ from llvmlite import ir
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
-from gsp.kernels.radau_block import CODE_SIZE
-from gsp.kernels.radau_tableau import STAGES
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
@@ -233,13 +231,6 @@ class CompiledFlow:
         if known is None:
             known = self._collocation_programs[stages] = self._program(self.collocation(stages))
         return known
-
-    @_made_once
-    def variable_program(self) -> np.ndarray:
-        """What that kernel takes for variable order: the codes, or zeros, for every number of stages."""
-        codes = [self.collocation(stages) for stages in STAGES]
-        parts = [(0,) * CODE_SIZE if code is None else code.program for code in codes]
-        return np.array([self.field, self.jacobian, *(entry for part in parts for entry in part)])
 
     @_made_once
     def _collocation_programs(self) -> dict[int, np.ndarray]:

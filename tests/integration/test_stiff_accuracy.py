@@ -20,7 +20,7 @@ from gsp.integration.trajectory import integrate
 from gsp.systems.system import VectorField
 
 x, y, z, u, v = sp.symbols("x y z u v")
-STIFF = [Method.RODAS5P, Method.RADAU5, Method.RADAU9, Method.RADAU13, Method.RADAU]
+STIFF = [Method.RODAS5P, Method.RADAU5, Method.RADAU9, Method.RADAU13]
 # (rates, slow solution by time and start), for slow variables alone.
 DECAY = ({x: -x}, lambda t, s: {x: s[x] * np.exp(-t)})
 LOGISTIC = ({x: x * (1 - x)}, lambda t, s: {x: s[x] / (s[x] + (1 - s[x]) * np.exp(-t))})

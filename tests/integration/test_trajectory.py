@@ -383,6 +383,7 @@ def test_an_error_in_progress_is_the_callers():
         ({"at": ["soon"]}, "sequence of times"),
         ({"method": "rodas5"}, 'is no method.*Did you mean "rodas5p"'),
         ({"method": 5}, "is no method"),
+        ({"method": "radau"}, 'is no method.*Did you mean "radau'),
         ({"max_steps": 0}, "max_steps is an integer, 1 or more"),
         ({"max_steps": 1.5}, "max_steps is an integer"),
         ({"epsilon": 0.1}, "no small parameter"),

@@ -17,8 +17,7 @@ from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.radau import radau
-from gsp.kernels.radau_block import STAGES as STAGES_NOW
-from gsp.kernels.radau_block import change_stages, memory_size
+from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_flow import CompiledFlow, compile_flow
@@ -31,7 +30,6 @@ METHODS = {
     "radau5": (radau, 3),
     "radau9": (radau, 5),
     "radau13": (radau, 7),
-    "radau": (radau, 7),
 }
 STAGES = {"radau5": 3, "radau9": 5, "radau13": 7}
 NO_PARAMETERS = np.array([np.nan])
@@ -370,45 +368,6 @@ def test_a_pivot_of_zero_is_left_to_the_loops(method):
     assert np.array_equal(*ends)
 
 
-def test_the_order_rises_where_the_iteration_is_fast_and_falls_where_it_is_slow(swing):
-    smooth = Run("radau", swing, (1.0, 0.0), [0.0, 40.0], rtol=1.1e-6, atol=1.1e-6)
-    assert smooth.advance() == ledger.FINISHED
-    dense = np.concatenate(smooth.dense)
-    assert (dense[:5, 5:] == 0.0).all()
-    # Seven stages have seven rows.
-    assert (dense[:, 5:, 0] != 0.0).all(axis=1).any()
-    t = np.linspace(0.0, 40.0, 301)
-    assert smooth.at(t)[0] == pytest.approx(np.exp(np.sin(t)), abs=1e-4)
-    # A relaxation oscillation: slow pieces and jumps.
-    jumps = compile_flow(VectorField({x: 10**6 * (y - x**3 / 3 + x), y: -x}, epsilon=None))
-    start, span = (2.0, 2.0 / 3.0), [0.0, 2.0]
-    run = Run("radau", jumps, start, span, rtol=9e-7, atol=9e-7)
-    assert run.advance() == ledger.FINISHED
-    seven = np.concatenate(run.dense)[:, 6, 0] != 0.0
-    assert seven[0]
-    assert not seven.all()
-    assert (np.diff(seven.astype(int)) == 1).any()
-    fixed = Run("radau13", jumps, start, span, rtol=1e-10, atol=1e-10)
-    assert fixed.advance() == ledger.FINISHED
-    assert run.y == pytest.approx(fixed.y, rel=1e-5)
-
-
-@pytest.mark.parametrize("stages", [(3, 5), (5, 3), (5, 7), (7, 5), (7, 3)])
-def test_lines_of_another_order_hold_the_same_polynomial(stages):
-    before, after = stages
-    n = 3
-    memory = np.arange(float(memory_size(7, n)))
-    old, new = (8 if s > 3 else 4 for s in stages)
-    lines = memory[-8 * n :]
-    expected = [[*lines[i * old : i * old + before], 0.0, 0.0] for i in range(n)]
-    rises = [lines[i * old + before] for i in range(n)]
-    memory[STAGES_NOW] = before
-    change_stages(memory, n, after)
-    for i in range(n):
-        assert lines[i * new : i * new + after].tolist() == expected[i][:after]
-        assert lines[i * new + after] == rises[i]
-
-
 @pytest.mark.parametrize("method", STAGES)
 def test_code_and_loops_reject_and_estimate_alike(method):
     """From off the slow manifold, with a first step that is much too long: estimate (8.20) and divergence too."""
@@ -468,9 +427,6 @@ def test_the_counters_add_up(method, swing):
         assert counters[ledger.JACOBIAN_CALLS] == steps
         assert counters[ledger.DECOMPOSITIONS] == steps + rejected
         assert counters[ledger.FIELD_CALLS] == 2 + 8 * (steps + rejected)
-    elif method == "radau":
-        assert counters[ledger.JACOBIAN_CALLS] == steps
-        assert counters[ledger.DECOMPOSITIONS] == steps + rejected
     elif method in STAGES:
         assert counters[ledger.JACOBIAN_CALLS] == steps
         assert counters[ledger.DECOMPOSITIONS] == steps + rejected
