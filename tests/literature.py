@@ -1,11 +1,14 @@
 """Systems from the literature through the command line, each verb in a process with bounds on CPU time and memory.
 
 `python -m tests.literature` runs every file of tests/systems through every verb, or the named ones, prints a line for
-each, and ends with status 1 when one of them neither gave a result nor refused with a reason.
+each, and ends with status 1 when one of them neither gave a result nor refused with a reason. `--processes 2` runs two
+at a time, and `--every 5` takes the first of the files by name and every fifth after it.
 """
 
 from __future__ import annotations
 
+import argparse
+import multiprocessing
 import os
 import re
 import resource
@@ -107,20 +110,40 @@ def run(system: str, verb: str, *options: str) -> Ending:
         )
 
 
+def _run(task: tuple[str, str]) -> Ending:
+    return run(*task)
+
+
+def tasks(words: list[str], every: int) -> list[tuple[str, str]]:
+    """(system, verb) of every run that `words`, systems and verbs in any order, ask for: each verb on all systems."""
+    verbs = [word for word in words if word in VERBS] or list(VERBS)
+    names = [word for word in words if word not in VERBS] or systems()
+    return [(name, verb) for verb in verbs for name in names[::every]]
+
+
 def main(arguments: list[str]) -> int:
-    """Run what `arguments` name, systems and verbs in any order; the number of complaints, at most 1."""
+    """Run what `arguments` ask for; the number of complaints, at most 1."""
+    parser = argparse.ArgumentParser(prog="python -m tests.literature")
+    parser.add_argument("words", nargs="*", metavar="system or verb")
+    parser.add_argument("--processes", type=int, default=1, help="runs at a time")
+    parser.add_argument("--every", type=int, default=1, help="the first system by name and every N-th after it")
+    options = parser.parse_args(arguments)
+    if unknown := set(options.words) - {*VERBS, *systems()}:
+        parser.error(f"no system and no verb: {', '.join(sorted(unknown))}")
+    if min(options.processes, options.every) < 1:
+        parser.error("--processes and --every are at least 1")
+
     import gsp.analysis.analysis
     import gsp.report  # noqa: F401  Loaded here, once, for all children.
 
-    verbs = [word for word in arguments if word in VERBS] or list(VERBS)
-    names = [word for word in arguments if word not in VERBS] or systems()
+    asked = tasks(options.words, options.every)
     wrong = 0
-    for verb in verbs:
-        for name in names:
-            ending = run(name, verb)
+    # Forked and each with one thread, as the process is from which `run` forks; endings come in the order of the tasks.
+    with multiprocessing.get_context("fork").Pool(options.processes) as pool:
+        for ending in pool.imap(_run, asked):
             wrong += bool(ending.complaint)
             print(ending, flush=True)
-    print(f"{len(verbs) * len(names)} runs, {wrong} with a complaint", flush=True)
+    print(f"{len(asked)} runs, {wrong} with a complaint", flush=True)
     return int(wrong > 0)
 
 

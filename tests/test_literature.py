@@ -21,7 +21,7 @@ from gsp.analysis.fold_surroundings import surroundings
 from gsp.critical.continuation import SpecialKind
 from gsp.scenes.placement import place
 from gsp.slow.series import expand
-from tests.literature import FOLDER, Ending, systems
+from tests.literature import FOLDER, VERBS, Ending, systems, tasks
 
 # Slow coordinates of the files that give a raw field: what each raw state is in new ones, slow ones by their
 # definition, and the fast one. Derived by hand: the fast reactions leave the slow ones alone.
@@ -122,7 +122,18 @@ AWAITED = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in systems() if name not in AWAITED])
+SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
+"""An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in SAMPLE or name in COORDINATES else pytest.mark.exhaustive)
+        for name in systems()
+        if name not in AWAITED
+    ],
+)
 def test_the_first_correction_is_the_one_of_its_definition(name):
     series = expand(place(load(FOLDER / f"{name}.toml")).branch, order=1)
     for share in (0, 0.5):
@@ -189,20 +200,24 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]
 
 
-SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
-"""An explicit branch with folds, a raw field, and an implicit branch with two fast variables."""
-
-
 @pytest.mark.parametrize("words", [(*SAMPLE, "check", "expand", "folds", "choose"), ("selkov", "report")])
 def test_the_command_line_ends_with_a_result_or_a_reason(words):
     # In a process of its own: what runs the verbs is forked from it, which no process with threads should be.
     done = subprocess.run(
-        [sys.executable, "-m", "tests.literature", *words],
+        [sys.executable, "-m", "tests.literature", "--processes", "2", *words],
         cwd=FOLDER.parent.parent,
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_sample_of_the_systems_is_the_same_for_every_verb_and_named_by_its_rule():
+    asked = tasks(["report", "check"], every=5)
+    assert [name for name, verb in asked if verb == "report"] == systems()[::5]
+    assert [name for name, verb in asked if verb == "check"] == systems()[::5]
+    assert len(tasks([], every=1)) == len(systems()) * len(VERBS)
+    assert tasks(["selkov", "folds"], every=1) == [("selkov", "folds")]
 
 
 def ending(**changes):
