@@ -34,8 +34,9 @@ pytestmark = pytest.mark.usefixtures("interruptible")
 # `gsp` with Ctrl-C after so many seconds of the processor's time, in a fresh process each; 0 measures them only.
 SERVER = """
 import json, os, signal, sys, time
-import gsp.cli, gsp.analysis.analysis, gsp.report, gsp.choice.choice, gsp.comparison.work_curves,
-gsp.comparison.failures from gsp import charts
+import gsp.cli, gsp.analysis.analysis, gsp.report, gsp.choice.choice, gsp.comparison.work_curves
+import gsp.comparison.failures
+from gsp import charts
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGVTALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
