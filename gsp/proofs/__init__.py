@@ -1,0 +1,1 @@
+"""Computer-assisted proofs: ball arithmetic decides, floating point only searches."""

@@ -1,0 +1,148 @@
+"""Expressions as straight-line programs over balls.
+
+An expression becomes a list of ball operations, each with the registers that it reads. Constants are enclosed
+exactly: a fraction is a ball about it, a decimal that was declared exactly stays exact. Functions without an
+enclosure are refused by name, kinks among them: the theorems ask for smooth fields.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import sympy as sp
+from flint import arb, fmpq
+
+from gsp.errors import UnsupportedFunctionError
+from gsp.proofs import balls
+
+_FUNCTIONS: dict[Any, Callable[[arb], arb]] = {
+    sp.exp: balls.exp,
+    sp.log: balls.log,
+    sp.sin: balls.sin,
+    sp.cos: balls.cos,
+    sp.tanh: balls.tanh,
+    sp.sinh: balls.sinh,
+    sp.cosh: balls.cosh,
+    sp.atan: balls.atan,
+}
+_CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
+KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS)) + ", sqrt, tan and powers"
+
+
+class BallFunction:
+    """A tuple of expressions as a function of balls, by the order of `arguments`.
+
+    Calling it with as many balls returns a list of balls, one for each of `outputs`. Raises
+    `UnsupportedFunctionError` for a function that has no enclosure here, and for a symbol that is no argument.
+
+    >>> x = sp.Symbol("x")
+    >>> square = BallFunction([x], [x**2])
+    >>> float(square([balls.hull(-1.0, 2.0)])[0].lower())
+    0.0
+    """
+
+    def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
+        self.arguments = tuple(arguments)
+        self._registers: list[arb | None] = [None] * len(self.arguments)
+        self._code: list[tuple[int, Callable[..., arb], int, int]] = []
+        self._places: dict[sp.Basic, int] = {symbol: i for i, symbol in enumerate(self.arguments)}
+        replaced, reduced = sp.cse(list(outputs), optimizations="basic", order="none")
+        for symbol, expression in replaced:
+            self._places[symbol] = self._written(expression)
+        self._outputs = [self._written(expression) for expression in reduced]
+
+    def __call__(self, values: Sequence[arb]) -> list[arb]:
+        registers: list[Any] = self._registers.copy()
+        registers[: len(values)] = values
+        for out, function, one, two in self._code:
+            registers[out] = function(registers[one]) if two < 0 else function(registers[one], registers[two])
+        return [registers[place] for place in self._outputs]
+
+    # -- writing -----------------------------------------------------------------------------------
+
+    def _written(self, expression: Any) -> int:
+        place = self._places.get(expression)
+        if place is None:
+            place = self._places[expression] = self._new(expression)
+        return place
+
+    def _new(self, expression: Any) -> int:
+        if expression.is_Rational:
+            return self._constant(arb(fmpq(int(expression.p), int(expression.q))))
+        if expression.is_Float:
+            # The number that it holds, not the decimal it was made from.
+            value = sp.Rational(expression)
+            return self._constant(arb(fmpq(int(value.p), int(value.q))))
+        if expression in _CONSTANTS:
+            return self._constant(_CONSTANTS[expression]())
+        if expression.is_Add:
+            return self._sum(expression)
+        if expression.is_Mul:
+            return self._product(expression)
+        if expression.is_Pow:
+            return self._power(*expression.args)
+        if expression.func is sp.tan:
+            (argument,) = expression.args
+            return self._operation(
+                balls.quotient, self._written(sp.sin(argument)), self._written(sp.cos(argument))
+            )
+        if expression.func in _FUNCTIONS:
+            return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
+        if expression.is_Symbol:
+            raise UnsupportedFunctionError(
+                f"{expression} is no argument of this function and has no value. "
+                f"Got it among {', '.join(map(str, self.arguments))}. Give it an interval."
+            )
+        raise UnsupportedFunctionError(
+            f"{expression.func.__name__} has no enclosure over balls. Got {expression}. "
+            f"What is proved may hold {KNOWN}."
+        )
+
+    def _sum(self, expression: Any) -> int:
+        total: int | None = None
+        for term in expression.args:
+            negative = term.could_extract_minus_sign()
+            place = self._written(-term if negative else term)
+            if total is None:
+                total = self._operation(operator.neg, place) if negative else place
+            else:
+                total = self._operation(operator.sub if negative else operator.add, total, place)
+        assert total is not None
+        return total
+
+    def _product(self, expression: Any) -> int:
+        above, below = expression.as_numer_denom()
+        if below != 1 and above != expression:
+            return self._operation(balls.quotient, self._written(above), self._written(below))
+        coefficient, rest = expression.as_coeff_Mul()
+        if coefficient == -1:
+            return self._operation(operator.neg, self._written(rest))
+        places = [self._written(factor) for factor in expression.args]
+        product = places[0]
+        for place in places[1:]:
+            product = self._operation(balls.product, product, place)
+        return product
+
+    def _power(self, base: Any, exponent: Any) -> int:
+        if exponent.is_Integer:
+            n = int(exponent)
+            return self._operation(lambda ball: balls.power(ball, n), self._written(base))
+        if exponent.is_Rational:
+            p, q = int(exponent.p), int(exponent.q)
+            return self._operation(lambda ball: balls.root_power(ball, p, q), self._written(base))
+        if base is sp.E:
+            return self._written(sp.exp(exponent, evaluate=False))
+        inside = self._operation(balls.product, self._written(exponent), self._written(sp.log(base)))
+        return self._operation(balls.exp, inside)
+
+    def _constant(self, ball: arb) -> int:
+        self._registers.append(ball)
+        return len(self._registers) - 1
+
+    def _operation(self, function: Callable[..., arb], one: int, two: int = -1) -> int:
+        self._registers.append(None)
+        out = len(self._registers) - 1
+        self._code.append((out, function, one, two))
+        return out

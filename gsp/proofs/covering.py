@@ -1,0 +1,281 @@
+"""A box covered by tubes that hold one smooth branch, with the spectrum of its fast Jacobian.
+
+The box is halved until every part has its tube and its spectrum. The parts are the leaves of a binary tree, and each
+pair of halves is glued: at a point of their common face a small tube is proved that lies in the tubes of both
+neighbours there. Then the whole tree holds one smooth graph. By induction each half does; on the common face, which
+is connected, the set of points where both graphs agree is closed, it is open since the equations have one zero near a
+regular one, and it is not empty. Without gluing a proof may change branches from part to part: behind a fold Newton's
+method finds another branch and proves it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gsp.proofs import balls
+from gsp.proofs.equations import Equations
+from gsp.proofs.spectrum import Spectrum, spectrum_of
+from gsp.proofs.tubes import Box, Tube, enclose, middle_of
+
+# A part with a loss in sight is not cut below this share of a side: its undecided rest is a surface of losses, and
+# every further halving doubles or quadruples the parts (certificates measured: 14 times as many for two halvings).
+LOSS_IN_SIGHT = 2.0**-7
+# Corners of a box that are looked at.
+MOST_CORNERS = 64
+# A side this many units in the last place wide is a point: nothing is gained by cutting it.
+THIN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of the region with its tube and the spectrum over it, where that was asked for."""
+
+    tube: Tube
+    spectrum: Spectrum | None
+
+
+@dataclass(eq=False)
+class Part:
+    """A node of the tree: a `box`, and either its `piece`, or its two `halves` cut at `at` along `axis` and their
+    `glue`.
+
+    A part with neither is undecided; `suspect` is then a place (n,) where the branch seems to end or to change its
+    type.
+    """
+
+    box: Box
+    near: np.ndarray
+    piece: Piece | None = None
+    suspect: np.ndarray | None = None
+    axis: int = -1
+    at: float = 0.0
+    halves: tuple[Part, Part] | None = None
+    glue: Tube | None = None
+
+    def leaves(self) -> Iterator[Part]:
+        """The parts that are not cut."""
+        stack = [self]
+        while stack:
+            part = stack.pop()
+            if part.halves is None:
+                yield part
+            else:
+                stack += part.halves[::-1]
+
+    def holding(self, x: np.ndarray, *, upper: bool) -> Part:
+        """The leaf that holds a point; on a cut the one above or below it."""
+        part = self
+        while part.halves is not None:
+            beyond = x[part.axis] > part.at or (upper and x[part.axis] == part.at)
+            part = part.halves[1 if beyond else 0]
+        return part
+
+
+@dataclass(eq=False)
+class Covering:
+    """The tree over a region, and what it cost."""
+
+    root: Part
+    tried: int = 0
+    interrupted: bool = False
+    exhausted: bool = False
+    _volumes: list[float] = field(default_factory=list)
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """What is proved."""
+        return [part.piece for part in self.root.leaves() if part.piece is not None]
+
+    @property
+    def undecided(self) -> list[Box]:
+        """The boxes that are left."""
+        return [part.box for part in self.root.leaves() if part.piece is None]
+
+    @property
+    def undecided_volume(self) -> float:
+        """Their share of the region's volume."""
+        return float(
+            sum(share_of(part.box, self.root.box) for part in self.root.leaves() if part.piece is None)
+        )
+
+    @property
+    def gap(self) -> float:
+        """The least proved |Re lambda|; nan where nothing is proved."""
+        return min((p.spectrum.gap for p in self.pieces if p.spectrum is not None), default=float("nan"))
+
+
+def share_of(box: Box, whole: Box) -> float:
+    """The volume of a box as a share of another's, over the sides that have a width."""
+    share = 1.0
+    for (low, high), (first, last) in zip(box, whole):
+        if last > first:
+            share *= (high - low) / (last - first)
+    return share
+
+
+def cover(
+    equations: Equations,
+    region: Box,
+    near: np.ndarray,
+    *,
+    most_boxes: int,
+    spectral: bool = True,
+    progress: Callable[[float], object] | None = None,
+) -> Covering:
+    """Cover `region` from its middle, where the branch is near `near` (m,); not `spectral`, by tubes alone.
+
+    The widest part is looked at first, so that whenever the budget of `most_boxes` ends, or Ctrl-C comes, what is
+    left is spread thinly.
+    """
+    covering = Covering(Part(region, np.asarray(near, dtype=float)))
+    order = itertools.count()
+    waiting = [(-1.0, next(order), covering.root)]
+    decided = 0.0
+    try:
+        while waiting:
+            if covering.tried >= most_boxes:
+                covering.exhausted = True
+                break
+            share, _, part = heapq.heappop(waiting)
+            covering.tried += 1
+            tube = enclose(equations, part.box, part.near)
+            spectrum = None if tube is None or not spectral else spectrum_at(equations, tube)
+            if tube is not None and (spectrum is not None or not spectral):
+                part.piece = Piece(tube, spectrum)
+                decided -= share
+                if progress is not None:
+                    progress(min(decided, 1.0))
+                continue
+            centre = part.near if tube is None else tube.centre
+            axis, part.suspect = _axis(equations, part.box, region, centre)
+            if axis is None:
+                continue
+            halves = _cut(part, axis, centre)
+            for half in halves:
+                heapq.heappush(waiting, (-share_of(half.box, region), next(order), half))
+    except KeyboardInterrupt:
+        covering.interrupted = True
+    return covering
+
+
+def spectrum_at(equations: Equations, tube: Tube) -> Spectrum | None:
+    """The spectrum over a tube, where it is proved."""
+    return spectrum_of(tube.matrix, equations.matrices(tube.middle[None], tube.centre[None])[0])
+
+
+def _cut(part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
+    low, high = part.box[axis]
+    at = low + 0.5 * (high - low)
+    boxes = [
+        tuple((ends if i == axis else side) for i, side in enumerate(part.box))
+        for ends in ((low, at), (at, high))
+    ]
+    part.axis, part.at, part.halves = axis, at, (Part(boxes[0], near), Part(boxes[1], near))
+    return part.halves
+
+
+def _axis(
+    equations: Equations, box: Box, region: Box, near: np.ndarray
+) -> tuple[int | None, np.ndarray | None]:
+    """Where to cut: across which side the Jacobian varies most along the branch; None where cutting is over.
+
+    The variation is seen through the inverse in the middle, as Krawczyk's condition sees it. It is that of doubles: a
+    poor choice costs boxes, never truth. With it a place (n,) where a loss is in sight, or None.
+    """
+    middle = middle_of(box)
+    width = np.array([high - low for low, high in box])
+    whole = np.array([(high - low) or 1.0 for low, high in region])
+    sides = [i for i, (low, high) in enumerate(box) if width[i] > THIN * np.spacing(max(abs(low), abs(high)))]
+    if not sides:
+        return None, middle
+    widest = max(sides, key=lambda i: width[i] / whole[i])
+    small = width[widest] / whole[widest] <= LOSS_IN_SIGHT
+    root = equations.root(middle, near)
+    seen = None if root is None else _variation(equations, middle, root, width, sides)
+    if root is None or seen is None:
+        return (None if small else widest), middle
+    slope, variation = seen
+    suspect = _suspect(equations, box, root, slope) if small else None
+    if suspect is not None:
+        return None, suspect
+    # Where nothing varies the widest side is cut.
+    return (sides[int(np.argmax(variation))] if variation.max() > 1e-12 else widest), None
+
+
+def _variation(
+    equations: Equations, middle: np.ndarray, root: np.ndarray, width: np.ndarray, sides: list[int]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The branch's slope (m, n), and how much derivative and matrix vary across each of the sides; None where
+    singular.
+    """
+    by_y, by_x = (part[0] for part in equations.nearby(middle[None], root[None]))
+    asked = equations.matrices(middle[None], root[None])[0]
+    steps = 0.5 * width[sides, None] * np.eye(len(width))[sides]
+    ends = np.concatenate([steps, -steps])
+    try:
+        slope = -np.linalg.solve(by_y, by_x)
+        x, y = middle + ends, root + ends @ slope.T
+        variation = np.zeros(len(sides))
+        for values, centre in ((equations.nearby(x, y)[0], by_y), (equations.matrices(x, y), asked)):
+            change = np.linalg.solve(centre, values[: len(sides)] - values[len(sides) :])
+            variation += np.abs(change).sum(axis=2).max(axis=1)
+    except np.linalg.LinAlgError:
+        return None
+    return (slope, variation) if np.isfinite(variation).all() else None
+
+
+def _suspect(equations: Equations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
+    """A corner where the branch seems to have ended, or to be of another type than in the middle: by doubles."""
+    middle = middle_of(box)
+    count = _unstable(equations.matrices(middle[None], root[None])[0])
+    for corner in itertools.islice(itertools.product(*box), MOST_CORNERS):
+        x = np.array(corner)
+        y = equations.root(x, root + slope @ (x - middle))
+        if y is None or _unstable(equations.matrices(x[None], y[None])[0]) != count:
+            return x
+    return None
+
+
+def _unstable(matrix: np.ndarray) -> int:
+    return int((np.linalg.eigvals(matrix).real > 0.0).sum()) if np.isfinite(matrix).all() else -1
+
+
+def glue(equations: Equations, covering: Covering) -> list[Box]:
+    """Glue both halves of every cut; the common faces (as boxes) where that was not proved.
+
+    Called on a covering without undecided parts.
+    """
+    failed: list[Box] = []
+    stack = [covering.root]
+    while stack:
+        part = stack.pop()
+        if part.halves is None:
+            continue
+        stack += part.halves
+        face = tuple((part.at, part.at) if i == part.axis else side for i, side in enumerate(part.box))
+        x = middle_of(face)
+        below, above = (half.holding(x, upper=bool(k)) for k, half in enumerate(part.halves))
+        part.glue = _common(equations, x, below, above)
+        if part.glue is None:
+            failed.append(face)
+    return failed
+
+
+def _common(equations: Equations, x: np.ndarray, below: Part, above: Part) -> Tube | None:
+    """A small tube over the point x that lies in the tubes of both parts."""
+    if below.piece is None or above.piece is None:
+        return None
+    first, second = below.piece.tube, above.piece.tube
+    near = first.centre + first.slope @ (x - first.middle)
+    point = tuple((float(v), float(v)) for v in x)
+    found = enclose(equations, point, near)
+    if found is None:
+        return None
+    over = [balls.exact(float(v)) for v in x]
+    values = found.over(over)
+    return found if first.holds(over, values) and second.holds(over, values) else None

@@ -1,0 +1,180 @@
+"""The equations whose root is enclosed: with their derivatives, over balls to prove and over doubles to search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+from flint import arb
+
+from gsp.algebra.differentiation import jacobian
+from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.proofs.ball_functions import BallFunction
+
+# Newton's method over doubles: so many steps, and done at rounding.
+STEPS = 40
+ROUNDING = 1e-15
+# Steps along a line on which a root is followed, as shares of it.
+LONGEST, SHORTEST = 1.0 / 16.0, 1e-10
+
+
+class Equations:
+    """m equations F(x, y) = 0 for y (m,) over x (n,), smooth where their enclosures are finite.
+
+    `matrix` (m, m) is what the spectrum is asked of, the equations' own derivative by y unless it is given: on a
+    branch of a system it is that of the fast rates. Raises `UnsupportedFunctionError` for a function without an
+    enclosure.
+    """
+
+    def __init__(
+        self,
+        x: Sequence[sp.Symbol],
+        y: Sequence[sp.Symbol],
+        equations: Sequence[sp.Expr],
+        matrix: Sequence[sp.Expr] | None = None,
+    ) -> None:
+        self.x, self.y, self.equations = tuple(x), tuple(y), tuple(equations)
+        self.n, self.m = len(self.x), len(self.y)
+        self._by_y = list(jacobian(self.equations, self.y))
+        self._by_x = list(jacobian(self.equations, self.x))
+        self._asked = None if matrix is None or list(matrix) == self._by_y else tuple(matrix)
+
+    @property
+    def derivatives_by_y(self) -> tuple[sp.Expr, ...]:
+        """The expressions of D_y F (m m,), row by row."""
+        return tuple(self._by_y)
+
+    @property
+    def asked(self) -> tuple[sp.Expr, ...]:
+        """The expressions of the matrix whose spectrum is asked for (m m,), row by row."""
+        return self.derivatives_by_y if self._asked is None else self._asked
+
+    def along(self, line: Mapping[sp.Symbol, sp.Expr], parameter: sp.Symbol) -> Equations:
+        """The same equations where x is given by expressions in one parameter."""
+        replaced = [[e.xreplace(dict(line)) for e in some] for some in (self.equations, self._asked or ())]
+        return Equations((parameter,), self.y, replaced[0], replaced[1] or None)
+
+    @property
+    def arguments(self) -> tuple[sp.Symbol, ...]:
+        """x, then y."""
+        return self.x + self.y
+
+    # -- over balls --------------------------------------------------------------------------------
+
+    @cached_property
+    def _values(self) -> BallFunction:
+        return BallFunction(self.arguments, self.equations)
+
+    @cached_property
+    def _derivatives(self) -> BallFunction:
+        return BallFunction(self.arguments, self._by_y)
+
+    @cached_property
+    def _slopes(self) -> BallFunction:
+        return BallFunction(self.arguments, [*self._by_y, *self._by_x])
+
+    @cached_property
+    def _matrix(self) -> BallFunction | None:
+        return None if self._asked is None else BallFunction(self.arguments, self._asked)
+
+    def value(self, x: list[arb], y: list[arb]) -> list[arb]:
+        """F (m,)."""
+        return self._values([*x, *y])
+
+    def derivative(self, x: list[arb], y: list[arb]) -> list[arb]:
+        """D_y F (m m,), row by row."""
+        return self._derivatives([*x, *y])
+
+    def slopes(self, x: list[arb], y: list[arb]) -> tuple[list[arb], list[arb]]:
+        """D_y F (m m,) and D_x F (m n,), row by row."""
+        both = self._slopes([*x, *y])
+        return both[: self.m**2], both[self.m**2 :]
+
+    def matrix(self, x: list[arb], y: list[arb], derivative: list[arb]) -> list[arb]:
+        """The matrix (m m,) whose spectrum is asked for; `derivative` is D_y F at the same place."""
+        return derivative if self._matrix is None else self._matrix([*x, *y])
+
+    # -- over doubles ------------------------------------------------------------------------------
+
+    @cached_property
+    def _double_values(self) -> CompiledFunction:
+        return self._compiled(self.equations)
+
+    @cached_property
+    def _double_slopes(self) -> CompiledFunction:
+        return self._compiled([*self._by_y, *self._by_x, *(self._asked or ())])
+
+    def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
+        return compile_function(outputs, arguments=self.arguments, epsilon=None, parameters=())
+
+    def nearby(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives at points (k, n), (k, m): D_y F (k, m, m) and D_x F (k, m, n), rounded."""
+        values = self._double_slopes(np.hstack([x, y]), _NO_PARAMETERS)
+        m, n = self.m, self.n
+        return values[:, : m * m].reshape(-1, m, m), values[:, m * m : m * m + m * n].reshape(-1, m, n)
+
+    def matrices(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The matrices whose spectrum is asked for at points (k, n), (k, m): (k, m, m), rounded."""
+        values = self._double_slopes(np.hstack([x, y]), _NO_PARAMETERS)
+        start = 0 if self._asked is None else self.m**2 + self.m * self.n
+        return values[:, start : start + self.m**2].reshape(-1, self.m, self.m)
+
+    def root(self, x: np.ndarray, near: np.ndarray) -> np.ndarray | None:
+        """The root (m,) over x (n,) that Newton's method finds from `near` (m,), rounded; None when it finds none."""
+        y = np.array(near, dtype=float)
+        for _ in range(STEPS):
+            point = np.concatenate([x, y])
+            value = self._double_values(point, _NO_PARAMETERS)
+            slope = self._double_slopes(point, _NO_PARAMETERS)[: self.m**2].reshape(self.m, self.m)
+            try:
+                step = np.linalg.solve(slope, value)
+            except np.linalg.LinAlgError:
+                return None
+            if not np.isfinite(step).all():
+                return None
+            y = y - step
+            if np.abs(step).max() <= ROUNDING * (1.0 + np.abs(y).max()):
+                return y
+        # At rounding Newton's method may go to and fro for ever; a proof does not ask how near the centre is.
+        return y if np.abs(step).max() <= 1e-8 * (1.0 + np.abs(y).max()) else None
+
+    def followed(self, start: np.ndarray, end: np.ndarray, near: np.ndarray) -> tuple[float, np.ndarray] | None:
+        """How far the root near `near` (m,) can be followed from x = `start` (n,) towards `end`: (share, y), by
+        doubles.
+
+        Steps are halved where a correction is so long that it may lead to another root, or det D_y F changes its
+        sign. None where there is no root at the start.
+        """
+        y = self.root(start, near)
+        if y is None:
+            return None
+        way = np.asarray(end, dtype=float) - start
+        orientation = self._orientation(start, y)
+        share, step = 0.0, LONGEST
+        while share < 1.0 and step > SHORTEST:
+            ahead = min(share + step, 1.0)
+            found = self._stepped(start + share * way, y, (ahead - share) * way)
+            if found is not None and self._orientation(start + ahead * way, found) == orientation:
+                share, y, step = ahead, found, min(2.0 * step, LONGEST)
+            else:
+                step *= 0.5
+        return share, y
+
+    def _stepped(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> np.ndarray | None:
+        by_y, by_x = (part[0] for part in self.nearby(x[None], y[None]))
+        try:
+            guess = y - np.linalg.solve(by_y, by_x @ step)
+        except np.linalg.LinAlgError:
+            return None
+        found = self.root(x + step, guess)
+        if found is None or np.abs(found - guess).max() > 0.5 * np.abs(guess - y).max() + 1e-9:
+            return None
+        return found
+
+    def _orientation(self, x: np.ndarray, y: np.ndarray) -> float:
+        return float(np.linalg.slogdet(self.nearby(x[None], y[None])[0][0])[0])
+
+
+_NO_PARAMETERS = np.array([np.nan])

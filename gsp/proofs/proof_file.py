@@ -1,0 +1,106 @@
+"""A proof as a file: JSON, every number a hexadecimal double, so that nothing is rounded on the way.
+
+`names` are the slow variables and the parameters of the box, then the fast variables; in the expressions they are z0,
+z1, ..., and their grammar is that of `checker`. `region` is the box. `tree` lists the parts in the order root, lower
+half, upper half: a cut {"axis", "at", "glue"} or a piece {"box", "middle", "centre", "slope", "radius", "inverse",
+"basis", "signs"}, matrices row by row; the glue is a tube over the one point `middle`. `claim` says what is claimed
+of all of it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import GspError, OutputError
+from gsp.proofs.covering import Part
+from gsp.proofs.tubes import Tube
+
+if TYPE_CHECKING:
+    from gsp.proofs.certificate import Certificate
+
+FORMAT = "gsp normal hyperbolicity 1"
+
+
+def write(certificate: Certificate, path: Path) -> None:
+    """Write the proof; raises `GspError` when there is none, `OutputError` when the file cannot be written."""
+    if certificate.verdict.value != "proved":
+        raise GspError(
+            f"only a proof can be saved. Got the verdict {certificate.verdict.name}: {certificate.reason}. "
+            "Shrink the region or raise most_boxes."
+        )
+    text = json.dumps(as_json(certificate), indent=None, separators=(",", ":"), allow_nan=False)
+    try:
+        part = path.with_name(path.name + ".part")
+        part.write_text(text + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OutputError(
+            f"the proof cannot be written. Got {path}: {error.strerror}. Name another file."
+        ) from None
+
+
+def as_json(certificate: Certificate) -> dict:
+    """The proof as plain values."""
+    equations = certificate._equations
+    plain = {s: sp.Symbol(f"z{i}") for i, s in enumerate(equations.arguments)}
+    return {
+        "format": FORMAT,
+        "names": [s.name for s in equations.arguments],
+        "over": equations.n,
+        "equations": [_text(e, plain) for e in equations.equations],
+        "matrix": [_text(e, plain) for e in equations.asked],
+        "region": [_numbers(side) for side in certificate.region.values()],
+        "through": _numbers(certificate.through.values()),
+        "claim": {
+            "stable": certificate.stable,
+            "unstable": certificate.unstable,
+            "gap": float(certificate.gap).hex(),
+        },
+        "tree": _nodes(certificate._covering.root),
+    }
+
+
+def _text(expression: sp.Expr, plain: dict[sp.Symbol, sp.Symbol]) -> str:
+    return sp.sstr(expression.xreplace(plain), full_prec=False)
+
+
+def _numbers(values) -> list[str]:
+    return [float(v).hex() for v in np.ravel(list(values))]
+
+
+def _nodes(root: Part) -> list[dict]:
+    nodes, stack = [], [root]
+    while stack:
+        part = stack.pop()
+        if part.halves is not None:
+            assert part.glue is not None
+            nodes.append({"axis": part.axis, "at": float(part.at).hex(), "glue": _tube(part.glue)})
+            stack += part.halves[::-1]
+        else:
+            assert part.piece is not None
+            assert part.piece.spectrum is not None
+            nodes.append(
+                {
+                    "box": _numbers(part.box),
+                    **_tube(part.piece.tube),
+                    "basis": _numbers(part.piece.spectrum.basis),
+                    "signs": [int(s) for s in part.piece.spectrum.signs],
+                }
+            )
+    return nodes
+
+
+def _tube(tube: Tube) -> dict[str, list[str]]:
+    return {
+        "middle": _numbers(tube.middle),
+        "centre": _numbers(tube.centre),
+        "slope": _numbers(tube.slope),
+        "radius": _numbers(tube.radius),
+        "inverse": _numbers(tube.inverse),
+    }

@@ -1,0 +1,156 @@
+"""One smooth root over a box, enclosed in a tilted tube by Krawczyk's method.
+
+Over the box X about the point c the tube is y = b + T (x - c) + R, |R_i| <= radius_i, with T = -(D_y F)^-1 D_x F.
+With a matrix C near (D_y F)^-1 let, for every x of X,
+
+    K(x) = -C F(x, b + T (x - c)) + (1 - C D_y F(x, Y)) R,
+
+Y the tube's values. If K(X) lies in the interior of R, then F(x, .) has exactly one zero in the tube over each x of
+X, and D_y F is regular there, so that the zeros are one smooth graph (Krawczyk 1969; Neumaier 1990, theorem 5.1.8;
+the implicit function theorem). F(x, b + T (x - c)) is enclosed in its mean-value form, which is what the tilt pays
+for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb
+
+from gsp.proofs import balls
+from gsp.proofs.equations import Equations
+
+_ZERO = arb(0)
+Box = tuple[tuple[float, float], ...]
+
+# The first radius is so much larger than what the residual asks for, and grows so much from round to round.
+FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
+# The least radius, relative to 1 + |y|.
+AT_A_POINT, OVER_A_BOX = 1e-15, 1e-12
+# A radius beyond this is on its way to infinity.
+FAR = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """One smooth root over `box`: y = `centre` + `slope` (x - `middle`) + R, |R_i| <= `radius`_i.
+
+    `inverse` (m, m) is the C that proves it, and `matrix` (m m,) encloses the matrix whose spectrum is asked for.
+    """
+
+    box: Box
+    middle: np.ndarray
+    centre: np.ndarray
+    slope: np.ndarray
+    radius: np.ndarray
+    inverse: np.ndarray
+    matrix: list[arb]
+
+    def over(self, x: list[arb]) -> list[arb]:
+        """The tube's values (m,) over balls x (n,) inside the box."""
+        return [y + balls.hull(-float(r), float(r)) for y, r in zip(self._line(x), self.radius)]
+
+    def holds(self, x: list[arb], y: list[arb]) -> bool:
+        """Whether the box holds the balls x (n,), and the tube's interior has y (m,) over every point of them."""
+        if not all(ball >= low and ball <= high for (low, high), ball in zip(self.box, x)):
+            return False
+        return all(
+            inside(value - line, float(radius)) for value, line, radius in zip(y, self._line(x), self.radius)
+        )
+
+    def _line(self, x: list[arb]) -> list[arb]:
+        off = [a - balls.exact(float(c)) for a, c in zip(x, self.middle)]
+        return [
+            _total((balls.exact(float(s)) * step for s, step in zip(row, off)), balls.exact(float(centre)))
+            for row, centre in zip(self.slope, self.centre)
+        ]
+
+
+def middle_of(box: Box) -> np.ndarray:
+    """A point (n,) near the middle of a box, inside it."""
+    return np.array([low + 0.5 * (high - low) for low, high in box])
+
+
+def enclose(equations: Equations, box: Box, near: np.ndarray) -> Tube | None:
+    """The tube about the root over `box` that Newton's method finds from `near` (m,); None where it is not proved."""
+    middle = middle_of(box)
+    centre = equations.root(middle, near)
+    if centre is None:
+        return None
+    derivative, by_x = (part[0] for part in equations.nearby(middle[None], centre[None]))
+    try:
+        slope = -np.linalg.solve(derivative, by_x)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.isfinite(slope).all():
+        return None
+    return krawczyk(equations, box, middle, centre, slope)
+
+
+def krawczyk(
+    equations: Equations, box: Box, middle: np.ndarray, centre: np.ndarray, slope: np.ndarray
+) -> Tube | None:
+    """The tube with these data if Krawczyk's condition is met for some radius, else None."""
+    n, m = equations.n, equations.m
+    x = [balls.hull(low, high) for low, high in box]
+    c = [balls.exact(float(v)) for v in middle]
+    b = [balls.exact(float(v)) for v in centre]
+    tilt = [[balls.exact(float(v)) for v in row] for row in slope]
+    off = [p - q for p, q in zip(x, c)]
+    line = [b[i] + _total(tilt[i][k] * off[k] for k in range(n)) for i in range(m)]
+    by_y, by_x = equations.slopes(x, line)
+    # The inverse of the ball matrix's midpoint, not of the matrix in the middle: with one fast variable it serves
+    # wherever the derivative keeps its sign.
+    between = np.array([float(entry.mid()) for entry in by_y]).reshape(m, m)
+    if not np.isfinite(between).all():
+        return None
+    try:
+        inverse = np.linalg.inv(between)
+    except np.linalg.LinAlgError:
+        return None
+    approximate = [[balls.exact(float(v)) for v in row] for row in inverse]
+    residual = equations.value(c, b)
+    for i in range(m):
+        for k in range(n):
+            along = by_x[i * n + k] + _total(by_y[i * m + j] * tilt[j][k] for j in range(m))
+            residual[i] = residual[i] + along * off[k]
+    defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
+    # A tube over one point has to fit into tubes over boxes.
+    least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
+    radius = [FIRST_ROOM * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
+    for _ in range(ROUNDS):
+        if not max(radius) < FAR:
+            # A radius that is not a number fails here as well.
+            return None
+        room = [balls.hull(-r, r) for r in radius]
+        y = [p + r for p, r in zip(line, room)]
+        by_y = equations.derivative(x, y)
+        image = []
+        for i in range(m):
+            value = -defect[i]
+            for k in range(m):
+                product = _total(approximate[i][j] * by_y[j * m + k] for j in range(m))
+                value = value + ((1 if i == k else 0) - product) * room[k]
+            image.append(value)
+        if all(inside(value, r) for value, r in zip(image, radius)):
+            matrix = equations.matrix(x, y, by_y)
+            if not all(entry.is_finite() for entry in matrix):
+                return None
+            return Tube(box, middle, centre, slope, np.array(radius), inverse, matrix)
+        radius = [max(ROOM * balls.magnitude(value), r) for value, r in zip(image, radius)]
+        if any(r != r for r in radius):
+            return None
+    return None
+
+
+def inside(value: arb, radius: float) -> bool:
+    """Whether the ball lies in the interior of [-radius, radius]; a ball that is not finite does not."""
+    return bool(value < radius and value > -radius)
+
+
+def _total(terms: Iterable[arb], total: arb = _ZERO) -> arb:
+    for term in terms:
+        total = total + term
+    return total
