@@ -187,18 +187,16 @@ def _fraction(value: object) -> Fraction | None:
 
 
 def _equations(branch: Branch, names: list[str]) -> tuple[Equations, list[sp.Expr]]:
-    """The branch's equations over the intervals' symbols, and the slow field on epsilon = 0."""
+    """g = 0 and the slow rates f, on epsilon = 0, over the symbols of the intervals."""
     system = branch.system
     x = [*system.x, *(p for p in system.parameters if p.name in names)]
     values = {p: _exact(v) for p, v in system.parameters.items() if p not in x}
     zero = sp.Integer(0)
-    equations = [sp.sympify(e, strict=True).xreplace(values) for e in branch.equations]
     g, f = (
-        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in r]
-        for r in (system.g, system.f)
+        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
+        for rates in (system.g, system.f)
     )
-    matrix = list(Equations(x, system.y, g).derivatives_by_y)
-    return Equations(x, system.y, equations, matrix), f
+    return Equations(x, system.y, g), f
 
 
 def _exact(value: object) -> sp.Expr:

@@ -165,7 +165,7 @@ def cover(
 
 def spectrum_at(equations: Equations, tube: Tube) -> Spectrum | None:
     """The spectrum over a tube, where it is proved."""
-    return spectrum_of(tube.matrix, equations.matrices(tube.middle[None], tube.centre[None])[0])
+    return spectrum_of(tube.derivative, equations.nearby(tube.middle[None], tube.centre[None])[0][0])
 
 
 def _cut(part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
@@ -214,16 +214,14 @@ def _variation(
     singular.
     """
     by_y, by_x = (part[0] for part in equations.nearby(middle[None], root[None]))
-    asked = equations.matrices(middle[None], root[None])[0]
     steps = 0.5 * width[sides, None] * np.eye(len(width))[sides]
     ends = np.concatenate([steps, -steps])
     try:
         slope = -np.linalg.solve(by_y, by_x)
         x, y = middle + ends, root + ends @ slope.T
-        variation = np.zeros(len(sides))
-        for values, centre in ((equations.nearby(x, y)[0], by_y), (equations.matrices(x, y), asked)):
-            change = np.linalg.solve(centre, values[: len(sides)] - values[len(sides) :])
-            variation += np.abs(change).sum(axis=2).max(axis=1)
+        values = equations.nearby(x, y)[0]
+        change = np.linalg.solve(by_y, values[: len(sides)] - values[len(sides) :])
+        variation = np.abs(change).sum(axis=2).max(axis=1)
     except np.linalg.LinAlgError:
         return None
     return (slope, variation) if np.isfinite(variation).all() else None
@@ -232,11 +230,11 @@ def _variation(
 def _suspect(equations: Equations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
     """A corner where the branch seems to have ended, or to be of another type than in the middle: by doubles."""
     middle = middle_of(box)
-    count = _unstable(equations.matrices(middle[None], root[None])[0])
+    count = _unstable(equations.nearby(middle[None], root[None])[0][0])
     for corner in itertools.islice(itertools.product(*box), MOST_CORNERS):
         x = np.array(corner)
         y = equations.root(x, root + slope @ (x - middle))
-        if y is None or _unstable(equations.matrices(x[None], y[None])[0]) != count:
+        if y is None or _unstable(equations.nearby(x[None], y[None])[0][0]) != count:
             return x
     return None
 

@@ -23,38 +23,23 @@ LONGEST, SHORTEST = 1.0 / 16.0, 1e-10
 class Equations:
     """m equations F(x, y) = 0 for y (m,) over x (n,), smooth where their enclosures are finite.
 
-    `matrix` (m, m) is what the spectrum is asked of, the equations' own derivative by y unless it is given: on a
-    branch of a system it is that of the fast rates. Raises `UnsupportedFunctionError` for a function without an
-    enclosure.
+    Raises `UnsupportedFunctionError` for a function without an enclosure.
     """
 
-    def __init__(
-        self,
-        x: Sequence[sp.Symbol],
-        y: Sequence[sp.Symbol],
-        equations: Sequence[sp.Expr],
-        matrix: Sequence[sp.Expr] | None = None,
-    ) -> None:
+    def __init__(self, x: Sequence[sp.Symbol], y: Sequence[sp.Symbol], equations: Sequence[sp.Expr]) -> None:
         self.x, self.y, self.equations = tuple(x), tuple(y), tuple(equations)
         self.n, self.m = len(self.x), len(self.y)
         self._by_y = list(jacobian(self.equations, self.y))
         self._by_x = list(jacobian(self.equations, self.x))
-        self._asked = None if matrix is None or list(matrix) == self._by_y else tuple(matrix)
 
     @property
     def derivatives_by_y(self) -> tuple[sp.Expr, ...]:
         """The expressions of D_y F (m m,), row by row."""
         return tuple(self._by_y)
 
-    @property
-    def asked(self) -> tuple[sp.Expr, ...]:
-        """The expressions of the matrix whose spectrum is asked for (m m,), row by row."""
-        return self.derivatives_by_y if self._asked is None else self._asked
-
     def along(self, line: Mapping[sp.Symbol, sp.Expr], parameter: sp.Symbol) -> Equations:
         """The same equations where x is given by expressions in one parameter."""
-        replaced = [[e.xreplace(dict(line)) for e in some] for some in (self.equations, self._asked or ())]
-        return Equations((parameter,), self.y, replaced[0], replaced[1] or None)
+        return Equations((parameter,), self.y, [e.xreplace(dict(line)) for e in self.equations])
 
     @property
     def arguments(self) -> tuple[sp.Symbol, ...]:
@@ -75,10 +60,6 @@ class Equations:
     def _slopes(self) -> BallFunction:
         return BallFunction(self.arguments, [*self._by_y, *self._by_x])
 
-    @cached_property
-    def _matrix(self) -> BallFunction | None:
-        return None if self._asked is None else BallFunction(self.arguments, self._asked)
-
     def value(self, x: list[arb], y: list[arb]) -> list[arb]:
         """F (m,)."""
         return self._values([*x, *y])
@@ -92,10 +73,6 @@ class Equations:
         both = self._slopes([*x, *y])
         return both[: self.m**2], both[self.m**2 :]
 
-    def matrix(self, x: list[arb], y: list[arb], derivative: list[arb]) -> list[arb]:
-        """The matrix (m m,) whose spectrum is asked for; `derivative` is D_y F at the same place."""
-        return derivative if self._matrix is None else self._matrix([*x, *y])
-
     # -- over doubles ------------------------------------------------------------------------------
 
     @cached_property
@@ -104,7 +81,7 @@ class Equations:
 
     @cached_property
     def _double_slopes(self) -> CompiledFunction:
-        return self._compiled([*self._by_y, *self._by_x, *(self._asked or ())])
+        return self._compiled([*self._by_y, *self._by_x])
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(outputs, arguments=self.arguments, epsilon=None, parameters=())
@@ -114,12 +91,6 @@ class Equations:
         values = self._double_slopes(np.hstack([x, y]), _NO_PARAMETERS)
         m, n = self.m, self.n
         return values[:, : m * m].reshape(-1, m, m), values[:, m * m : m * m + m * n].reshape(-1, m, n)
-
-    def matrices(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The matrices whose spectrum is asked for at points (k, n), (k, m): (k, m, m), rounded."""
-        values = self._double_slopes(np.hstack([x, y]), _NO_PARAMETERS)
-        start = 0 if self._asked is None else self.m**2 + self.m * self.n
-        return values[:, start : start + self.m**2].reshape(-1, self.m, self.m)
 
     def root(self, x: np.ndarray, near: np.ndarray) -> np.ndarray | None:
         """The root (m,) over x (n,) that Newton's method finds from `near` (m,), rounded; None when it finds none."""

@@ -54,7 +54,6 @@ def as_json(certificate: Certificate) -> dict:
         "names": [s.name for s in equations.arguments],
         "over": equations.n,
         "equations": [_text(e, plain) for e in equations.equations],
-        "matrix": [_text(e, plain) for e in equations.asked],
         "region": [_numbers(side) for side in certificate.region.values()],
         "through": _numbers(certificate.through.values()),
         "claim": {

@@ -116,7 +116,7 @@ def _another_type_of_graph(equations: Equations, line: Line, graph: tuple[sp.Exp
     def spectrum(t: float) -> Spectrum | None:
         x = line.at(balls.exact(t))
         y = heights(x)
-        matrix = equations.matrix(x, y, equations.derivative(x, y))
+        matrix = equations.derivative(x, y)
         if not all(entry.is_finite() for entry in matrix):
             return None
         near = np.array([float(entry.mid()) for entry in matrix]).reshape(equations.m, -1)

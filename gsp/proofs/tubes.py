@@ -37,7 +37,7 @@ FAR = 1e6
 class Tube:
     """One smooth root over `box`: y = `centre` + `slope` (x - `middle`) + R, |R_i| <= `radius`_i.
 
-    `inverse` (m, m) is the C that proves it, and `matrix` (m m,) encloses the matrix whose spectrum is asked for.
+    `inverse` (m, m) is the C that proves it, and `derivative` (m m,) encloses D_y F over the tube.
     """
 
     box: Box
@@ -46,7 +46,7 @@ class Tube:
     slope: np.ndarray
     radius: np.ndarray
     inverse: np.ndarray
-    matrix: list[arb]
+    derivative: list[arb]
 
     def over(self, x: list[arb]) -> list[arb]:
         """The tube's values (m,) over balls x (n,) inside the box."""
@@ -135,10 +135,7 @@ def krawczyk(
                 value = value + ((1 if i == k else 0) - product) * room[k]
             image.append(value)
         if all(inside(value, r) for value, r in zip(image, radius)):
-            matrix = equations.matrix(x, y, by_y)
-            if not all(entry.is_finite() for entry in matrix):
-                return None
-            return Tube(box, middle, centre, slope, np.array(radius), inverse, matrix)
+            return Tube(box, middle, centre, slope, np.array(radius), inverse, by_y)
         radius = [max(ROOM * balls.magnitude(value), r) for value, r in zip(image, radius)]
         if any(r != r for r in radius):
             return None
