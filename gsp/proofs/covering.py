@@ -59,12 +59,15 @@ class Part:
 
     def leaves(self) -> Iterator[Part]:
         """The parts that are not cut."""
+        return (part for part in self.nodes() if part.halves is None)
+
+    def nodes(self) -> Iterator[Part]:
+        """Every part: this one, then the lower half's and the upper half's."""
         stack = [self]
         while stack:
             part = stack.pop()
-            if part.halves is None:
-                yield part
-            else:
+            yield part
+            if part.halves is not None:
                 stack += part.halves[::-1]
 
     def holding(self, x: np.ndarray, *, upper: bool) -> Part:
@@ -161,6 +164,23 @@ def cover(
     except KeyboardInterrupt:
         covering.interrupted = True
     return covering
+
+
+def refine(equations: Equations, part: Part) -> bool:
+    """Cut a part that is proved across its most telling side and prove both halves; whether that went well."""
+    assert part.piece is not None
+    near = part.piece.tube.centre
+    axis, _ = _axis(equations, part.box, part.box, near)
+    if axis is None:
+        return False
+    part.piece = None
+    for half in _cut(part, axis, near):
+        tube = enclose(equations, half.box, near)
+        spectrum = None if tube is None else spectrum_at(equations, tube)
+        if tube is None or spectrum is None:
+            return False
+        half.piece = Piece(tube, spectrum)
+    return True
 
 
 def spectrum_at(equations: Equations, tube: Tube) -> Spectrum | None:

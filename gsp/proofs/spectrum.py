@@ -21,6 +21,8 @@ from gsp.proofs import balls
 
 # An imaginary part of this share of an eigenvalue is rounding; a poor basis costs boxes, never truth.
 IMAGINARY = 1e-12
+# A basis nearer to a singular one is left to Lyapunov's: the checker's whole numbers have 29 digits behind the point.
+WORST_CONDITION = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,9 @@ def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     if not np.isfinite(near).all():
         return
     values, vectors = np.linalg.eig(near)
-    yield _real_eigenbasis(values, vectors)
+    basis, signs = _real_eigenbasis(values, vectors)
+    if basis.shape == near.shape and np.linalg.cond(basis) < WORST_CONDITION:
+        yield basis, signs
     sides = np.sign(values.real)
     if (sides == sides[0]).all() and sides[0] != 0.0:
         # Q with M^T Q + Q M = 2 sides Q-positive: z^T Q z grows or falls along every direction.

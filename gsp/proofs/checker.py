@@ -1,0 +1,636 @@
+"""Check a proof of normal hyperbolicity: whole numbers, a parser and derivatives of its own, and nothing of the
+prover.
+
+The file is untrusted. Its expressions are read by a grammar without names of Python's, its sizes are bounded, and
+what it says is checked, never believed: each box by Krawczyk's condition, each spectrum by the inertia theorem, the
+cover by cutting the region again, and every glue (the theorems are in `tubes`, `spectrum` and `covering`). A proof
+that says less than what it could passes; one that says more is rejected.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from gsp.proofs import intervals as ia
+from gsp.proofs.intervals import Interval
+
+FORMAT = "gsp normal hyperbolicity 1"
+# Bounds on what is read: bytes, parts, variables, and length, depth and digits of an expression.
+MOST_BYTES, MOST_PARTS, MOST_VARIABLES = 256_000_000, 500_000, 64
+MOST_TEXT, MOST_DEPTH, MOST_DIGITS, MOST_POWER = 200_000, 200, 400, 1000
+
+
+class Rejected(ValueError):
+    """A proof that does not hold; the text says why."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a file proves: over `region` one smooth branch with so many stable and unstable eigenvalues, `gap` from
+    the axis.
+
+    `equations` are g = 0 in z0, z1, ..., which stand for `names`, slow variables and parameters before fast
+    variables.
+    """
+
+    names: tuple[str, ...]
+    over: int
+    equations: tuple[str, ...]
+    region: tuple[tuple[float, float], ...]
+    stable: int
+    unstable: int
+    gap: float
+    boxes: int
+
+    def __str__(self) -> str:
+        box = ", ".join(f"{n} in [{low!r}, {high!r}]" for n, (low, high) in zip(self.names, self.region))
+        legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.names))
+        rows = [
+            f"the proof holds: {self.boxes} boxes were checked",
+            f"  over {box}",
+            f"  one smooth branch of {', '.join(f'{e} = 0' for e in self.equations)} ({legend})",
+            f"  {self.stable} stable and {self.unstable} unstable eigenvalues, "
+            f"at least {self.gap!r} from the imaginary axis",
+        ]
+        return "\n".join(rows)
+
+
+def check(path: Path) -> Checked:
+    """Check the proof in a file; raises `Rejected` with the reason when it does not hold, OSError when it cannot
+    be read.
+    """
+    if path.stat().st_size > MOST_BYTES:
+        raise Rejected(f"the file is larger than {MOST_BYTES} bytes")
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise Rejected(f"the file is no JSON: {error}") from None
+    try:
+        return _Proof(read).checked()
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise Rejected(f"the file is malformed: {type(error).__name__} at {error}") from None
+    except ia.OutOfDomain as error:
+        raise Rejected(f"an expression is not defined over a box: {error}") from None
+
+
+def refused(read: Any) -> list[int]:
+    """The places in the tree of the pieces whose tube or spectrum does not pass; raises `Rejected` for anything
+    else.
+    """
+    proof = _Proof(read)
+    proof.refused = []
+    proof.checked()
+    return proof.refused
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def _number(text: Any) -> Fraction:
+    if not isinstance(text, str) or len(text) > 40:
+        raise Rejected(f"a number is a hexadecimal double. Got {str(text)[:60]!r}")
+    try:
+        value = float.fromhex(text)
+    except (ValueError, OverflowError):
+        raise Rejected(f"a number is a hexadecimal double. Got {text[:60]!r}") from None
+    if not math.isfinite(value):
+        raise Rejected(f"a number is finite. Got {text!r}")
+    return Fraction(value)
+
+
+def _numbers(texts: Any, length: int) -> list[Fraction]:
+    if not isinstance(texts, list) or len(texts) != length:
+        raise Rejected(f"a row has {length} numbers. Got {str(texts)[:60]}")
+    return [_number(text) for text in texts]
+
+
+Box = tuple[tuple[Fraction, Fraction], ...]
+
+
+@dataclass(frozen=True)
+class _Tube:
+    middle: list[Fraction]
+    centre: list[Fraction]
+    slope: list[Fraction]
+    radius: list[Fraction]
+    inverse: list[Fraction]
+
+    def holds(self, x: list[Fraction], other: _Tube) -> bool:
+        """Whether a tube over the one point x lies in this one's interior there: exactly."""
+        n = len(self.middle)
+        for i, radius in enumerate(self.radius):
+            line = self.centre[i] + sum(self.slope[i * n + k] * (x[k] - self.middle[k]) for k in range(n))
+            if not abs(other.centre[i] - line) + other.radius[i] < radius:
+                return False
+        return True
+
+
+class _Proof:
+    def __init__(self, read: Any) -> None:
+        if not isinstance(read, dict) or read.get("format") != FORMAT:
+            raise Rejected(f'the file is no proof: its format is not "{FORMAT}"')
+        self.names = tuple(read["names"])
+        if not all(isinstance(name, str) and len(name) <= 200 for name in self.names):
+            raise Rejected("names are text")
+        self.n, self.m = int(read["over"]), len(self.names) - int(read["over"])
+        if not (0 < len(self.names) <= MOST_VARIABLES and self.n > 0 and self.m > 0):
+            raise Rejected(f"there are slow and fast variables, {MOST_VARIABLES} at most")
+        self.texts = tuple(read["equations"])
+        if len(self.texts) != self.m:
+            raise Rejected(f"there are as many equations as fast variables. Got {len(self.texts)}")
+        self.program = _Program(self.texts, self.n + self.m)
+        sides = [_numbers(side, 2) for side in read["region"]] if isinstance(read["region"], list) else []
+        self.region: Box = tuple((low, high) for low, high in sides)
+        if len(self.region) != self.n or any(low > high for low, high in self.region):
+            raise Rejected(
+                "the region has one interval for each slow variable and parameter, the lower end first"
+            )
+        claim = read["claim"]
+        self.stable, self.unstable = int(claim["stable"]), int(claim["unstable"])
+        self.gap = _number(claim["gap"])
+        if self.gap <= 0 or self.stable < 0 or self.unstable < 0 or self.stable + self.unstable != self.m:
+            raise Rejected("the claim is a positive gap and the numbers of stable and unstable eigenvalues")
+        self.through = _numbers(read["through"], self.n + self.m)
+        self.nodes = read["tree"]
+        if not isinstance(self.nodes, list) or not 0 < len(self.nodes) <= MOST_PARTS:
+            raise Rejected(f"the tree is a list of at most {MOST_PARTS} parts")
+        # Pieces that do not pass, where they are asked for.
+        self.refused: list[int] | None = None
+
+    def checked(self) -> Checked:
+        """The whole proof."""
+        leaves: dict[int, tuple[Box, _Tube]] = {}
+        # The tree is laid out again from the region, root, lower half, upper half.
+        waiting: list[tuple[Box, int | None]] = [(self.region, None)]
+        children: dict[int, list[int]] = {}
+        place = 0
+        while waiting:
+            box, parent = waiting.pop()
+            if place >= len(self.nodes):
+                raise Rejected("the boxes do not cover the region: the tree ends too soon")
+            node, here = self.nodes[place], place
+            place += 1
+            if parent is not None:
+                children.setdefault(parent, []).append(here)
+            if "axis" in node:
+                axis, at = int(node["axis"]), _number(node["at"])
+                if not 0 <= axis < self.n or not box[axis][0] < at < box[axis][1]:
+                    raise Rejected(f"part {here} is cut outside its box")
+                for ends in ((at, box[axis][1]), (box[axis][0], at)):
+                    half = tuple(ends if k == axis else side for k, side in enumerate(box))
+                    waiting.append((half, here))
+            else:
+                try:
+                    leaves[here] = (box, self._piece(node, box, here))
+                except (Rejected, ia.OutOfDomain):
+                    if self.refused is None:
+                        raise
+                    self.refused.append(here)
+        if self.refused:
+            return Checked(self.names, self.n, self.texts, (), 0, 0, 0.0, 0)
+        if place != len(self.nodes):
+            raise Rejected("the tree has parts that belong to no box")
+        halves = {parent: (pair[0], pair[1]) for parent, pair in children.items()}
+        boxes = self._glued(leaves, halves)
+        self._holds_the_point(leaves)
+        return Checked(
+            names=self.names,
+            over=self.n,
+            equations=self.texts,
+            region=tuple((float(low), float(high)) for low, high in self.region),
+            stable=self.stable,
+            unstable=self.unstable,
+            gap=float(self.gap),
+            boxes=boxes,
+        )
+
+    # -- one box -----------------------------------------------------------------------------------
+
+    def _tube(self, node: Any) -> _Tube:
+        n, m = self.n, self.m
+        tube = _Tube(
+            _numbers(node["middle"], n),
+            _numbers(node["centre"], m),
+            _numbers(node["slope"], m * n),
+            _numbers(node["radius"], m),
+            _numbers(node["inverse"], m * m),
+        )
+        if any(radius <= 0 for radius in tube.radius):
+            raise Rejected("the radius of a tube is positive")
+        return tube
+
+    def _piece(self, node: Any, box: Box, here: int) -> _Tube:
+        stated = _numbers(node["box"], 2 * self.n)
+        if stated != [end for side in box for end in side]:
+            raise Rejected(f"part {here} is not the box that the cuts leave: a box is moved or left out")
+        tube = self._tube(node)
+        derivative = self._krawczyk(tube, box, here)
+        self._spectrum(node, derivative, here)
+        return tube
+
+    def _krawczyk(self, tube: _Tube, box: Box, here: int) -> list[list[Interval]]:
+        """D_y g over the tube, once Krawczyk's condition is met."""
+        n, m = self.n, self.m
+        if any(not low <= c <= high for (low, high), c in zip(box, tube.middle)):
+            raise Rejected(f"the middle of part {here} is outside its box")
+        x = [(ia.of(low)[0], ia.of(high)[1]) for low, high in box]
+        c = [ia.of(v) for v in tube.middle]
+        b = [ia.of(v) for v in tube.centre]
+        slope = [ia.of(v) for v in tube.slope]
+        inverse = [ia.of(v) for v in tube.inverse]
+        off = [ia.subtract(p, q) for p, q in zip(x, c)]
+        line = [_dot(slope[i * n : i * n + n], off, b[i]) for i in range(m)]
+        room = [ia.of(r) for r in tube.radius]
+        values = self.program.values(c + b)
+        along = self.program.derivatives(x + line)
+        residual = []
+        for i in range(m):
+            total = values[i]
+            for k in range(n):
+                rate = along[i][k]
+                for j in range(m):
+                    rate = ia.add(rate, ia.multiply(along[i][n + j], slope[j * n + k]))
+                total = ia.add(total, ia.multiply(rate, off[k]))
+            residual.append(total)
+        ball = [(-r[1], r[1]) for r in room]
+        y = [ia.add(p, r) for p, r in zip(line, ball)]
+        full = self.program.derivatives(x + y)
+        derivative = [row[n:] for row in full]
+        for i in range(m):
+            image = ia.negative(_dot(inverse[i * m : i * m + m], residual, ia.ZERO))
+            for k in range(m):
+                product = _dot(inverse[i * m : i * m + m], [row[k] for row in derivative], ia.ZERO)
+                factor = ia.subtract(ia.UNIT if i == k else ia.ZERO, product)
+                image = ia.add(image, ia.multiply(factor, ball[k]))
+            if not (image[1] < room[i][0] and image[0] > -room[i][0]):
+                raise Rejected(f"Krawczyk's condition fails in part {here}")
+        return derivative
+
+    def _spectrum(self, node: Any, derivative: list[list[Interval]], here: int) -> None:
+        """z^T H z > gap |z|^2 with H = (S B + B^T S)/2, B = P^-1 M P, by pivots of H - gap."""
+        m = self.m
+        signs = node["signs"]
+        if not isinstance(signs, list) or len(signs) != m or any(s not in (-1, 1) for s in signs):
+            raise Rejected(f"the signs of part {here} are 1 and -1, one for each fast variable")
+        if signs.count(1) != self.unstable:
+            raise Rejected(f"part {here} has another number of unstable eigenvalues than is claimed")
+        basis = [ia.of(v) for v in _numbers(node["basis"], m * m)]
+        rows = [basis[i * m : i * m + m] for i in range(m)]
+        turned = [[_dot(derivative[i], [row[k] for row in rows], ia.ZERO) for k in range(m)] for i in range(m)]
+        inside = _solved(rows, turned, here)
+        gap = ia.of(self.gap)
+        form = [[ia.ZERO] * m for _ in range(m)]
+        for i in range(m):
+            for j in range(m):
+                one = inside[i][j] if signs[i] > 0 else ia.negative(inside[i][j])
+                two = inside[j][i] if signs[j] > 0 else ia.negative(inside[j][i])
+                total = ia.add(one, two)
+                form[i][j] = total[0] >> 1, -(-total[1] >> 1)
+            form[i][i] = ia.subtract(form[i][i], gap)
+        for k in range(m):
+            if not form[k][k][0] > 0:
+                raise Rejected(
+                    f"the spectrum of part {here} is not {float(self.gap):g} from the imaginary axis"
+                )
+            for i in range(k + 1, m):
+                factor = ia.divide(form[i][k], form[k][k])
+                for j in range(k + 1, m):
+                    form[i][j] = ia.subtract(form[i][j], ia.multiply(factor, form[k][j]))
+
+    # -- the boxes together ------------------------------------------------------------------------
+
+    def _glued(self, leaves: dict[int, tuple[Box, _Tube]], halves: dict[int, tuple[int, int]]) -> int:
+        for here, pair in halves.items():
+            node = self.nodes[here]
+            axis, at = int(node["axis"]), _number(node["at"])
+            if "glue" not in node:
+                raise Rejected(f"the halves of part {here} are not glued")
+            tube = self._tube(node["glue"])
+            point: Box = tuple((v, v) for v in tube.middle)
+            if tube.middle[axis] != at:
+                raise Rejected(f"the glue of part {here} is not on the common face")
+            self._krawczyk(tube, point, here)
+            for half in pair:
+                leaf = self._leaf(half, tube.middle, leaves, halves, here)
+                if not leaf.holds(tube.middle, tube):
+                    raise Rejected(f"the glue of part {here} is not in the tubes of both neighbours")
+        return len(leaves)
+
+    def _leaf(
+        self,
+        place: int,
+        x: list[Fraction],
+        leaves: dict[int, tuple[Box, _Tube]],
+        halves: dict[int, tuple[int, int]],
+        here: int,
+    ) -> _Tube:
+        """The tube of a leaf below `place` whose box holds x."""
+        waiting = [place]
+        while waiting:
+            found = waiting.pop()
+            if found in leaves:
+                box, tube = leaves[found]
+                if all(low <= v <= high for (low, high), v in zip(box, x)):
+                    return tube
+                continue
+            node = self.nodes[found]
+            axis, at = int(node["axis"]), _number(node["at"])
+            lower, upper = halves[found]
+            if x[axis] <= at:
+                waiting.append(lower)
+            if x[axis] >= at:
+                waiting.append(upper)
+        raise Rejected(f"the glue of part {here} is outside its halves")
+
+    def _holds_the_point(self, leaves: dict[int, tuple[Box, _Tube]]) -> None:
+        x, y = self.through[: self.n], self.through[self.n :]
+        for box, tube in leaves.values():
+            if all(low <= v <= high for (low, high), v in zip(box, x)):
+                line = [
+                    tube.centre[i]
+                    + sum(tube.slope[i * self.n + k] * (x[k] - tube.middle[k]) for k in range(self.n))
+                    for i in range(self.m)
+                ]
+                if all(abs(v - p) < r for v, p, r in zip(y, line, tube.radius)):
+                    return
+        raise Rejected("the point that the branch goes through is not in its tubes")
+
+
+def _dot(row: list[Interval], column: list[Interval], total: Interval) -> Interval:
+    for a, b in zip(row, column):
+        total = ia.add(total, ia.multiply(a, b))
+    return total
+
+
+def _solved(matrix: list[list[Interval]], right: list[list[Interval]], here: int) -> list[list[Interval]]:
+    """The solution of matrix X = right, by elimination with row exchanges."""
+    m = len(matrix)
+    rows = [list(a) + list(b) for a, b in zip(matrix, right)]
+    for k in range(m):
+        pivot = max(range(k, m), key=lambda i: min(abs(rows[i][k][0]), abs(rows[i][k][1])))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        if rows[k][k][0] <= 0 <= rows[k][k][1]:
+            raise Rejected(f"the basis of part {here} is no basis")
+        for i in range(k + 1, m):
+            if rows[i][k] == ia.ZERO:
+                continue
+            factor = ia.divide(rows[i][k], rows[k][k])
+            for j in range(k, 2 * m):
+                rows[i][j] = ia.subtract(rows[i][j], ia.multiply(factor, rows[k][j]))
+    for k in range(m - 1, -1, -1):
+        for j in range(m, 2 * m):
+            value = rows[k][j]
+            for i in range(k + 1, m):
+                value = ia.subtract(value, ia.multiply(rows[k][i], rows[i][j]))
+            rows[k][j] = ia.divide(value, rows[k][k])
+    return [row[m:] for row in rows]
+
+
+# -- expressions -----------------------------------------------------------------------------------
+
+_FUNCTIONS: dict[str, Callable[[Interval], Interval]] = {
+    "exp": ia.exp,
+    "log": ia.log,
+    "tanh": ia.tanh,
+    "sinh": ia.sinh,
+    "cosh": ia.cosh,
+    "sin": ia.sin,
+    "cos": ia.cos,
+    "atan": ia.atan,
+    "sqrt": lambda a: ia.root(a, 2),
+}
+_TOKEN = re.compile(r"\s*(?:(\d+)|([A-Za-z_]\w*)|(\*\*|[-+*/()]))")
+
+
+class _Program:
+    """Expressions as straight-line code; values and first derivatives over intervals."""
+
+    def __init__(self, texts: tuple[Any, ...], variables: int) -> None:
+        self.variables = variables
+        # (operation, one, two): "+", "-", "*", "/", "**" with a Fraction, a function's name, or "constant".
+        self.code: list[tuple[str, Any, Any]] = []
+        self.known: dict[tuple[str, Any, Any], int] = {}
+        self.outputs = [_Reader(text, self).read() for text in texts]
+        self.constants = {i: ia.of(one) for i, (name, one, _) in enumerate(self.code) if name == "constant"}
+
+    def add(self, name: str, one: Any, two: Any = None) -> int:
+        key = (name, one, two)
+        if key not in self.known:
+            self.known[key] = self.variables + len(self.code)
+            self.code.append(key)
+        return self.known[key]
+
+    def constant_at(self, place: int) -> Fraction | None:
+        if place < self.variables:
+            return None
+        name, one, _ = self.code[place - self.variables]
+        return one if name == "constant" else None
+
+    def values(self, arguments: list[Interval]) -> list[Interval]:
+        """Values (m,)."""
+        found = list(arguments)
+        for i, (name, one, two) in enumerate(self.code):
+            found.append(self._value(i, name, one, two, found))
+        return [found[place] for place in self.outputs]
+
+    def _value(self, i: int, name: str, one: Any, two: Any, found: list[Interval]) -> Interval:
+        if name == "constant":
+            return self.constants[i]
+        if name == "+":
+            return ia.add(found[one], found[two])
+        if name == "-":
+            return ia.subtract(found[one], found[two])
+        if name == "*":
+            return ia.multiply(found[one], found[two])
+        if name == "/":
+            return ia.divide(found[one], found[two])
+        if name == "**":
+            return _power(found[one], two)
+        return _FUNCTIONS[name](found[one])
+
+    def derivatives(self, arguments: list[Interval]) -> list[list[Interval]]:
+        """Derivatives by every variable (m, n + m), forward from variable to output."""
+        found = list(arguments)
+        slopes: list[dict[int, Interval]] = [{k: ia.UNIT} for k in range(self.variables)]
+        for i, (name, one, two) in enumerate(self.code):
+            value = self._value(i, name, one, two, found)
+            found.append(value)
+            slopes.append(self._slope(name, one, two, value, found, slopes))
+        return [[slopes[place].get(k, ia.ZERO) for k in range(self.variables)] for place in self.outputs]
+
+    def _slope(
+        self,
+        name: str,
+        one: Any,
+        two: Any,
+        value: Interval,
+        found: list[Interval],
+        slopes: list[dict[int, Interval]],
+    ) -> dict[int, Interval]:
+        if name == "constant":
+            return {}
+        if name in ("+", "-"):
+            total = dict(slopes[one])
+            for k, slope in slopes[two].items():
+                before = total.get(k, ia.ZERO)
+                total[k] = ia.add(before, slope) if name == "+" else ia.subtract(before, slope)
+            return total
+        if name == "*":
+            total = {k: ia.multiply(slope, found[two]) for k, slope in slopes[one].items()}
+            for k, slope in slopes[two].items():
+                total[k] = ia.add(total.get(k, ia.ZERO), ia.multiply(slope, found[one]))
+            return total
+        if name == "/":
+            total = {k: ia.divide(slope, found[two]) for k, slope in slopes[one].items()}
+            for k, slope in slopes[two].items():
+                part = ia.divide(ia.multiply(value, slope), found[two])
+                total[k] = ia.subtract(total.get(k, ia.ZERO), part)
+            return total
+        if not slopes[one]:
+            return {}
+        rate = self._rate(name, found[one], two, value)
+        return {k: ia.multiply(rate, slope) for k, slope in slopes[one].items()}
+
+    @staticmethod
+    def _rate(name: str, a: Interval, exponent: Any, value: Interval) -> Interval:
+        """The derivative of a function of one argument."""
+        if name == "**":
+            return ia.multiply(ia.of(exponent), _power(a, exponent - 1))
+        if name == "exp":
+            return value
+        if name == "log":
+            return ia.divide(ia.UNIT, a)
+        if name == "tanh":
+            return ia.subtract(ia.UNIT, ia.power(value, 2))
+        if name == "sinh":
+            return ia.cosh(a)
+        if name == "cosh":
+            return ia.sinh(a)
+        if name == "sin":
+            return ia.cos(a)
+        if name == "cos":
+            return ia.negative(ia.sin(a))
+        if name == "atan":
+            return ia.divide(ia.UNIT, ia.add(ia.UNIT, ia.power(a, 2)))
+        assert name == "sqrt"
+        return ia.divide((ia.ONE // 2, ia.ONE // 2), value)
+
+
+def _power(a: Interval, exponent: Fraction) -> Interval:
+    if exponent.denominator == 1:
+        return ia.power(a, int(exponent))
+    return ia.power(ia.root(a, exponent.denominator), exponent.numerator)
+
+
+class _Reader:
+    """Sums, products, powers with constant exponents, and functions of z0, z1, ...; nothing else is read."""
+
+    def __init__(self, text: Any, program: _Program) -> None:
+        if not isinstance(text, str) or len(text) > MOST_TEXT:
+            raise Rejected(f"an expression is text of at most {MOST_TEXT} characters")
+        self.program = program
+        self.tokens: list[str] = []
+        place = 0
+        while place < len(text.rstrip()):
+            match = _TOKEN.match(text, place)
+            if match is None:
+                raise Rejected(f"an expression has an unknown sign. Got {text[place : place + 20]!r}")
+            self.tokens.append(match.group().strip())
+            place = match.end()
+        self.place = 0
+        self.depth = 0
+
+    def read(self) -> int:
+        """The place of the whole expression."""
+        place = self._sum()
+        if self.place != len(self.tokens):
+            raise Rejected(f"an expression goes on after its end. Got {self.tokens[self.place]!r}")
+        return place
+
+    def _next(self) -> str:
+        return self.tokens[self.place] if self.place < len(self.tokens) else ""
+
+    def _take(self, *signs: str) -> str:
+        token = self._next()
+        if token in signs:
+            self.place += 1
+            return token
+        return ""
+
+    def _sum(self) -> int:
+        self.depth += 1
+        if self.depth > MOST_DEPTH:
+            raise Rejected(f"an expression is nested deeper than {MOST_DEPTH}")
+        total = self._product()
+        while sign := self._take("+", "-"):
+            total = self._joined(sign, total, self._product())
+        self.depth -= 1
+        return total
+
+    def _product(self) -> int:
+        total = self._signed()
+        while sign := self._take("*", "/"):
+            total = self._joined(sign, total, self._signed())
+        return total
+
+    def _signed(self) -> int:
+        minus = False
+        while self._take("-"):
+            minus = not minus
+        place = self._raised()
+        return self._joined("-", self.program.add("constant", Fraction(0)), place) if minus else place
+
+    def _raised(self) -> int:
+        base = self._atom()
+        if not self._take("**"):
+            return base
+        self.depth += 1
+        if self.depth > MOST_DEPTH:
+            raise Rejected(f"an expression is nested deeper than {MOST_DEPTH}")
+        exponent = self.program.constant_at(self._signed())
+        self.depth -= 1
+        if exponent is None or abs(exponent.numerator) > MOST_POWER or exponent.denominator > MOST_POWER:
+            raise Rejected(f"an exponent is a constant fraction of numbers up to {MOST_POWER}")
+        return self.program.add("**", base, exponent)
+
+    def _atom(self) -> int:
+        token = self._next()
+        self.place += 1
+        if token.isdigit():
+            if len(token) > MOST_DIGITS:
+                raise Rejected(f"a number has at most {MOST_DIGITS} digits")
+            return self.program.add("constant", Fraction(int(token)))
+        if token == "(":
+            inside = self._sum()
+            self._close()
+            return inside
+        if token in _FUNCTIONS:
+            if not self._take("("):
+                raise Rejected(f"{token} has an argument in brackets")
+            inside = self._sum()
+            self._close()
+            return self.program.add(token, inside)
+        if re.fullmatch(r"z\d{1,3}", token) and int(token[1:]) < self.program.variables:
+            return int(token[1:])
+        raise Rejected(f"an expression has an unknown name or ends too soon. Got {token[:40]!r}")
+
+    def _close(self) -> None:
+        if not self._take(")"):
+            raise Rejected("a bracket is not closed")
+
+    def _joined(self, sign: str, one: int, two: int) -> int:
+        a, b = self.program.constant_at(one), self.program.constant_at(two)
+        if a is None or b is None:
+            return self.program.add(sign, one, two)
+        if sign == "/" and b == 0:
+            raise Rejected("an expression divides by 0")
+        value = a + b if sign == "+" else a - b if sign == "-" else a * b if sign == "*" else a / b
+        return self.program.add("constant", value)

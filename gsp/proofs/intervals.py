@@ -1,0 +1,284 @@
+"""Interval arithmetic in whole numbers, for the checker: an interval is a pair (low, high) in units of 2^-96.
+
+Only the standard library is used, and nothing of the prover. Every operation rounds its lower end down and its upper
+end up. Elementary functions are summed as Taylor series by the same operations, with a bound on what is left off.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+SHIFT = 96
+ONE = 1 << SHIFT
+Interval = tuple[int, int]
+ZERO: Interval = (0, 0)
+UNIT: Interval = (ONE, ONE)
+# exp of more than this has no use in a proof, and would take long.
+LARGEST_EXPONENT = 2000 * ONE
+TERMS = 40
+
+
+class OutOfDomain(ArithmeticError):
+    """A function is asked outside its domain, or an interval that holds 0 divides."""
+
+
+def of(value: Fraction) -> Interval:
+    """The least interval that holds a fraction."""
+    low, rest = divmod(value.numerator << SHIFT, value.denominator)
+    return low, low + (rest != 0)
+
+
+def add(a: Interval, b: Interval) -> Interval:
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1]
+
+
+def subtract(a: Interval, b: Interval) -> Interval:
+    """a - b."""
+    return a[0] - b[1], a[1] - b[0]
+
+
+def negative(a: Interval) -> Interval:
+    """-a."""
+    return -a[1], -a[0]
+
+
+def multiply(a: Interval, b: Interval) -> Interval:
+    """a b."""
+    ends = (a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1])
+    return min(ends) >> SHIFT, -(-max(ends) >> SHIFT)
+
+
+def divide(a: Interval, b: Interval) -> Interval:
+    """a / b; raises `OutOfDomain` when b holds 0."""
+    if b[0] <= 0 <= b[1]:
+        raise OutOfDomain("an interval that holds 0 divides")
+    low = min((end << SHIFT) // by for end in a for by in b)
+    high = max(-((-end << SHIFT) // by) for end in a for by in b)
+    return low, high
+
+
+def magnitude(a: Interval) -> int:
+    """The largest modulus."""
+    return max(abs(a[0]), abs(a[1]))
+
+
+def hull(a: Interval, b: Interval) -> Interval:
+    """The least interval that holds both."""
+    return min(a[0], b[0]), max(a[1], b[1])
+
+
+def power(a: Interval, exponent: int) -> Interval:
+    """a**exponent for a whole exponent."""
+    if exponent < 0:
+        return divide(UNIT, power(a, -exponent))
+    if exponent == 0:
+        return UNIT
+    if exponent % 2:
+        return _repeated(a[0], exponent)[0], _repeated(a[1], exponent)[1]
+    least = 0 if a[0] <= 0 <= a[1] else min(abs(a[0]), abs(a[1]))
+    return _repeated(least, exponent)[0], _repeated(magnitude(a), exponent)[1]
+
+
+def _repeated(end: int, exponent: int) -> Interval:
+    result, base = UNIT, (end, end)
+    while exponent:
+        if exponent & 1:
+            result = multiply(result, base)
+        exponent >>= 1
+        if exponent:
+            base = multiply(base, base)
+    return result
+
+
+def root(a: Interval, degree: int) -> Interval:
+    """The positive root of a positive interval."""
+    if a[0] <= 0:
+        raise OutOfDomain("a root of a number that is not positive")
+    low = _whole_root(a[0] << (SHIFT * (degree - 1)), degree)
+    return low, _whole_root(a[1] << (SHIFT * (degree - 1)), degree) + 1
+
+
+def _whole_root(value: int, degree: int) -> int:
+    """The largest whole number whose power is at most `value`."""
+    if degree == 2:
+        return math.isqrt(value)
+    guess = 1 << -(-value.bit_length() // degree)
+    while True:
+        better = ((degree - 1) * guess + value // guess ** (degree - 1)) // degree
+        if better >= guess:
+            return guess
+        guess = better
+
+
+def exp(a: Interval) -> Interval:
+    """The exponential."""
+    return _exp(a[0])[0], _exp(a[1])[1]
+
+
+def _exp(x: int) -> Interval:
+    if abs(x) > LARGEST_EXPONENT:
+        raise OutOfDomain("the exponential of a large number")
+    if x < 0:
+        return divide(UNIT, _exp(-x))
+    halvings = max(0, x.bit_length() - SHIFT + 8)
+    # Small is at most 2^-8; the rounding of the shift is inside the interval.
+    small = (x >> halvings, -(-x >> halvings))
+    total, term = UNIT, UNIT
+    for k in range(1, TERMS):
+        term = multiply(term, small)
+        term = term[0] // k, -(-term[1] // k)
+        total = add(total, term)
+        if term[1] <= 1:
+            break
+    # What is left off is at most twice the last term.
+    total = total[0], total[1] + 2 * term[1]
+    for _ in range(halvings):
+        total = multiply(total, total)
+    return total
+
+
+def log(a: Interval) -> Interval:
+    """The logarithm of a positive interval."""
+    if a[0] <= 0:
+        raise OutOfDomain("the logarithm of a number that is not positive")
+    return _log(a[0])[0], _log(a[1])[1]
+
+
+def _log(x: int) -> Interval:
+    # log x = y + log(1 + u), 1 + u = x exp(-y), with y the double nearest to log x and u of the order of rounding.
+    shift = x.bit_length() - 60
+    rough = math.log(x >> shift if shift > 0 else x << -shift) + (shift - SHIFT) * math.log(2.0)
+    y = of(Fraction(rough))
+    u = subtract(multiply((x, x), exp(negative(y))), UNIT)
+    if magnitude(u) > ONE >> 8:
+        raise OutOfDomain("a logarithm that was not found")
+    # log(1 + u) = u - u^2/2 + r, |r| <= |u|^3 for |u| <= 1/2.
+    square = multiply(u, u)
+    cube = magnitude(multiply(square, u)) + 1
+    value = subtract(u, (square[0] >> 1, -(-square[1] >> 1)))
+    return add(y, (value[0] - cube, value[1] + cube))
+
+
+def tanh(a: Interval) -> Interval:
+    """The hyperbolic tangent."""
+    return _tanh(a[0])[0], _tanh(a[1])[1]
+
+
+def _tanh(x: int) -> Interval:
+    if abs(x) > 64 * ONE:
+        # 1 - tanh(64) is below 2^-96.
+        return (ONE - 1, ONE) if x > 0 else (-ONE, 1 - ONE)
+    return subtract(UNIT, divide((2 * ONE, 2 * ONE), add(_exp(2 * x), UNIT)))
+
+
+def sinh(a: Interval) -> Interval:
+    """The hyperbolic sine."""
+    return _sinh(a[0])[0], _sinh(a[1])[1]
+
+
+def _sinh(x: int) -> Interval:
+    twice = subtract(_exp(x), _exp(-x))
+    return twice[0] >> 1, -(-twice[1] >> 1)
+
+
+def cosh(a: Interval) -> Interval:
+    """The hyperbolic cosine."""
+    least = 0 if a[0] <= 0 <= a[1] else min(abs(a[0]), abs(a[1]))
+    return _cosh(least)[0], _cosh(magnitude(a))[1]
+
+
+def _cosh(x: int) -> Interval:
+    twice = add(_exp(x), _exp(-x))
+    return twice[0] >> 1, -(-twice[1] >> 1)
+
+
+def sin(a: Interval) -> Interval:
+    """The sine: in the middle, and away from it by at most the radius."""
+    return _wave(a, 0)
+
+
+def cos(a: Interval) -> Interval:
+    """The cosine."""
+    return _wave(a, 1)
+
+
+def _wave(a: Interval, quarter: int) -> Interval:
+    middle = (a[0] + a[1]) >> 1
+    radius = max(a[1] - middle, middle - a[0])
+    if radius >= 4 * ONE:
+        return -ONE, ONE
+    low, high = _sin_at(middle, quarter)
+    return max(low - radius, -ONE), min(high + radius, ONE)
+
+
+def _sin_at(x: int, quarter: int) -> Interval:
+    """sin(x + quarter pi/2)."""
+    turns = (2 * x + HALF_PI[0]) // (2 * HALF_PI[0])
+    rest = subtract(
+        (x, x),
+        (turns * HALF_PI[0], turns * HALF_PI[1]) if turns >= 0 else (turns * HALF_PI[1], turns * HALF_PI[0]),
+    )
+    if magnitude(rest) > 2 * ONE:
+        raise OutOfDomain("a sine whose argument was not reduced")
+    quadrant = (turns + quarter) % 4
+    value = _series(rest, quadrant % 2)
+    return negative(value) if quadrant >= 2 else value
+
+
+def _series(x: Interval, even: int) -> Interval:
+    """The series of the sine, or when `even` of the cosine, for |x| <= 2."""
+    square = multiply(x, x)
+    term = UNIT if even else x
+    total, k = term, 0 if even else 1
+    for _ in range(TERMS):
+        term = negative(multiply(term, square))
+        term = _over(term, (k + 1) * (k + 2))
+        k += 2
+        total = add(total, term)
+        if k > 4 and magnitude(term) <= 1:
+            break
+    # Terms alternate and fall from here on.
+    left = magnitude(term) + 1
+    return total[0] - left, total[1] + left
+
+
+def _over(a: Interval, number: int) -> Interval:
+    return a[0] // number, -(-a[1] // number)
+
+
+def atan(a: Interval) -> Interval:
+    """The inverse tangent."""
+    return _atan(a[0])[0], _atan(a[1])[1]
+
+
+def _atan(x: int) -> Interval:
+    # atan x = y + atan u, u = (x - tan y)/(1 + x tan y), with y a double near it and u of the order of rounding.
+    y = of(Fraction(math.atan(x / ONE)))
+    tangent = divide(sin(y), cos(y))
+    number = (x, x)
+    u = divide(subtract(number, tangent), add(UNIT, multiply(number, tangent)))
+    if magnitude(u) > ONE >> 8:
+        raise OutOfDomain("an inverse tangent that was not found")
+    cube = magnitude(multiply(multiply(u, u), u)) + 1
+    return add(y, (u[0] - cube, u[1] + cube))
+
+
+def _machin() -> Interval:
+    """pi/2 = 8 atan(1/5) - 2 atan(1/239)."""
+
+    def inverse_tangent(number: int) -> Interval:
+        total, power_, k = ZERO, _over(UNIT, number), 0
+        while power_[1] > 1:
+            term = _over(power_, 2 * k + 1)
+            total = add(total, negative(term) if k % 2 else term)
+            power_ = _over(power_, number * number)
+            k += 1
+        return total[0] - 2, total[1] + 2
+
+    first, second = inverse_tangent(5), inverse_tangent(239)
+    return 8 * first[0] - 2 * second[1], 8 * first[1] - 2 * second[0]
+
+
+HALF_PI = _machin()
