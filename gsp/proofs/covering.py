@@ -166,8 +166,10 @@ def cover(
     return covering
 
 
-def refine(equations: Equations, part: Part) -> bool:
-    """Cut a part that is proved across its most telling side and prove both halves; whether that went well."""
+def refine(equations: Equations, part: Part, *, room: float) -> bool:
+    """Cut a part that is proved across its most telling side and prove both halves, in tubes with `room`; whether
+    that went well.
+    """
     assert part.piece is not None
     near = part.piece.tube.centre
     axis, _ = _axis(equations, part.box, part.box, near)
@@ -175,7 +177,7 @@ def refine(equations: Equations, part: Part) -> bool:
         return False
     part.piece = None
     for half in _cut(part, axis, near):
-        tube = enclose(equations, half.box, near)
+        tube = enclose(equations, half.box, near, room=room)
         spectrum = None if tube is None else spectrum_at(equations, tube)
         if tube is None or spectrum is None:
             return False

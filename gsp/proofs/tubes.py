@@ -73,8 +73,11 @@ def middle_of(box: Box) -> np.ndarray:
     return np.array([low + 0.5 * (high - low) for low, high in box])
 
 
-def enclose(equations: Equations, box: Box, near: np.ndarray) -> Tube | None:
-    """The tube about the root over `box` that Newton's method finds from `near` (m,); None where it is not proved."""
+def enclose(equations: Equations, box: Box, near: np.ndarray, *, room: float = FIRST_ROOM) -> Tube | None:
+    """The tube about the root over `box` that Newton's method finds from `near` (m,); None where it is not proved.
+
+    Its first radius is `room` times what the residual asks for.
+    """
     middle = middle_of(box)
     centre = equations.root(middle, near)
     if centre is None:
@@ -86,11 +89,17 @@ def enclose(equations: Equations, box: Box, near: np.ndarray) -> Tube | None:
         return None
     if not np.isfinite(slope).all():
         return None
-    return krawczyk(equations, box, middle, centre, slope)
+    return krawczyk(equations, box, middle, centre, slope, room=room)
 
 
 def krawczyk(
-    equations: Equations, box: Box, middle: np.ndarray, centre: np.ndarray, slope: np.ndarray
+    equations: Equations,
+    box: Box,
+    middle: np.ndarray,
+    centre: np.ndarray,
+    slope: np.ndarray,
+    *,
+    room: float = FIRST_ROOM,
 ) -> Tube | None:
     """The tube with these data if Krawczyk's condition is met for some radius, else None."""
     n, m = equations.n, equations.m
@@ -119,20 +128,20 @@ def krawczyk(
     defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
     # A tube over one point has to fit into tubes over boxes.
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
-    radius = [FIRST_ROOM * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
+    radius = [room * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
     for _ in range(ROUNDS):
         if not max(radius) < FAR:
             # A radius that is not a number fails here as well.
             return None
-        room = [balls.hull(-r, r) for r in radius]
-        y = [p + r for p, r in zip(line, room)]
+        ball = [balls.hull(-r, r) for r in radius]
+        y = [p + r for p, r in zip(line, ball)]
         by_y = equations.derivative(x, y)
         image = []
         for i in range(m):
             value = -defect[i]
             for k in range(m):
                 product = _total(approximate[i][j] * by_y[j * m + k] for j in range(m))
-                value = value + ((1 if i == k else 0) - product) * room[k]
+                value = value + ((1 if i == k else 0) - product) * ball[k]
             image.append(value)
         if all(inside(value, r) for value, r in zip(image, radius)):
             return Tube(box, middle, centre, slope, np.array(radius), inverse, by_y)
