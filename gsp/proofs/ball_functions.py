@@ -8,7 +8,7 @@ enclosure are refused by name, kinks among them: the theorems ask for smooth fie
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import sympy as sp
@@ -146,3 +146,20 @@ class BallFunction:
         out = len(self._registers) - 1
         self._code.append((out, function, one, two))
         return out
+
+
+def undefined_within(
+    expressions: Iterable[sp.Expr], arguments: Sequence[sp.Symbol], values: Sequence[arb]
+) -> sp.Expr | None:
+    """The first part of the expressions, innermost first, that is not finite over balls; None where all are, or one
+    has no enclosure.
+    """
+    for expression in expressions:
+        for part in sp.postorder_traversal(expression):
+            try:
+                (value,) = BallFunction(arguments, [part])(values)
+            except UnsupportedFunctionError:
+                return None
+            if not value.is_finite():
+                return part
+    return None

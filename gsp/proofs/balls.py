@@ -35,18 +35,23 @@ def hull(low: float, high: float) -> arb:
 
 def above(ball: arb) -> float:
     """A double that no number in the ball exceeds; nan when the ball is not finite."""
-    # Conversion rounds to nearest, which is below the upper end for every second ball.
-    return math.nextafter(float(ball.upper()), math.inf) if ball.is_finite() else math.nan
+    return _rounded_up(ball.upper()) if ball.is_finite() else math.nan
 
 
 def below(ball: arb) -> float:
     """A double that no number in the ball falls below; nan when the ball is not finite."""
-    return math.nextafter(float(ball.lower()), -math.inf) if ball.is_finite() else math.nan
+    return -_rounded_up(-ball.lower()) if ball.is_finite() else math.nan
 
 
 def magnitude(ball: arb) -> float:
     """A double that no number in the ball exceeds in modulus; nan when the ball is not finite."""
-    return math.nextafter(float(ball.abs_upper()), math.inf) if ball.is_finite() else math.nan
+    return _rounded_up(ball.abs_upper()) if ball.is_finite() else math.nan
+
+
+def _rounded_up(number: arb) -> float:
+    # Conversion rounds to nearest, which is below the number for every second one.
+    found = float(number)
+    return found if arb(found) >= number else math.nextafter(found, math.inf)
 
 
 def rising(function: Callable[[arb], arb], ball: arb) -> arb:

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -20,15 +18,11 @@ from typing import Any
 
 from gsp.proofs import intervals as ia
 from gsp.proofs.intervals import Interval
+from gsp.proofs.programs import Program, Rejected
 
 FORMAT = "gsp normal hyperbolicity 1"
-# Bounds on what is read: bytes, parts, variables, and length, depth and digits of an expression.
+# Bounds on what is read: bytes, parts, variables.
 MOST_BYTES, MOST_PARTS, MOST_VARIABLES = 256_000_000, 500_000, 64
-MOST_TEXT, MOST_DEPTH, MOST_DIGITS, MOST_POWER = 200_000, 200, 400, 1000
-
-
-class Rejected(ValueError):
-    """A proof that does not hold; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +68,12 @@ def check(path: Path) -> Checked:
         raise Rejected(f"the file is no JSON: {error}") from None
     try:
         return _Proof(read).checked()
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
-        raise Rejected(f"the file is malformed: {type(error).__name__} at {error}") from None
+    except Rejected:
+        raise
     except ia.OutOfDomain as error:
         raise Rejected(f"an expression is not defined over a box: {error}") from None
+    except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError, RecursionError) as error:
+        raise Rejected(f"the file is malformed: {type(error).__name__}, {str(error)[:80]}") from None
 
 
 def refused(read: Any) -> list[int]:
@@ -104,6 +100,12 @@ def _number(text: Any) -> Fraction:
     if not math.isfinite(value):
         raise Rejected(f"a number is finite. Got {text!r}")
     return Fraction(value)
+
+
+def _count(value: Any, most: int) -> int:
+    if type(value) is not int or not 0 <= value <= most:
+        raise Rejected(f"a count is a whole number from 0 to {most}. Got {str(value)[:60]!r}")
+    return value
 
 
 def _numbers(texts: Any, length: int) -> list[Fraction]:
@@ -137,16 +139,19 @@ class _Proof:
     def __init__(self, read: Any) -> None:
         if not isinstance(read, dict) or read.get("format") != FORMAT:
             raise Rejected(f'the file is no proof: its format is not "{FORMAT}"')
+        if not isinstance(read["names"], list) or not isinstance(read["equations"], list):
+            raise Rejected("names and equations are lists")
         self.names = tuple(read["names"])
         if not all(isinstance(name, str) and len(name) <= 200 for name in self.names):
             raise Rejected("names are text")
-        self.n, self.m = int(read["over"]), len(self.names) - int(read["over"])
+        self.n = _count(read["over"], MOST_VARIABLES)
+        self.m = len(self.names) - self.n
         if not (0 < len(self.names) <= MOST_VARIABLES and self.n > 0 and self.m > 0):
             raise Rejected(f"there are slow and fast variables, {MOST_VARIABLES} at most")
         self.texts = tuple(read["equations"])
         if len(self.texts) != self.m:
             raise Rejected(f"there are as many equations as fast variables. Got {len(self.texts)}")
-        self.program = _Program(self.texts, self.n + self.m)
+        self.program = Program(self.texts, self.n + self.m)
         sides = [_numbers(side, 2) for side in read["region"]] if isinstance(read["region"], list) else []
         self.region: Box = tuple((low, high) for low, high in sides)
         if len(self.region) != self.n or any(low > high for low, high in self.region):
@@ -154,9 +159,9 @@ class _Proof:
                 "the region has one interval for each slow variable and parameter, the lower end first"
             )
         claim = read["claim"]
-        self.stable, self.unstable = int(claim["stable"]), int(claim["unstable"])
+        self.stable, self.unstable = _count(claim["stable"], self.m), _count(claim["unstable"], self.m)
         self.gap = _number(claim["gap"])
-        if self.gap <= 0 or self.stable < 0 or self.unstable < 0 or self.stable + self.unstable != self.m:
+        if self.gap <= 0 or self.stable + self.unstable != self.m:
             raise Rejected("the claim is a positive gap and the numbers of stable and unstable eigenvalues")
         self.through = _numbers(read["through"], self.n + self.m)
         self.nodes = read["tree"]
@@ -181,8 +186,8 @@ class _Proof:
             if parent is not None:
                 children.setdefault(parent, []).append(here)
             if "axis" in node:
-                axis, at = int(node["axis"]), _number(node["at"])
-                if not 0 <= axis < self.n or not box[axis][0] < at < box[axis][1]:
+                axis, at = _count(node["axis"], self.n - 1), _number(node["at"])
+                if not box[axis][0] < at < box[axis][1]:
                     raise Rejected(f"part {here} is cut outside its box")
                 for ends in ((at, box[axis][1]), (box[axis][0], at)):
                     half = tuple(ends if k == axis else side for k, side in enumerate(box))
@@ -278,7 +283,11 @@ class _Proof:
         """z^T H z > gap |z|^2 with H = (S B + B^T S)/2, B = P^-1 M P, by pivots of H - gap."""
         m = self.m
         signs = node["signs"]
-        if not isinstance(signs, list) or len(signs) != m or any(s not in (-1, 1) for s in signs):
+        if (
+            not isinstance(signs, list)
+            or len(signs) != m
+            or any(type(s) is not int or s not in (-1, 1) for s in signs)
+        ):
             raise Rejected(f"the signs of part {here} are 1 and -1, one for each fast variable")
         if signs.count(1) != self.unstable:
             raise Rejected(f"part {here} has another number of unstable eigenvalues than is claimed")
@@ -310,7 +319,7 @@ class _Proof:
     def _glued(self, leaves: dict[int, tuple[Box, _Tube]], halves: dict[int, tuple[int, int]]) -> int:
         for here, pair in halves.items():
             node = self.nodes[here]
-            axis, at = int(node["axis"]), _number(node["at"])
+            axis, at = _count(node["axis"], self.n - 1), _number(node["at"])
             if "glue" not in node:
                 raise Rejected(f"the halves of part {here} are not glued")
             tube = self._tube(node["glue"])
@@ -342,7 +351,7 @@ class _Proof:
                     return tube
                 continue
             node = self.nodes[found]
-            axis, at = int(node["axis"]), _number(node["at"])
+            axis, at = _count(node["axis"], self.n - 1), _number(node["at"])
             lower, upper = halves[found]
             if x[axis] <= at:
                 waiting.append(lower)
@@ -392,245 +401,3 @@ def _solved(matrix: list[list[Interval]], right: list[list[Interval]], here: int
                 value = ia.subtract(value, ia.multiply(rows[k][i], rows[i][j]))
             rows[k][j] = ia.divide(value, rows[k][k])
     return [row[m:] for row in rows]
-
-
-# -- expressions -----------------------------------------------------------------------------------
-
-_FUNCTIONS: dict[str, Callable[[Interval], Interval]] = {
-    "exp": ia.exp,
-    "log": ia.log,
-    "tanh": ia.tanh,
-    "sinh": ia.sinh,
-    "cosh": ia.cosh,
-    "sin": ia.sin,
-    "cos": ia.cos,
-    "atan": ia.atan,
-    "sqrt": lambda a: ia.root(a, 2),
-}
-_TOKEN = re.compile(r"\s*(?:(\d+)|([A-Za-z_]\w*)|(\*\*|[-+*/()]))")
-
-
-class _Program:
-    """Expressions as straight-line code; values and first derivatives over intervals."""
-
-    def __init__(self, texts: tuple[Any, ...], variables: int) -> None:
-        self.variables = variables
-        # (operation, one, two): "+", "-", "*", "/", "**" with a Fraction, a function's name, or "constant".
-        self.code: list[tuple[str, Any, Any]] = []
-        self.known: dict[tuple[str, Any, Any], int] = {}
-        self.outputs = [_Reader(text, self).read() for text in texts]
-        self.constants = {i: ia.of(one) for i, (name, one, _) in enumerate(self.code) if name == "constant"}
-
-    def add(self, name: str, one: Any, two: Any = None) -> int:
-        key = (name, one, two)
-        if key not in self.known:
-            self.known[key] = self.variables + len(self.code)
-            self.code.append(key)
-        return self.known[key]
-
-    def constant_at(self, place: int) -> Fraction | None:
-        if place < self.variables:
-            return None
-        name, one, _ = self.code[place - self.variables]
-        return one if name == "constant" else None
-
-    def values(self, arguments: list[Interval]) -> list[Interval]:
-        """Values (m,)."""
-        found = list(arguments)
-        for i, (name, one, two) in enumerate(self.code):
-            found.append(self._value(i, name, one, two, found))
-        return [found[place] for place in self.outputs]
-
-    def _value(self, i: int, name: str, one: Any, two: Any, found: list[Interval]) -> Interval:
-        if name == "constant":
-            return self.constants[i]
-        if name == "+":
-            return ia.add(found[one], found[two])
-        if name == "-":
-            return ia.subtract(found[one], found[two])
-        if name == "*":
-            return ia.multiply(found[one], found[two])
-        if name == "/":
-            return ia.divide(found[one], found[two])
-        if name == "**":
-            return _power(found[one], two)
-        return _FUNCTIONS[name](found[one])
-
-    def derivatives(self, arguments: list[Interval]) -> list[list[Interval]]:
-        """Derivatives by every variable (m, n + m), forward from variable to output."""
-        found = list(arguments)
-        slopes: list[dict[int, Interval]] = [{k: ia.UNIT} for k in range(self.variables)]
-        for i, (name, one, two) in enumerate(self.code):
-            value = self._value(i, name, one, two, found)
-            found.append(value)
-            slopes.append(self._slope(name, one, two, value, found, slopes))
-        return [[slopes[place].get(k, ia.ZERO) for k in range(self.variables)] for place in self.outputs]
-
-    def _slope(
-        self,
-        name: str,
-        one: Any,
-        two: Any,
-        value: Interval,
-        found: list[Interval],
-        slopes: list[dict[int, Interval]],
-    ) -> dict[int, Interval]:
-        if name == "constant":
-            return {}
-        if name in ("+", "-"):
-            total = dict(slopes[one])
-            for k, slope in slopes[two].items():
-                before = total.get(k, ia.ZERO)
-                total[k] = ia.add(before, slope) if name == "+" else ia.subtract(before, slope)
-            return total
-        if name == "*":
-            total = {k: ia.multiply(slope, found[two]) for k, slope in slopes[one].items()}
-            for k, slope in slopes[two].items():
-                total[k] = ia.add(total.get(k, ia.ZERO), ia.multiply(slope, found[one]))
-            return total
-        if name == "/":
-            total = {k: ia.divide(slope, found[two]) for k, slope in slopes[one].items()}
-            for k, slope in slopes[two].items():
-                part = ia.divide(ia.multiply(value, slope), found[two])
-                total[k] = ia.subtract(total.get(k, ia.ZERO), part)
-            return total
-        if not slopes[one]:
-            return {}
-        rate = self._rate(name, found[one], two, value)
-        return {k: ia.multiply(rate, slope) for k, slope in slopes[one].items()}
-
-    @staticmethod
-    def _rate(name: str, a: Interval, exponent: Any, value: Interval) -> Interval:
-        """The derivative of a function of one argument."""
-        if name == "**":
-            return ia.multiply(ia.of(exponent), _power(a, exponent - 1))
-        if name == "exp":
-            return value
-        if name == "log":
-            return ia.divide(ia.UNIT, a)
-        if name == "tanh":
-            return ia.subtract(ia.UNIT, ia.power(value, 2))
-        if name == "sinh":
-            return ia.cosh(a)
-        if name == "cosh":
-            return ia.sinh(a)
-        if name == "sin":
-            return ia.cos(a)
-        if name == "cos":
-            return ia.negative(ia.sin(a))
-        if name == "atan":
-            return ia.divide(ia.UNIT, ia.add(ia.UNIT, ia.power(a, 2)))
-        assert name == "sqrt"
-        return ia.divide((ia.ONE // 2, ia.ONE // 2), value)
-
-
-def _power(a: Interval, exponent: Fraction) -> Interval:
-    if exponent.denominator == 1:
-        return ia.power(a, int(exponent))
-    return ia.power(ia.root(a, exponent.denominator), exponent.numerator)
-
-
-class _Reader:
-    """Sums, products, powers with constant exponents, and functions of z0, z1, ...; nothing else is read."""
-
-    def __init__(self, text: Any, program: _Program) -> None:
-        if not isinstance(text, str) or len(text) > MOST_TEXT:
-            raise Rejected(f"an expression is text of at most {MOST_TEXT} characters")
-        self.program = program
-        self.tokens: list[str] = []
-        place = 0
-        while place < len(text.rstrip()):
-            match = _TOKEN.match(text, place)
-            if match is None:
-                raise Rejected(f"an expression has an unknown sign. Got {text[place : place + 20]!r}")
-            self.tokens.append(match.group().strip())
-            place = match.end()
-        self.place = 0
-        self.depth = 0
-
-    def read(self) -> int:
-        """The place of the whole expression."""
-        place = self._sum()
-        if self.place != len(self.tokens):
-            raise Rejected(f"an expression goes on after its end. Got {self.tokens[self.place]!r}")
-        return place
-
-    def _next(self) -> str:
-        return self.tokens[self.place] if self.place < len(self.tokens) else ""
-
-    def _take(self, *signs: str) -> str:
-        token = self._next()
-        if token in signs:
-            self.place += 1
-            return token
-        return ""
-
-    def _sum(self) -> int:
-        self.depth += 1
-        if self.depth > MOST_DEPTH:
-            raise Rejected(f"an expression is nested deeper than {MOST_DEPTH}")
-        total = self._product()
-        while sign := self._take("+", "-"):
-            total = self._joined(sign, total, self._product())
-        self.depth -= 1
-        return total
-
-    def _product(self) -> int:
-        total = self._signed()
-        while sign := self._take("*", "/"):
-            total = self._joined(sign, total, self._signed())
-        return total
-
-    def _signed(self) -> int:
-        minus = False
-        while self._take("-"):
-            minus = not minus
-        place = self._raised()
-        return self._joined("-", self.program.add("constant", Fraction(0)), place) if minus else place
-
-    def _raised(self) -> int:
-        base = self._atom()
-        if not self._take("**"):
-            return base
-        self.depth += 1
-        if self.depth > MOST_DEPTH:
-            raise Rejected(f"an expression is nested deeper than {MOST_DEPTH}")
-        exponent = self.program.constant_at(self._signed())
-        self.depth -= 1
-        if exponent is None or abs(exponent.numerator) > MOST_POWER or exponent.denominator > MOST_POWER:
-            raise Rejected(f"an exponent is a constant fraction of numbers up to {MOST_POWER}")
-        return self.program.add("**", base, exponent)
-
-    def _atom(self) -> int:
-        token = self._next()
-        self.place += 1
-        if token.isdigit():
-            if len(token) > MOST_DIGITS:
-                raise Rejected(f"a number has at most {MOST_DIGITS} digits")
-            return self.program.add("constant", Fraction(int(token)))
-        if token == "(":
-            inside = self._sum()
-            self._close()
-            return inside
-        if token in _FUNCTIONS:
-            if not self._take("("):
-                raise Rejected(f"{token} has an argument in brackets")
-            inside = self._sum()
-            self._close()
-            return self.program.add(token, inside)
-        if re.fullmatch(r"z\d{1,3}", token) and int(token[1:]) < self.program.variables:
-            return int(token[1:])
-        raise Rejected(f"an expression has an unknown name or ends too soon. Got {token[:40]!r}")
-
-    def _close(self) -> None:
-        if not self._take(")"):
-            raise Rejected("a bracket is not closed")
-
-    def _joined(self, sign: str, one: int, two: int) -> int:
-        a, b = self.program.constant_at(one), self.program.constant_at(two)
-        if a is None or b is None:
-            return self.program.add(sign, one, two)
-        if sign == "/" and b == 0:
-            raise Rejected("an expression divides by 0")
-        value = a + b if sign == "+" else a - b if sign == "-" else a * b if sign == "*" else a / b
-        return self.program.add("constant", value)

@@ -175,13 +175,14 @@ def refine(equations: Equations, part: Part, *, room: float) -> bool:
     axis, _ = _axis(equations, part.box, part.box, near)
     if axis is None:
         return False
-    part.piece = None
-    for half in _cut(part, axis, near):
+    trial = Part(part.box, near)
+    for half in _cut(trial, axis, near):
         tube = enclose(equations, half.box, near, room=room)
         spectrum = None if tube is None else spectrum_at(equations, tube)
         if tube is None or spectrum is None:
             return False
         half.piece = Piece(tube, spectrum)
+    part.axis, part.at, part.piece, part.halves = trial.axis, trial.at, None, trial.halves
     return True
 
 

@@ -20,6 +20,12 @@ ROUNDING = 1e-15
 LONGEST, SHORTEST = 1.0 / 16.0, 1e-10
 
 
+def without_decimals(expression: sp.Expr) -> sp.Expr:
+    """The expression with the number that each double in it is, as a fraction."""
+    decimals = expression.atoms(sp.Float)
+    return expression.xreplace({number: sp.Rational(number) for number in decimals}) if decimals else expression
+
+
 class Equations:
     """m equations F(x, y) = 0 for y (m,) over x (n,), smooth where their enclosures are finite.
 
@@ -27,7 +33,8 @@ class Equations:
     """
 
     def __init__(self, x: Sequence[sp.Symbol], y: Sequence[sp.Symbol], equations: Sequence[sp.Expr]) -> None:
-        self.x, self.y, self.equations = tuple(x), tuple(y), tuple(equations)
+        # A derivative of a decimal would be rounded by SymPy.
+        self.x, self.y, self.equations = tuple(x), tuple(y), tuple(without_decimals(e) for e in equations)
         self.n, self.m = len(self.x), len(self.y)
         self._by_y = list(jacobian(self.equations, self.y))
         self._by_x = list(jacobian(self.equations, self.x))

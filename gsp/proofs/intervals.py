@@ -17,6 +17,8 @@ UNIT: Interval = (ONE, ONE)
 # exp of more than this has no use in a proof, and would take long.
 LARGEST_EXPONENT = 2000 * ONE
 TERMS = 40
+# Beyond doubles, and squares of them: whole numbers do not grow without end.
+LARGEST = ONE << 4096
 
 
 class OutOfDomain(ArithmeticError):
@@ -45,9 +47,12 @@ def negative(a: Interval) -> Interval:
 
 
 def multiply(a: Interval, b: Interval) -> Interval:
-    """a b."""
+    """a b; raises `OutOfDomain` when it is larger than any double."""
     ends = (a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1])
-    return min(ends) >> SHIFT, -(-max(ends) >> SHIFT)
+    low, high = min(ends), max(ends)
+    if max(-low, high) > LARGEST << SHIFT:
+        raise OutOfDomain("a number is too large")
+    return low >> SHIFT, -(-high >> SHIFT)
 
 
 def divide(a: Interval, b: Interval) -> Interval:
@@ -255,7 +260,14 @@ def atan(a: Interval) -> Interval:
 
 def _atan(x: int) -> Interval:
     # atan x = y + atan u, u = (x - tan y)/(1 + x tan y), with y a double near it and u of the order of rounding.
-    y = of(Fraction(math.atan(x / ONE)))
+    if abs(x) > ONE << 64:
+        # Within 2^-64 of the limit.
+        low, high = (HALF_PI[0] - (ONE >> 64) - 1, HALF_PI[1])
+        return (low, high) if x > 0 else (-high, -low)
+    rough = math.atan(x / ONE)
+    if not (abs(rough) < 1.6 and (rough >= 0.0) == (x >= 0)):
+        raise OutOfDomain("an inverse tangent that was not found")
+    y = of(Fraction(rough))
     tangent = divide(sin(y), cos(y))
     number = (x, x)
     u = divide(subtract(number, tangent), add(UNIT, multiply(number, tangent)))

@@ -60,7 +60,12 @@ def _accepted(certificate: Certificate) -> dict:
     with flint.ctx.workprec(balls.PRECISION):
         for share, room in zip(SHARES, ROOMS):
             written = as_json(certificate, share)
-            places = checker.refused(written)
+            try:
+                places = checker.refused(written)
+            except checker.Rejected as error:
+                raise GspError(
+                    f"the checker does not follow this proof: {error}. It cannot be saved."
+                ) from None
             if not places:
                 return written
             parts = list(covering.root.nodes())

@@ -1,16 +1,18 @@
 """Proofs that a branch is not normally hyperbolic over a region: a witness, and why it belongs to the branch.
 
-The branch is followed along a straight line in x, from a point where it is known towards a place where it seems to be
-lost.
+The branch is followed along a straight line in x, inside the region, from its anchor (a ball that holds its point
+over one x) towards a place where it seems to be lost. Tubes along the line are a chain when they are glued and the
+first one holds the anchor.
 
-- *Another type.* Two points of the branch are joined by a chain of glued tubes along the line, or by the finite graph
-  of an
-  explicit branch, and their proved numbers of unstable eigenvalues differ. Eigenvalues depend continuously on the
+- *Another type.* Two points of the branch are joined by a chain, or by the graph of an explicit branch on which D_y F
+  is continuous, and their proved numbers of unstable eigenvalues differ. Eigenvalues depend continuously on the
   point, so that one of them is on the imaginary axis in between. The witness is the piece of the line between two
   such points.
 - *A fold.* A zero of (F, D_y F v, v.v - 1) for (y, t, v) is proved along x = x_0 + t d: a point of the critical
-  manifold with
-  a singular D_y F. It is on the branch if a curve of zeros, followed by arclength from there, runs into the chain.
+  manifold with a singular D_y F. A curve of zeros, followed by arclength from there, runs into the chain and stays
+  over the line. Were the branch one regular graph over the region, it would hold the chain; what it holds of the
+  curve is closed, and open, for no other zeros are near a regular one; so it would hold the fold, which is not
+  regular.
 """
 
 from __future__ import annotations
@@ -65,25 +67,26 @@ class Line:
 def refute(
     equations: Equations,
     region: Box,
-    start: tuple[np.ndarray, np.ndarray],
+    anchor: tuple[np.ndarray, list[arb]],
     suspects: list[np.ndarray],
     *,
     graph: tuple[sp.Expr, ...] | None = None,
 ) -> Witness | None:
     """A witness against normal hyperbolicity over `region`, sought towards each of `suspects` (n,); None without one.
 
-    `start` is a point (x, y) of the branch; `graph` the branch's expressions where it is explicit.
+    `anchor` is a point x (n,) and a ball (m,) that holds the branch's point over it; `graph` the branch's expressions
+    where it is explicit.
     """
+    start, heights = anchor
     for suspect in suspects:
-        if not np.abs(suspect - start[0]).max() > 0.0:
+        if not np.abs(suspect - start).max() > 0.0:
             continue
-        line = _line(equations, start[0], suspect)
+        line = _line(equations, start, suspect)
         if not _is_inside(line, region):
             continue
-        if graph is not None:
-            found = _another_type_of_graph(equations, line, graph)
-        else:
-            found = _along(equations, line, start[1])
+        found = None if graph is None else _another_type_of_graph(equations, line, graph)
+        if found is None:
+            found = _along(equations, line, heights)
         if found is not None:
             return found
     return None
@@ -122,18 +125,22 @@ def _another_type_of_graph(equations: Equations, line: Line, graph: tuple[sp.Exp
         near = np.array([float(entry.mid()) for entry in matrix]).reshape(equations.m, -1)
         return spectrum_of(matrix, near)
 
-    if not _is_finite_along(line, heights):
+    # At a pole an eigenvalue changes its sign without being on the axis.
+    if not _is_continuous_along(equations, line, heights):
         return None
     return _between(equations, line, spectrum, heights)
 
 
-def _is_finite_along(line: Line, heights: BallFunction) -> bool:
+def _is_continuous_along(equations: Equations, line: Line, heights: BallFunction) -> bool:
+    """Whether the graph and D_y F on it are finite over boxes that cover the line."""
     waiting = [(0.0, 1.0)]
     for _ in range(LINE_BOXES):
         if not waiting:
             return True
         low, high = waiting.pop()
-        if not all(y.is_finite() for y in heights(line.at(balls.hull(low, high)))):
+        x = line.at(balls.hull(low, high))
+        y = heights(x)
+        if not all(value.is_finite() for value in [*y, *equations.derivative(x, y)]):
             middle = 0.5 * (low + high)
             waiting += [(low, middle), (middle, high)]
     return False
@@ -167,34 +174,52 @@ def _between(
     return Witness("type", dict(zip(names, ends)), statement)
 
 
-def _along(equations: Equations, line: Line, near: np.ndarray) -> Witness | None:
+def _along(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None:
     """A change of type at the end of a chain along the line, or a fold where the chain ends."""
-    chain = cover(line.equations, ((0.0, 1.0),), near, most_boxes=LINE_BOXES, spectral=False)
-    if not chain.undecided and not glue(line.equations, chain):
+    chain = _chain(line, anchor, 1.0)
+    if chain is not None:
 
         def spectrum(t: float) -> Spectrum | None:
-            tube = _at(line, chain, t)
+            tube = _at(line.equations, chain, t)
             return None if tube is None else spectrum_at(line.equations, tube)
 
         return _between(equations, line, spectrum, None)
-    return _fold(equations, line, chain, near)
+    return _fold(equations, line, anchor)
 
 
-def _at(line: Line, chain: Covering, t: float) -> Tube | None:
+def _chain(line: Line, anchor: list[arb], end: float) -> Covering | None:
+    """Glued tubes over t from 0 to `end`, the first of which holds the anchor; None where that is not proved."""
+    near = np.array([float(y.mid()) for y in anchor])
+    on = line.equations
+    reached = on.followed(np.zeros(1), np.array([0.5 * end]), near)
+    found = cover(
+        on, ((0.0, end),), near if reached is None else reached[1], most_boxes=LINE_BOXES, spectral=False
+    )
+    if found.undecided or glue(on, found):
+        return None
+    first = found.root.holding(np.zeros(1), upper=False).piece
+    return found if first is not None and first.tube.holds([arb(0)], anchor) else None
+
+
+def _at(equations: Equations, chain: Covering, t: float) -> Tube | None:
+    """A small tube over t whose zero is the chain's."""
     piece = chain.root.holding(np.array([t]), upper=False).piece
     if piece is None:
         return None
     near = piece.tube.centre + piece.tube.slope @ (np.array([t]) - piece.tube.middle)
-    return enclose(line.equations, ((t, t),), near)
+    found = enclose(equations, ((t, t),), near)
+    at = [balls.exact(t)]
+    return found if found is not None and piece.tube.holds(at, found.over(at)) else None
 
 
 # -- a fold ----------------------------------------------------------------------------------------
 
 
-def _fold(equations: Equations, line: Line, chain: Covering, near: np.ndarray) -> Witness | None:
-    """A singular point of D_y F that a curve of zeros joins to the part of the chain that begins at t = 0."""
+def _fold(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None:
+    """A singular point of D_y F that a curve of zeros joins to a chain from t = 0."""
     m = equations.m
     on = line.equations
+    near = np.array([float(y.mid()) for y in anchor])
     reached = on.followed(np.zeros(1), np.ones(1), near)
     if reached is None:
         return None
@@ -219,7 +244,7 @@ def _fold(equations: Equations, line: Line, chain: Covering, near: np.ndarray) -
     if not (t > 0 and t < 1):
         return None
     joined = any(
-        _joins(line, chain, found, share * side * float(np.abs(last - near).max() or 1.0), y, t)
+        _joins(line, anchor, found, share * side * float(np.abs(last - near).max() or 1.0), y, t)
         for share in ARCS
         for side in (1.0, -1.0)
     )
@@ -232,9 +257,9 @@ def _fold(equations: Equations, line: Line, chain: Covering, near: np.ndarray) -
     return Witness("fold", box, f"the fast Jacobian is singular on the branch at {where}")
 
 
-def _joins(line: Line, chain: Covering, fold: np.ndarray, arc: float, y: list[arb], t: arb) -> bool:
-    """Whether the curve of zeros through the fold, of length `arc` along its null vector, ends in the chain from t
-    = 0.
+def _joins(line: Line, anchor: list[arb], fold: np.ndarray, arc: float, y: list[arb], t: arb) -> bool:
+    """Whether a curve of zeros from the fold, of length `arc` along its null vector, stays over the line and ends in
+    a chain from t = 0.
     """
     on = line.equations
     m = on.m
@@ -257,19 +282,18 @@ def _joins(line: Line, chain: Covering, fold: np.ndarray, arc: float, y: list[ar
         return False
     if not any(piece.tube.holds([along], [*y, t]) for piece in covering.pieces):
         return False
-    # Its end is on the chain, and so is every part of the chain from there to t = 0.
-    tube = covering.root.holding(np.array([arc]), upper=arc < 0).piece
-    assert tube is not None
-    near = tube.tube.centre + tube.tube.slope @ (np.array([arc]) - tube.tube.middle)
-    end = enclose(curve, ((arc, arc),), near)
+    # All of it is over the line, and so in the region.
+    for piece in covering.pieces:
+        over = piece.tube.over([balls.hull(*piece.tube.box[0])])[m]
+        if not (over > 0 and over < 1):
+            return False
+    end = _at(curve, covering, arc)
     if end is None:
         return False
     values = end.over([balls.exact(arc)])
     last = values[m]
-    if not (last > 0 and last < 1):
+    chain = _chain(line, anchor, balls.above(last))
+    if chain is None:
         return False
-    upto = cover(on, ((0.0, balls.above(last)),), chain.root.near, most_boxes=LINE_BOXES, spectral=False)
-    if upto.undecided or glue(on, upto):
-        return False
-    piece = upto.root.holding(np.array([balls.below(last)]), upper=False).piece
+    piece = chain.root.holding(np.array([balls.below(last)]), upper=False).piece
     return piece is not None and piece.tube.holds([last], values[:m])

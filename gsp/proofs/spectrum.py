@@ -127,19 +127,52 @@ def least_eigenvalue(form: list[list[arb]]) -> float:
     bound = _by_rows(form)
     if bound > 0.0 or m == 1:
         return bound
-    middle = np.array([[float(entry.mid()) for entry in row] for row in form])
-    if not np.isfinite(middle).all():
+    turned, lengths = _turned(form)
+    least = _by_rows(turned)
+    # z = V u: u^T (V^T H V) u >= least |u|^2, so that V is regular, and |z|^2 <= longest |u|^2.
+    if not least > 0.0:
         return -np.inf
-    _, vectors = np.linalg.eigh(0.5 * (middle + middle.T))
-    rotation = arb_mat(m, m, [balls.exact(float(v)) for v in vectors.ravel()])
-    turned = rotation.transpose() * arb_mat(form) * rotation
-    lengths = rotation.transpose() * rotation
-    least = _by_rows([[turned[i, j] for j in range(m)] for i in range(m)])
-    # z = V u: u^T (V^T H V) u >= least |u|^2 and |z|^2 <= longest |u|^2.
-    longest = max(sum(balls.magnitude(lengths[i, j]) for j in range(m)) for i in range(m)) * (
-        1.0 + m * 2.0**-52
+    longest = _row_sum(lengths)
+    return balls.below(balls.exact(least) / balls.exact(longest))
+
+
+def largest_modulus(form: list[list[arb]]) -> float:
+    """An upper bound of |z^T H z| / z^T z over every symmetric H in the ball matrix `form`; infinite where none is
+    found.
+
+    The largest row sum, as the matrix is or after a rotation to the eigenvectors of the midpoint.
+    """
+    bound = _row_sum(form)
+    if len(form) == 1 or not bound < np.inf:
+        return bound
+    turned, lengths = _turned(form)
+    off = _row_sum(
+        [[entry - (1 if i == j else 0) for j, entry in enumerate(row)] for i, row in enumerate(lengths)]
     )
-    return balls.below(balls.exact(least) / balls.exact(longest)) if least > 0.0 else -np.inf
+    # z = V u: |z|^2 >= (1 - off) |u|^2, and V is regular.
+    if not off < 0.5:
+        return bound
+    return min(bound, balls.above(balls.exact(_row_sum(turned)) / (1 - balls.exact(off))))
+
+
+def _turned(form: list[list[arb]]) -> tuple[list[list[arb]], list[list[arb]]]:
+    """V^T H V and V^T V, V the eigenvectors of the midpoint in doubles, or the identity where it is not finite."""
+    m = len(form)
+    middle = np.array([[float(entry.mid()) for entry in row] for row in form])
+    vectors = np.linalg.eigh(0.5 * (middle + middle.T))[1] if np.isfinite(middle).all() else np.eye(m)
+    rotation = arb_mat(m, m, [balls.exact(float(v)) for v in vectors.ravel()])
+    turned, lengths = rotation.transpose() * arb_mat(form) * rotation, rotation.transpose() * rotation
+    return _rows(turned), _rows(lengths)
+
+
+def _rows(matrix: arb_mat) -> list[list[arb]]:
+    return [[matrix[i, j] for j in range(matrix.ncols())] for i in range(matrix.nrows())]
+
+
+def _row_sum(form: list[list[arb]]) -> float:
+    """The largest sum of moduli in a row, or infinity."""
+    sums = [balls.above(sum((entry.abs_upper() for entry in row), arb(0))) for row in form]
+    return max(sums) if all(value < np.inf for value in sums) else np.inf
 
 
 def _by_rows(form: list[list[arb]]) -> float:

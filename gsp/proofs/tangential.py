@@ -1,7 +1,7 @@
 """The rate at which neighbouring orbits of the slow flow part or approach, bounded over the proved tubes.
 
 On the branch x' = f(x, h_0(x), 0) with the Jacobian A = D_x f + D_y f Dh_0, Dh_0 = -(D_y g)^-1 D_x g. The modulus of
-every eigenvalue of (A + A^T)/2 is at most its largest row sum.
+every eigenvalue of (A + A^T)/2 is bounded over balls.
 """
 
 from __future__ import annotations
@@ -18,24 +18,31 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.covering import Piece
 from gsp.proofs.equations import Equations
+from gsp.proofs.spectrum import largest_modulus
 from gsp.proofs.tubes import Box, Tube
 
-HALVINGS = 400
+HALVINGS = 2000
 
 
-def tangential_rate(equations: Equations, slow: Sequence[sp.Expr], pieces: Sequence[Piece]) -> float:
+def tangential_rate(
+    equations: Equations, slow: Sequence[sp.Expr], pieces: Sequence[Piece], *, enough: float = 0.0
+) -> float:
     """An upper bound over all `pieces`; infinite where none is found. `slow` are the slow rates f at epsilon = 0.
 
-    The box with the largest bound is halved, `HALVINGS` times in all, for wide balls overestimate.
+    Wide balls overestimate, so that the box with the largest bound is halved across its widest side, `HALVINGS` times
+    in all or until no bound is above `enough`.
     """
     rates = _Rates(equations, slow)
     waiting = [(-rates.over(piece.tube, piece.tube.box), i, piece.tube.box) for i, piece in enumerate(pieces)]
     heapq.heapify(waiting)
     for _ in range(HALVINGS):
-        _, i, box = waiting[0]
-        sides = [high - low for low, high in box]
+        bound, i, box = waiting[0]
+        # As shares of the tube's box: variables have different units.
+        sides = [
+            (high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(box, pieces[i].tube.box)
+        ]
         axis = max(range(len(box)), key=sides.__getitem__)
-        if not sides[axis] > 0.0:
+        if -bound <= enough or not sides[axis] > 0.0:
             break
         heapq.heappop(waiting)
         low, high = box[axis]
@@ -68,10 +75,7 @@ class _Rates:
             [f[i, k] - _total(f[i, own + j] * graph[j, k] for j in range(m)) for k in range(own)]
             for i in range(own)
         ]
-        bounds = [sum(balls.magnitude((a[i][k] + a[k][i]) / 2) for k in range(own)) for i in range(own)]
-        largest = max(bounds) * (1.0 + own * 2.0**-52)
-        # A bound that is not a number is none.
-        return largest if all(bound < math.inf for bound in bounds) else math.inf
+        return largest_modulus([[(a[i][k] + a[k][i]) / 2 for k in range(own)] for i in range(own)])
 
 
 def _total(terms: Iterable[arb]) -> arb:

@@ -130,8 +130,8 @@ def krawczyk(
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
     radius = [room * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
     for _ in range(ROUNDS):
-        if not max(radius) < FAR:
-            # A radius that is not a number fails here as well.
+        # A radius that is not a number fails here as well.
+        if not all(r < FAR for r in radius):
             return None
         ball = [balls.hull(-r, r) for r in radius]
         y = [p + r for p, r in zip(line, ball)]
@@ -145,9 +145,10 @@ def krawczyk(
             image.append(value)
         if all(inside(value, r) for value, r in zip(image, radius)):
             return Tube(box, middle, centre, slope, np.array(radius), inverse, by_y)
-        radius = [max(ROOM * balls.magnitude(value), r) for value, r in zip(image, radius)]
-        if any(r != r for r in radius):
+        grown = [ROOM * balls.magnitude(value) for value in image]
+        if not all(r < FAR for r in grown):
             return None
+        radius = [max(wide, r) for wide, r in zip(grown, radius)]
     return None
 
 

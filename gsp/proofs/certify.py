@@ -1,0 +1,288 @@
+"""`certify`: normal hyperbolicity over a box, proved, refuted or left undecided."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Rational
+
+import flint
+import numpy as np
+import sympy as sp
+from flint import arb
+
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch
+from gsp.errors import DeclarationError
+from gsp.proofs import balls
+from gsp.proofs.anchors import ball_at, point_over
+from gsp.proofs.ball_functions import undefined_within
+from gsp.proofs.certificate import Certificate, ProofVerdict
+from gsp.proofs.covering import Covering, cover, glue, share_of
+from gsp.proofs.equations import Equations, without_decimals
+from gsp.proofs.refutation import refute
+from gsp.proofs.tangential import tangential_rate
+from gsp.proofs.tubes import Box, middle_of
+from gsp.systems.flow import check_epsilon
+from gsp.systems.region import check_region
+
+# Boxes that are tried unless told otherwise: seconds.
+MOST_BOXES = 20_000
+# Undecided boxes towards which a witness is looked for.
+SUSPECTS = 8
+
+
+def certify(
+    branch: Branch,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
+) -> Certificate:
+    """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`.
+
+    `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other
+    parameters keep the values of the system. Bounds on fast variables choose a sheet. Ends that are no doubles, such
+    as Fraction(1, 3), are rounded outwards. With `epsilon` the condition of r-normal hyperbolicity is asked for as
+    well. Ctrl-C returns what is proved by then.
+
+    The method is that of `tubes`, `spectrum`, `covering` and `refutation`. Raises `DeclarationError` for a region
+    that is not one, `BranchError` when the branch has no point in it, `UnsupportedFunctionError` for a function
+    without an enclosure.
+
+    >>> y, x, eps = sp.symbols("y x epsilon")
+    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)
+    >>> certify(solve_critical(system).branches[0], region={"y": (0, 1)}).verdict.name
+    'PROVED'
+    """
+    if not isinstance(branch, Branch):
+        raise DeclarationError(
+            f"certify takes a Branch. Got {type(branch).__name__}. Use solve_critical(system).branches."
+        )
+    if isinstance(most_boxes, bool) or not isinstance(most_boxes, int) or most_boxes < 1:
+        raise DeclarationError(f"most_boxes is a positive integer. Got {most_boxes!r}.")
+    small = None if epsilon is None else check_epsilon(epsilon)
+    system = branch.system
+    parameters = [p.name for p in system.parameters]
+    checked = check_region(
+        region, [*(s.name for s in system.states), *parameters], required=[s.name for s in system.x]
+    )
+    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
+    names = [s.name for s in system.x] + [p for p in parameters if p in checked]
+    sides = [_rounded(given[name], checked[name]) for name in names]
+    box: Box = tuple(outer for outer, _ in sides)
+    fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
+    with flint.ctx.workprec(balls.PRECISION):
+        equations, slow = _equations(branch, names)
+        start = point_over(branch, equations, box, fast)
+        covering = _covered(equations, box, start, most_boxes, progress)
+        problem = _Problem(
+            branch,
+            equations,
+            slow,
+            _graph(branch, equations),
+            box,
+            tuple(inner for _, inner in sides),
+            start,
+            small,
+        )
+        return _judged(problem, covering)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What is asked: over `box`, rounded outwards; `within` is the region rounded inwards, for witnesses."""
+
+    branch: Branch
+    equations: Equations
+    slow: list[sp.Expr]
+    graph: tuple[sp.Expr, ...] | None
+    box: Box
+    within: Box
+    start: tuple[np.ndarray, np.ndarray]
+    epsilon: float | None
+
+
+def _rounded(given: object, nearest: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """An interval rounded outwards and inwards; doubles are what they are."""
+    low, high = (_fraction(end) for end in (given if isinstance(given, (tuple, list)) else nearest))
+    first, last = nearest
+    return (_down(first, low), _up(last, high)), (_up(first, low), _down(last, high))
+
+
+def _down(nearest: float, exact: Fraction | None) -> float:
+    return math.nextafter(nearest, -math.inf) if exact is not None and Fraction(nearest) > exact else nearest
+
+
+def _up(nearest: float, exact: Fraction | None) -> float:
+    return math.nextafter(nearest, math.inf) if exact is not None and Fraction(nearest) < exact else nearest
+
+
+def _fraction(value: object) -> Fraction | None:
+    if isinstance(value, (Rational, Decimal)):
+        return Fraction(value)
+    if isinstance(value, sp.Rational):
+        return Fraction(int(value.p), int(value.q))
+    return None
+
+
+def _equations(branch: Branch, names: list[str]) -> tuple[Equations, list[sp.Expr]]:
+    """g = 0 and the slow rates f, on epsilon = 0, over the symbols of the intervals."""
+    system = branch.system
+    x = [*system.x, *(p for p in system.parameters if p.name in names)]
+    values = {p: v for p, v in system.parameters.items() if p not in x}
+    zero = sp.Integer(0)
+    g, f = (
+        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
+        for rates in (system.g, system.f)
+    )
+    return Equations(x, system.y, g), [without_decimals(e) for e in f]
+
+
+def _graph(branch: Branch, equations: Equations) -> tuple[sp.Expr, ...] | None:
+    if branch.graph is None:
+        return None
+    values = {p: v for p, v in branch.system.parameters.items() if p not in equations.x}
+    return tuple(
+        without_decimals(sp.sympify(branch.graph[y], strict=True).xreplace(values)) for y in equations.y
+    )
+
+
+def _covered(
+    equations: Equations,
+    box: Box,
+    start: tuple[np.ndarray, np.ndarray],
+    most_boxes: int,
+    progress: Callable[[float], object] | None,
+) -> Covering:
+    middle = middle_of(box)
+    reached = equations.followed(start[0], middle, start[1])
+    near = start[1] if reached is None else reached[1]
+    return cover(equations, box, near, most_boxes=most_boxes, progress=progress)
+
+
+def _judged(problem: _Problem, covering: Covering) -> Certificate:
+    names = [s.name for s in problem.equations.arguments]
+    pieces = covering.pieces
+    certificate = Certificate(
+        branch=problem.branch,
+        region=dict(zip(names, problem.box)),
+        through=dict(zip(names, np.concatenate(problem.start).tolist())),
+        verdict=ProofVerdict.UNDECIDED,
+        reason="interrupted; what was proved by then is kept",
+        gap=covering.gap,
+        stable=0,
+        unstable=0,
+        tangential=math.inf,
+        epsilon=problem.epsilon,
+        witness=None,
+        undecided=tuple(covering.undecided),
+        undecided_volume=covering.undecided_volume,
+        boxes=tuple(piece.tube.box for piece in pieces),
+        tried=covering.tried,
+        _equations=problem.equations,
+        _covering=covering,
+    )
+    if covering.interrupted:
+        return certificate
+    try:
+        return _decided(problem, covering, certificate)
+    except KeyboardInterrupt:
+        return certificate
+
+
+def _decided(problem: _Problem, covering: Covering, certificate: Certificate) -> Certificate:
+    equations, epsilon = problem.equations, problem.epsilon
+    left = covering.undecided
+    failed = [] if left else glue(equations, covering)
+    pieces = covering.pieces
+    counts = {piece.spectrum.counts for piece in pieces if piece.spectrum is not None}
+    anchor = ball_at(equations, problem.start, problem.graph)
+    if anchor is None:
+        return replace(certificate, reason="the point at which the branch was found is not proved to be one")
+    if not left and not failed and len(counts) == 1 and _is_on(covering, problem.start[0], anchor):
+        (stable, unstable) = counts.pop()
+        proved = replace(
+            certificate,
+            verdict=ProofVerdict.PROVED,
+            reason="one smooth branch, normally hyperbolic throughout",
+            stable=stable,
+            unstable=unstable,
+            tangential=tangential_rate(
+                equations, problem.slow, pieces, enough=0.0 if epsilon is None else covering.gap / epsilon
+            ),
+        )
+        if epsilon is not None and not proved.rate_ratio >= 1.0:
+            return replace(
+                proved,
+                verdict=ProofVerdict.UNDECIDED,
+                reason=f"normally hyperbolic throughout, but r >= 1 at epsilon = {epsilon:g} is not proved: "
+                f"only r >= {proved.rate_ratio:.3g}",
+            )
+        return proved
+    suspects = _suspects(covering, failed, problem.start[0])
+    witness = refute(equations, problem.within, (problem.start[0], anchor), suspects, graph=problem.graph)
+    if witness is not None:
+        return replace(
+            certificate, verdict=ProofVerdict.REFUTED, reason="normal hyperbolicity is lost", witness=witness
+        )
+    return replace(certificate, reason=_why(problem, covering, failed))
+
+
+def _is_on(covering: Covering, x: np.ndarray, anchor: list[arb]) -> bool:
+    """Whether the point that the branch was known at is on what was proved."""
+    piece = covering.root.holding(x, upper=False).piece
+    return piece is not None and piece.tube.holds([balls.exact(float(v)) for v in x], anchor)
+
+
+def _suspects(covering: Covering, failed: list[Box], start: np.ndarray) -> list[np.ndarray]:
+    """Places where the branch may be lost: of the undecided parts and of faces that are not glued, the furthest
+    first.
+    """
+    found = [part.suspect for part in covering.root.leaves() if part.piece is None and part.suspect is not None]
+    found += [middle_of(face) for face in failed]
+    found += [middle_of(part.box) for part in covering.root.leaves() if part.piece is None]
+    if failed:
+        found += [np.array(corner) for corner in np.array(covering.root.box).T]
+    found.sort(key=lambda x: -float(np.abs(x - start).max()))
+    step = max(1, len(found) // SUSPECTS)
+    return found[::step][:SUSPECTS]
+
+
+def _why(problem: _Problem, covering: Covering, failed: list[Box]) -> str:
+    undefined = _undefined(problem, covering)
+    if undefined:
+        return undefined
+    if covering.exhausted:
+        return f"the budget of {covering.tried} boxes is spent"
+    if failed:
+        return f"{len(failed)} common faces of boxes are not glued: the boxes may hold different branches"
+    if covering.undecided:
+        return "the boxes that are left hold a loss, or come too near one to be told"
+    return "the boxes are proved, but not that they hold the point at which the branch was found"
+
+
+def _undefined(problem: _Problem, covering: Covering) -> str:
+    """Which part of the field or of the graph is not defined all over a small box that is left, and where."""
+    equations, whole = problem.equations, covering.root.box
+    left = sorted(
+        (part for part in covering.root.leaves() if part.piece is None), key=lambda p: share_of(p.box, whole)
+    )
+    for part in left[:SUSPECTS]:
+        share = max((high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(part.box, whole))
+        room = share * (1.0 + np.abs(part.near))
+        x = [balls.hull(low, high) for low, high in part.box]
+        y = [balls.hull(float(v - r), float(v + r)) for v, r in zip(part.near, room)]
+        found = undefined_within(equations.equations, equations.arguments, [*x, *y]) or (
+            undefined_within(problem.graph, equations.x, x) if problem.graph else None
+        )
+        if found is not None:
+            where = ", ".join(
+                f"{s.name} in [{low:.6g}, {high:.6g}]" for s, (low, high) in zip(equations.x, part.box)
+            )
+            return f"{found} has a pole or a branch point, or comes near one, over {where}"
+    return ""
