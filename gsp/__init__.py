@@ -7,6 +7,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     solve_critical                the critical manifold, branch by branch
     continue_critical             one curve of it through its folds, with its special points
     classify                      where it is normally hyperbolic, how strongly, and how it ceases to be
+    certify                       the same proved over a box, in ball arithmetic, or refuted
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
     canard_value                  the parameter of the maximal canard, as an exact series in epsilon
     folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve

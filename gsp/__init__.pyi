@@ -59,6 +59,9 @@ from .orbits.periodic import continue_orbits as continue_orbits
 from .orbits.periodic import hopf_points as hopf_points
 from .orbits.periodic import periodic_orbit as periodic_orbit
 from .orbits.periodic import shoot as shoot
+from .proofs.certificate import Certificate as Certificate
+from .proofs.certificate import ProofVerdict as ProofVerdict
+from .proofs.certify import certify as certify
 from .readers import load as load
 from .report import write_report as write_report
 from .scenes.scene import Scene as Scene

@@ -1,8 +1,9 @@
-"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp choose`, `gsp report`.
+"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp verify`, `gsp choose`, `gsp report`.
 
-Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold, 2 on bad input or when
-the output cannot be written, 70 on a defect of gsp, 130 when interrupted. Heavy modules are imported by the command
-that needs them, so that help is quick.
+Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold or `verify` that a
+proof does not, 2 on bad input or when the output cannot be written, 3 when `check --prove` leaves it undecided, 70 on
+a defect of gsp, 130 when interrupted. Heavy modules are imported by the command that needs them, so that help is
+quick.
 """
 
 from __future__ import annotations
@@ -264,16 +265,40 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
 
 @cli.command()
 @_asks("set", "epsilon", "region")
+@click.option("--prove", is_flag=True, help="Prove it in ball arithmetic instead of sampling.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Write the proof to this file; `gsp verify` checks it.",
+)
 @_json_option
-def check(scene: Scene, as_json: bool) -> None:
+def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None:
     """Check the conditions of normal hyperbolicity of MODEL over its region.
 
-    Exit status 0 when every condition holds at the samples, 1 when one fails.
+    Exit status 0 when every condition holds at the samples, 1 when one fails; with --prove 0 when it is proved, 1
+    when it is refuted, 3 when it is undecided.
     """
     from gsp.hyperbolicity.hyperbolicity import classify
     from gsp.scenes.placement import place
 
+    if output is not None and not prove:
+        raise DeclarationError("-o writes a proof, and samples are none. Add --prove, or leave -o out.")
     placement = place(scene)
+    if prove:
+        from gsp.proofs.certify import certify
+
+        with _progress("boxes") as advance:
+            certificate = certify(
+                placement.branch, region=placement.region, epsilon=scene.epsilon, progress=advance
+            )
+            if output is not None and certificate.verdict.name == "PROVED":
+                certificate.save(output)
+        if as_json:
+            _print_json({"name": scene.name, **certificate.as_dict()})
+        else:
+            click.echo(str(certificate))
+        click.get_current_context().exit({"PROVED": 0, "REFUTED": 1, "UNDECIDED": 3}[certificate.verdict.name])
     verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
     if as_json:
         from gsp.report import hyperbolicity_as_json
@@ -282,6 +307,32 @@ def check(scene: Scene, as_json: bool) -> None:
     else:
         click.echo(str(verdict))
     click.get_current_context().exit(0 if verdict.holds else 1)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@_json_option
+def verify(file: Path, as_json: bool) -> None:
+    """Check the proof in FILE, which `gsp check --prove -o FILE` wrote: in whole numbers, by code of its own.
+
+    Exit status 0 when the proof holds, 1 when it does not.
+    """
+    from gsp.proofs import checker
+
+    try:
+        found = checker.check(file)
+    except OSError as error:
+        raise GspError(f"the proof cannot be read. Got {file}: {error.strerror}. Name another file.") from None
+    except checker.Rejected as error:
+        if as_json:
+            _print_json({"holds": False, "reason": str(error)})
+        else:
+            click.echo(f"the proof does not hold: {error}")
+        click.get_current_context().exit(1)
+    if as_json:
+        _print_json({"holds": True, **found.as_dict()})
+    else:
+        click.echo(str(found))
 
 
 @cli.command()

@@ -5,16 +5,24 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
 from pathlib import Path
 
+import flint
+import sympy as sp
+
 from gsp.critical.branch import Branch
+from gsp.proofs import balls
 from gsp.proofs.covering import Covering
 from gsp.proofs.equations import Equations
 from gsp.proofs.refutation import Witness
+from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box
+
+# Undecided boxes that JSON lists.
+SHOWN = 100
 
 
 class ProofVerdict(StrEnum):
@@ -31,8 +39,7 @@ class Certificate:
 
     - PROVED: over the whole region the branch is one smooth graph through `through`, and every matrix D_y g on it has
       `stable` eigenvalues left and `unstable` ones right of the imaginary axis, all at least `gap` from it (fast
-      time). `tangential` bounds the growth and decay along the slow flow (slow time; infinite where no bound was
-      found), and with `epsilon` the `rate_ratio` gap/(epsilon tangential), at least 1, is proved too.
+      time). With `epsilon` the `rate_ratio` gap/(epsilon tangential) is proved to be at least 1 too.
     - REFUTED: it is not, for the `witness`.
     - UNDECIDED: neither. `undecided` are the boxes that are left, `undecided_volume` their share of the region's
       volume; over the others all of it holds, each by itself. `reason` is one sentence.
@@ -48,7 +55,6 @@ class Certificate:
     gap: float
     stable: int
     unstable: int
-    tangential: float
     epsilon: float | None
     witness: Witness | None
     undecided: tuple[Box, ...]
@@ -56,7 +62,24 @@ class Certificate:
     boxes: tuple[Box, ...]
     tried: int
     _equations: Equations
+    _slow: tuple[sp.Expr, ...]
     _covering: Covering
+    # The tangential rate once it is asked for; it costs more than the proof.
+    _rate: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def tangential(self) -> float:
+        """A proved bound of growth and decay along the slow flow, in slow time; infinite where none is found."""
+        if "tangential" not in self._rate:
+            enough = 0.0 if self.epsilon is None else self.gap / self.epsilon
+            with flint.ctx.workprec(balls.PRECISION):
+                pieces = self._covering.pieces
+                self._rate["tangential"] = (
+                    tangential_rate(self._equations, self._slow, pieces, enough=enough)
+                    if self.stable + self.unstable
+                    else math.inf
+                )
+        return self._rate["tangential"]
 
     @property
     def rate_ratio(self) -> float:
@@ -77,25 +100,55 @@ class Certificate:
             return "attracting"
         return "saddle" if self.stable else "repelling"
 
+    def as_dict(self) -> dict[str, object]:
+        """Plain values, for JSON; None for what is not finite."""
+        names = list(self.region)
+        return {
+            "verdict": self.verdict.value,
+            "reason": self.reason,
+            "region": {name: list(side) for name, side in self.region.items()},
+            "through": dict(self.through),
+            "kind": self.kind,
+            "gap": _finite(self.gap),
+            "stable": self.stable,
+            "unstable": self.unstable,
+            "epsilon": self.epsilon,
+            "rate_ratio": _finite(self.rate_ratio),
+            "witness": None
+            if self.witness is None
+            else {
+                "kind": self.witness.kind,
+                "statement": self.witness.statement,
+                "box": {name: list(side) for name, side in self.witness.box.items()},
+            },
+            "boxes": len(self.boxes),
+            "tried": self.tried,
+            "undecided": [{n: list(side) for n, side in zip(names, box)} for box in self.undecided[:SHOWN]],
+            "undecided_volume": self.undecided_volume,
+        }
+
     def save(self, path: str | Path) -> None:
         """Write the proof as JSON, which `gsp verify` checks; raises `GspError` unless the verdict is PROVED."""
         from gsp.proofs.proof_file import write
 
         write(self, Path(path))
 
+    @property
+    def where(self) -> str:
+        """The region as text."""
+        return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
+
     def __repr__(self) -> str:
         return f"Certificate({self.verdict.name}, {self.reason})"
 
     def __str__(self) -> str:
-        box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
-        lines = [f"{self.verdict.value} on {box}", f"  {self.reason}"]
+        lines = [f"{self.verdict.value} on {self.where}", f"  {self.reason}"]
         if self.verdict is ProofVerdict.PROVED:
             lines.append(
                 f"  {self.kind}, gap at least {self.gap:.6g} in fast time; {len(self.boxes)} boxes, glued"
             )
-            if math.isfinite(self.tangential):
-                lines.append(f"  rate along the slow flow at most {self.tangential:.6g}")
             if self.epsilon is not None:
+                lines.append(f"  rate along the slow flow at most {self.tangential:.6g}")
                 lines.append(
                     f"  normal against tangential rate at epsilon = {self.epsilon:g}: at least {self.rate_ratio:.6g}"
                 )
@@ -107,6 +160,10 @@ class Certificate:
                 f"{self.undecided_volume:.3g} of the volume; {self.tried} tried"
             )
         return "\n".join(lines)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _rounded_down(value: Fraction) -> float:

@@ -24,7 +24,6 @@ from gsp.proofs.certificate import Certificate, ProofVerdict
 from gsp.proofs.covering import Covering, cover, glue, share_of
 from gsp.proofs.equations import Equations, without_decimals
 from gsp.proofs.refutation import refute
-from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
@@ -177,7 +176,6 @@ def _judged(problem: _Problem, covering: Covering) -> Certificate:
         gap=covering.gap,
         stable=0,
         unstable=0,
-        tangential=math.inf,
         epsilon=problem.epsilon,
         witness=None,
         undecided=tuple(covering.undecided),
@@ -185,6 +183,7 @@ def _judged(problem: _Problem, covering: Covering) -> Certificate:
         boxes=tuple(piece.tube.box for piece in pieces),
         tried=covering.tried,
         _equations=problem.equations,
+        _slow=tuple(problem.slow),
         _covering=covering,
     )
     if covering.interrupted:
@@ -212,9 +211,6 @@ def _decided(problem: _Problem, covering: Covering, certificate: Certificate) ->
             reason="one smooth branch, normally hyperbolic throughout",
             stable=stable,
             unstable=unstable,
-            tangential=tangential_rate(
-                equations, problem.slow, pieces, enough=0.0 if epsilon is None else covering.gap / epsilon
-            ),
         )
         if epsilon is not None and not proved.rate_ratio >= 1.0:
             return replace(

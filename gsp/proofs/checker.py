@@ -43,6 +43,18 @@ class Checked:
     gap: float
     boxes: int
 
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return {
+            "equations": list(self.equations),
+            "variables": {f"z{i}": name for i, name in enumerate(self.names)},
+            "region": dict(zip(self.names, map(list, self.region))),
+            "stable": self.stable,
+            "unstable": self.unstable,
+            "gap": self.gap,
+            "boxes": self.boxes,
+        }
+
     def __str__(self) -> str:
         box = ", ".join(f"{n} in [{low!r}, {high!r}]" for n, (low, high) in zip(self.names, self.region))
         legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.names))

@@ -10,6 +10,7 @@ of all of it.
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,12 +42,15 @@ def write(certificate: Certificate, path: Path) -> None:
             "Shrink the region or raise most_boxes."
         )
     text = json.dumps(_accepted(certificate), indent=None, separators=(",", ":"), allow_nan=False)
+    if not path.name or path.is_dir():
+        raise OutputError(f"the proof cannot be written. Got {path}, a folder. Name a file.")
+    part = path.with_name(path.name + ".part")
     try:
-        part = path.with_name(path.name + ".part")
         part.write_text(text + "\n", encoding="utf-8")
         part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink()
         raise OutputError(
             f"the proof cannot be written. Got {path}: {error.strerror}. Name another file."
         ) from None

@@ -1,0 +1,133 @@
+"""Every operation on balls holds the exact value: against fractions, and mpmath at 400 bits."""
+
+import math
+import random
+from fractions import Fraction
+
+import mpmath
+import pytest
+from flint import arb
+
+from gsp.proofs import balls
+
+CASES = 300
+WHOLE = 10_000
+ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "atan", "sqrt")
+
+
+def interval(random_, *, positive: bool = False) -> tuple[float, float]:
+    """Ends of very different sizes: thin, wide, about 0, one point."""
+    scale = 10.0 ** random_.uniform(-6, 2)
+    centre = max(min(random_.uniform(-1, 1) * scale * random_.choice([0, 1, 1, 30]), 200.0), -200.0)
+    width = scale * random_.choice([0.0, 1e-15, 1e-6, 0.1, 1.0, 5.0])
+    low, high = max(centre - width, -300.0), min(centre + width, 300.0)
+    return (abs(low) + 1e-9, abs(low) + 1e-9 + high - low) if positive else (low, high)
+
+
+def inside(random_, low: float, high: float) -> Fraction:
+    """A number of the interval, the ends among them."""
+    share = random_.choice([Fraction(0), Fraction(1), Fraction(random_.random())])
+    return Fraction(low) + share * (Fraction(high) - Fraction(low))
+
+
+def exactly(number: arb) -> Fraction:
+    """The fraction that an exact ball is."""
+    mantissa, exponent = number.man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def holds(ball: arb, value: Fraction) -> bool:
+    return ball.is_finite() and abs(value - exactly(ball.mid())) <= exactly(ball.rad())
+
+
+def rational_operations_hold(cases: int) -> None:
+    draw = random.Random(1)
+    for _ in range(cases):
+        one, two = interval(draw), interval(draw)
+        a, b = inside(draw, *one), inside(draw, *two)
+        x, y = balls.hull(*one), balls.hull(*two)
+        assert holds(balls.product(x, y), a * b), (one, two)
+        if y > 0 or y < 0:
+            assert holds(balls.quotient(x, y), a / b), (one, two)
+        else:
+            assert not balls.quotient(x, y).is_finite()
+        for exponent in (0, 1, 2, 3, 4, 7):
+            assert holds(balls.power(x, exponent), a**exponent), (one, exponent)
+        if (x > 0 or x < 0) and abs(a) > Fraction(1, 10**6):
+            assert holds(balls.power(x, -3), a**-3), one
+
+
+def elementary_functions_hold(cases: int) -> None:
+    draw = random.Random(2)
+    with mpmath.workprec(400):
+        for _ in range(cases):
+            for name in ELEMENTARY:
+                low, high = interval(draw, positive=name in ("log", "sqrt"))
+                a = inside(draw, low, high)
+                value = getattr(mpmath, name)(mpmath.mpf(a.numerator) / a.denominator)
+                ball = getattr(balls, name)(balls.hull(low, high))
+                sign, mantissa, exponent, _ = value._mpf_
+                known = Fraction(-mantissa if sign else mantissa) * Fraction(2) ** exponent
+                # mpmath rounds to the nearest of 400 bits.
+                wide = ball + arb(0, 2.0**-300 * max(1.0, float(abs(value))))
+                assert holds(wide, known), (name, low, high, a)
+
+
+def roundings_hold(cases: int) -> None:
+    draw = random.Random(3)
+    for _ in range(cases):
+        ball = arb(draw.uniform(-1, 1), draw.choice([0.0, 1e-17, 1e-9, 1.0])) * arb(draw.random()) / 3
+        low, high = exactly(ball.mid()) - exactly(ball.rad()), exactly(ball.mid()) + exactly(ball.rad())
+        assert balls.below(ball) <= low
+        assert balls.above(ball) >= high
+        assert balls.magnitude(ball) >= max(-low, high)
+
+
+def test_products_quotients_and_powers_hold_the_exact_value() -> None:
+    rational_operations_hold(CASES)
+
+
+def test_elementary_functions_hold_the_exact_value() -> None:
+    elementary_functions_hold(CASES)
+
+
+def test_bounds_in_doubles_are_on_the_right_side() -> None:
+    roundings_hold(WHOLE)
+
+
+@pytest.mark.exhaustive
+def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
+    rational_operations_hold(WHOLE)
+    elementary_functions_hold(WHOLE)
+
+
+@pytest.mark.parametrize("function", [balls.log, balls.sqrt, lambda ball: balls.root_power(ball, -2, 3)])
+def test_a_ball_that_leaves_the_domain_gives_nothing_finite(function) -> None:
+    for low, high in [(-1.0, 2.0), (0.0, 1.0), (-2.0, -1.0)]:
+        assert not function(balls.hull(low, high)).is_finite()
+
+
+def test_nothing_is_claimed_of_what_is_not_a_number() -> None:
+    nothing = balls.UNDEFINED
+    for ball in (
+        balls.power(nothing, 2),
+        balls.power(nothing, 3),
+        balls.product(nothing, balls.hull(1.0, 2.0)),
+        balls.product(balls.hull(0.0, 2.0), nothing),
+        balls.quotient(balls.hull(1.0, 2.0), nothing),
+        balls.exp(nothing),
+        balls.tanh(nothing),
+        balls.sin(nothing),
+        balls.cosh(nothing),
+    ):
+        assert not ball.is_finite()
+        assert not ball > 0
+        assert not ball < 0
+    assert math.isnan(balls.above(nothing))
+    assert math.isnan(balls.magnitude(nothing))
+
+
+def test_wide_balls_stay_sharp() -> None:
+    assert float(balls.tanh(balls.hull(-3.0, 3.0)).abs_upper()) < 1.0
+    assert float(balls.power(balls.hull(1.0, 3.0), 2).lower()) > 0.999
+    assert float(balls.quotient(arb(1), balls.hull(1.0, 3.0)).upper()) < 1.0001

@@ -1,0 +1,95 @@
+"""The checker's whole-number intervals hold the exact value: against fractions, and mpmath at 400 bits."""
+
+import random
+from fractions import Fraction
+
+import mpmath
+import pytest
+
+from gsp.proofs import intervals as ia
+from tests.proofs.test_balls import CASES, WHOLE, inside, interval
+
+ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "atan")
+
+
+def holds(found: ia.Interval, value: Fraction) -> bool:
+    return found[0] <= value * ia.ONE <= found[1]
+
+
+def enclosing(low: float, high: float) -> ia.Interval:
+    return ia.of(Fraction(low))[0], ia.of(Fraction(high))[1]
+
+
+def rational_operations_hold(cases: int) -> None:
+    draw = random.Random(4)
+    for _ in range(cases):
+        one, two = interval(draw), interval(draw)
+        a, b = inside(draw, *one), inside(draw, *two)
+        x, y = enclosing(*one), enclosing(*two)
+        assert holds(ia.add(x, y), a + b)
+        assert holds(ia.subtract(x, y), a - b)
+        assert holds(ia.negative(x), -a)
+        assert holds(ia.multiply(x, y), a * b)
+        assert ia.magnitude(x) >= abs(a) * ia.ONE
+        if y[0] > 0 or y[1] < 0:
+            assert holds(ia.divide(x, y), a / b)
+        for exponent in (0, 1, 2, 3, 6):
+            assert holds(ia.power(x, exponent), a**exponent), (one, exponent)
+        if a > 0 and x[0] > 0:
+            for degree in (2, 3, 5):
+                low, high = ia.root(x, degree)
+                assert low**degree <= a * ia.ONE**degree <= high**degree
+
+
+def elementary_functions_hold(cases: int) -> None:
+    draw = random.Random(5)
+    with mpmath.workprec(400):
+        for _ in range(cases):
+            for name in ELEMENTARY:
+                low, high = interval(draw, positive=name == "log")
+                a = inside(draw, low, high)
+                value = getattr(mpmath, name)(mpmath.mpf(a.numerator) / a.denominator) * ia.ONE
+                found = getattr(ia, name)(enclosing(low, high))
+                assert found[0] <= value <= found[1], (name, low, high, a)
+
+
+def test_rational_operations_hold_the_exact_value() -> None:
+    rational_operations_hold(CASES)
+
+
+def test_elementary_functions_hold_the_exact_value() -> None:
+    elementary_functions_hold(CASES // 3)
+
+
+@pytest.mark.exhaustive
+def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
+    rational_operations_hold(WHOLE)
+    elementary_functions_hold(WHOLE)
+
+
+def test_half_pi_is_enclosed_to_the_last_digits() -> None:
+    with mpmath.workprec(400):
+        assert ia.HALF_PI[0] <= mpmath.pi / 2 * ia.ONE <= ia.HALF_PI[1]
+    assert ia.HALF_PI[1] - ia.HALF_PI[0] < 1 << 8
+
+
+@pytest.mark.parametrize("x", [1e-20, -1e-20, 1e19, 1e25, -1e25, 1e300, -1e300])
+def test_inverse_tangents_of_the_smallest_and_the_largest_numbers_are_held(x: float) -> None:
+    low, high = ia.atan(enclosing(x, x))
+    with mpmath.workprec(2000):
+        assert low <= mpmath.atan(mpmath.mpf(x)) * ia.ONE <= high
+
+
+@pytest.mark.parametrize(
+    "out",
+    [
+        lambda: ia.divide(ia.UNIT, (-1, 1)),
+        lambda: ia.log((0, 5)),
+        lambda: ia.root((-1, 5), 2),
+        lambda: ia.exp((0, 3000 * ia.ONE)),
+        lambda: ia.power(enclosing(1e300, 1e300), 1000),
+    ],
+)
+def test_what_is_out_of_the_domain_or_too_large_is_refused(out) -> None:
+    with pytest.raises(ia.OutOfDomain):
+        out()
