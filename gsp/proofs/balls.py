@@ -85,9 +85,7 @@ def _reciprocal(value: arb) -> arb:
 
 
 def power(ball: arb, exponent: int) -> arb:
-    """ball**exponent for a whole exponent: even powers by modulus, odd ones by their ends, never below 0 by
-    rounding.
-    """
+    """ball**exponent for a whole exponent: even powers by modulus, odd ones by their ends."""
     if exponent < 0:
         return quotient(arb(1), power(ball, -exponent))
     if exponent == 0:

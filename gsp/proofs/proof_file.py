@@ -10,7 +10,6 @@ of all of it.
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,10 +17,11 @@ import flint
 import numpy as np
 import sympy as sp
 
-from gsp.errors import GspError, OutputError
+from gsp.errors import GspError
 from gsp.proofs import balls, checker
 from gsp.proofs.covering import Part, glue, refine
 from gsp.proofs.tubes import Tube
+from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.proofs.certificate import Certificate
@@ -42,18 +42,7 @@ def write(certificate: Certificate, path: Path) -> None:
             "Shrink the region or raise most_boxes."
         )
     text = json.dumps(_accepted(certificate), indent=None, separators=(",", ":"), allow_nan=False)
-    if not path.name or path.is_dir():
-        raise OutputError(f"the proof cannot be written. Got {path}, a folder. Name a file.")
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text + "\n", encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise OutputError(
-            f"the proof cannot be written. Got {path}: {error.strerror}. Name another file."
-        ) from None
+    write_file((text + "\n").encode(), path)
 
 
 def _accepted(certificate: Certificate) -> dict:

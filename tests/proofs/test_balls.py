@@ -21,7 +21,7 @@ def interval(random_, *, positive: bool = False) -> tuple[float, float]:
     centre = max(min(random_.uniform(-1, 1) * scale * random_.choice([0, 1, 1, 30]), 200.0), -200.0)
     width = scale * random_.choice([0.0, 1e-15, 1e-6, 0.1, 1.0, 5.0])
     low, high = max(centre - width, -300.0), min(centre + width, 300.0)
-    return (abs(low) + 1e-9, abs(low) + 1e-9 + high - low) if positive else (low, high)
+    return (abs(low) + 1e-9, abs(low) + 1e-9 + (high - low)) if positive else (low, high)
 
 
 def inside(random_, low: float, high: float) -> Fraction:
