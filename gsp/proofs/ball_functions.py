@@ -39,8 +39,8 @@ class BallFunction:
 
     >>> x = sp.Symbol("x")
     >>> square = BallFunction([x], [x**2])
-    >>> float(square([balls.hull(1.0, 3.0)])[0].mid())
-    5.0
+    >>> float(square([balls.exact(3)])[0].mid())
+    9.0
     """
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:

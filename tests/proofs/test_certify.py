@@ -1,0 +1,301 @@
+"""`certify` against closed forms: what is proved is true, what is refuted is false, and what it cannot tell it says."""
+
+import math
+import random
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
+from gsp.proofs import certify as module
+from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.certify import certify
+
+x, y, z, w, c, eps = sp.symbols("x y z w c epsilon")
+PROVED, REFUTED, UNDECIDED = ProofVerdict.PROVED, ProofVerdict.REFUTED, ProofVerdict.UNDECIDED
+
+
+def branch(g: dict, *, parameters: dict | None = None, slow: dict | None = None, through: dict | None = None):
+    """The first branch of a system, or that nearest to a point."""
+    system = gsp.SlowFastSystem(
+        slow=slow or {x: sp.Integer(1)}, fast=g, epsilon=eps, parameters=parameters or {}
+    )
+    branches = gsp.solve_critical(system).branches
+    return branches[0].through(through) if through else branches[0]
+
+
+def van_der_pol():
+    return branch({y: x - y**3 / 3 + y}, through={"x": 1.0, "y": 2.1})
+
+
+# -- the figures that were promised, in boxes -----------------------------------
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-6, 1e-12])
+def test_van_der_pol_is_proved_up_to_its_fold(distance: float) -> None:
+    low = -2 / 3 + distance
+    found = certify(van_der_pol(), region={"x": (low, 2.0)})
+    assert found.verdict is PROVED
+    assert found.kind == "attracting"
+    # On the branch the eigenvalue is 1 - y^2, in absolute value least at the fold's end: about 2 sqrt(distance).
+    heights = [r.real for r in np.roots([-1 / 3, 0, 1, low]) if abs(r.imag) < 1e-9 and r.real > 1]
+    assert 0.4 * (max(heights) ** 2 - 1) < found.gap <= 1.001 * (max(heights) ** 2 - 1) + 1e-9
+    assert found.tried < 120
+
+
+def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
+    found = certify(van_der_pol(), region={"x": (-1.0, 2.0)})
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    assert found.witness.kind == "fold"
+    for name, value in (("x", Fraction(-2, 3)), ("y", 1)):
+        low, high = found.witness.box[name]
+        assert Fraction(low) <= value <= Fraction(high)
+        assert high - low < 1e-9
+
+
+@pytest.mark.parametrize("name", [name for name, _ in gsp.models.summary()])
+def test_every_built_in_scene_is_proved(name: str) -> None:
+    from gsp.scenes.placement import place
+
+    scene = gsp.models.load(name)
+    placement = place(scene)
+    found = certify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+    assert found.verdict is PROVED, found.reason
+    assert found.rate_ratio >= 1.0
+    assert found.tried < 50
+
+
+def test_a_loss_between_all_samples_is_refuted() -> None:
+    # "attracting, gap 0.5" at 257 points; the eigenvalue at 0.3086 is 0.1.
+    rate = sp.Rational(3, 2) + x - (sp.Rational(8, 5) + x) / (1 + ((x - sp.Rational(3086, 10000)) * 500) ** 2)
+    found = certify(branch({y: -rate * y}), region={"x": (-1, 1)})
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    low, high = found.witness.box["x"]
+    assert 0.30 < low < high < 0.32
+
+
+@pytest.mark.parametrize("width", [10.0**-k for k in range(1, 13)])
+def test_a_sliver_of_any_width_is_never_called_proved(width: float) -> None:
+    place, size = sp.Rational(3086, 10000), sp.Rational(Fraction(width))
+    rate = 1 - sp.Rational(11, 10) / (1 + ((x - place) / size) ** 2)
+    found = certify(branch({y: -rate * y}), region={"x": (-1, 1)}, most_boxes=3000)
+    assert found.verdict is not PROVED
+    if found.verdict is UNDECIDED:
+        assert any(low <= 0.3086 <= high for ((low, high),) in found.undecided)
+
+
+def test_another_branch_behind_a_fold_is_not_taken_for_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    glued = []
+    original = module.glue
+
+    def counted(*arguments):
+        glued.append(original(*arguments))
+        return glued[-1]
+
+    monkeypatch.setattr(module, "glue", counted)
+    k, lam, a, v = sp.Integer(-10), sp.Integer(-7), sp.Symbol("a"), sp.Symbol("v")
+    koper = branch(
+        {v: k * a - v**3 + 3 * v - lam},
+        slow={a: v},
+        through={"a": 0.2, "v": 2.2},
+    )
+    found = certify(koper, region={"a": (0.2, 1.2)})
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    low, high = found.witness.box["a"]
+    # The fold: -10 a - 1 + 3 + 7 = 0 at v = 1.
+    assert low <= 0.9 <= high or math.isclose(low, 0.9, abs_tol=1e-9)
+
+
+# -- ten systems with closed forms ----------------------------------------------
+
+
+def systems():
+    """(branch, span of the box, truth): truth(low, high) is True, False, or None too near the border to be asked."""
+
+    def border(value: float) -> bool | None:
+        return None if abs(value) < 1e-12 else value > 0
+
+    def all_of(*values: float) -> bool | None:
+        signs = [border(v) for v in values]
+        return False if False in signs else None if None in signs else True
+
+    def without(*zeros: float):
+        def truth(low: float, high: float) -> bool | None:
+            return all_of(*(max(zero - high, low - zero) for zero in zeros))
+
+        return truth
+
+    root2 = math.sqrt(2.0)
+    return {
+        "fold": (van_der_pol(), (-1.2, 2.0), lambda low, high: border(low + 2 / 3)),
+        "linear": (branch({y: x - 2 * y}), (-3, 3), lambda low, high: True),
+        "type": (branch({y: (x - sp.Rational(1, 3)) * y}), (-1, 1), without(1 / 3)),
+        "twice": (branch({y: (x**2 - 2) * y}), (-2, 2), without(root2, -root2)),
+        "sine": (branch({y: sp.sin(x) * y}), (-4, 4), without(-math.pi, 0.0, math.pi)),
+        "exponential": (branch({y: (sp.exp(x) - 2) * y}), (-1, 2), without(math.log(2))),
+        "hopf": (branch({y: x * y - z, z: y + x * z}), (-1, 1), without(0.0)),
+        "saddle": (branch({y: x * y / 2 + y, z: -z + x**2}), (-3, 1), without(-2.0)),
+        "tanh": (branch({y: sp.tanh(x - 1) - y}), (-3, 3), lambda low, high: True),
+        "root": (branch({y: (sp.sqrt(x + 4) - 2) * y}), (-3, 3), without(0.0)),
+    }
+
+
+def agree_with_closed_forms(cases: int, *, seed: int) -> dict[str, int]:
+    draw = random.Random(seed)
+    counts = dict.fromkeys(("proved", "refuted", "undecided"), 0)
+    every = list(systems().items())
+    for i in range(cases):
+        name, (found_branch, (first, last), truth) = every[i % len(every)]
+        centre = draw.uniform(first, last)
+        width = (last - first) * 10.0 ** draw.uniform(-6, 0)
+        low, high = max(first, centre - width), min(last, centre + width)
+        if name == "fold":
+            high = last
+        known = truth(low, high)
+        try:
+            found = certify(found_branch, region={"x": (low, high)}, most_boxes=150)
+        except GspError:
+            # The branch has no point over this box, or none that belongs to it.
+            assert name == "fold"
+            continue
+        counts[found.verdict.value] += 1
+        if known is not None:
+            assert found.verdict is not (REFUTED if known else PROVED), (name, low, high)
+    return counts
+
+
+def test_random_boxes_agree_with_closed_forms() -> None:
+    counts = agree_with_closed_forms(120, seed=6)
+    assert counts["proved"] > 40
+    assert counts["refuted"] > 5
+    assert counts["undecided"] < 12
+
+
+@pytest.mark.exhaustive
+def test_ten_thousand_random_boxes_agree_with_closed_forms() -> None:
+    agree_with_closed_forms(10_000, seed=7)
+
+
+# -- what is proved about what -------------------------------------------------
+
+
+def test_a_fold_on_another_sheet_is_no_witness() -> None:
+    # y = -2 is regular everywhere; the fold at (0, 0) is on another sheet.
+    system = gsp.SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: (y**2 - x) * (y + 2)}, epsilon=eps)
+    flat = next(b for b in gsp.solve_critical(system).branches if b.graph == {y: -2})
+    found = certify(flat, region={"x": (-1.0, 3.0)})
+    assert found.verdict is PROVED
+    assert found.kind == "repelling"
+
+
+def test_a_pole_at_which_the_eigenvalue_changes_its_sign_is_no_change_of_type() -> None:
+    found = certify(branch({y: -y / (x - sp.Rational(1, 3))}), region={"x": (-1.0, 1.0)})
+    assert found.verdict is UNDECIDED
+    assert "pole" in found.reason
+    assert "x in [" in found.reason
+
+
+@pytest.mark.parametrize("rate", [sp.log(x), sp.sqrt(x), 1 / x])
+def test_poles_and_branch_points_are_named_with_where(rate: sp.Expr) -> None:
+    found = certify(branch({y: -(2 + sp.sin(rate)) * y}), region={"x": (0, 1)})
+    assert found.verdict is UNDECIDED
+    assert "pole or a branch point" in found.reason
+    assert "x in [0, " in found.reason
+
+
+def test_parameters_may_be_intervals() -> None:
+    found = certify(branch({y: x - c * y}, parameters={c: 1}), region={"x": (0, 1), "c": (0.5, 2.0)})
+    assert found.verdict is PROVED
+    assert 0.499999 < found.gap <= 0.5
+    assert (
+        certify(branch({y: x - c * y}, parameters={c: 1}), region={"x": (0, 1), "c": (-0.5, 2.0)}).verdict
+        is not PROVED
+    )
+
+
+def test_ends_that_are_no_doubles_are_rounded_outwards_and_witnesses_are_inside() -> None:
+    third = Fraction(1, 3)
+    found = certify(branch({y: (x - sp.Rational(1, 3)) * y}), region={"x": (third, 1)})
+    assert Fraction(found.region["x"][0]) <= third
+    assert found.verdict is UNDECIDED
+    assert (
+        certify(branch({y: (x - sp.Rational(1, 3)) * y}), region={"x": (third - Fraction(1, 100), 1)}).verdict
+        is REFUTED
+    )
+
+
+def test_the_normal_rate_has_to_dominate_where_epsilon_is_given() -> None:
+    slow = {x: -10 * x}
+    found = certify(branch({y: x - y}, slow=slow), region={"x": (0, 1)}, epsilon=0.05)
+    assert found.verdict is PROVED
+    assert found.rate_ratio == pytest.approx(2.0)
+    assert Fraction(found.rate_ratio) <= Fraction(1) / (Fraction(0.05) * 10)
+    undecided = certify(branch({y: x - y}, slow=slow), region={"x": (0, 1)}, epsilon=0.2)
+    assert undecided.verdict is UNDECIDED
+    assert "r >= 1" in undecided.reason
+
+
+# -- budgets, interrupts, bad input ---------------------------------------------
+
+
+def test_a_budget_that_ends_leaves_what_was_proved() -> None:
+    found = certify(van_der_pol(), region={"x": (-2 / 3 + 1e-9, 2.0)}, most_boxes=7)
+    assert found.verdict is UNDECIDED
+    assert found.tried == 7
+    assert "budget of 7 boxes" in found.reason
+    assert 0.0 < found.undecided_volume < 1.0
+    assert found.boxes
+
+
+@pytest.mark.parametrize("stage", ["cover", "glue"])
+def test_ctrl_c_returns_what_is_proved_by_then(stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = 0
+
+    def stop(*_: object) -> list:
+        nonlocal calls
+        calls += 1
+        if stage == "glue" or calls == 2:
+            raise KeyboardInterrupt
+        return []
+
+    if stage == "glue":
+        monkeypatch.setattr(module, "glue", stop)
+    found = certify(
+        van_der_pol(), region={"x": (-2 / 3 + 1e-3, 2.0)}, progress=stop if stage == "cover" else None
+    )
+    assert found.verdict is UNDECIDED
+    assert "interrupted" in found.reason
+    assert found.boxes
+
+
+@pytest.mark.parametrize(
+    ("region", "words"),
+    [
+        ({"x": (1, 0)}, "reversed"),
+        ({"x": (0, math.inf)}, "finite"),
+        ({"x": (0, math.nan)}, "finite"),
+        ({"x": (1, 1)}, "empty"),
+        ({}, "no state"),
+        ({"q": (0, 1)}, "q"),
+    ],
+)
+def test_regions_that_are_none_are_refused(region: dict, words: str) -> None:
+    with pytest.raises(DeclarationError, match=words):
+        certify(van_der_pol(), region=region)
+
+
+@pytest.mark.parametrize("most_boxes", [0, -1, 1.5, True])
+def test_budgets_that_are_none_are_refused(most_boxes: object) -> None:
+    with pytest.raises(DeclarationError, match="most_boxes"):
+        certify(van_der_pol(), region={"x": (0, 1)}, most_boxes=most_boxes)  # type: ignore[arg-type]
+
+
+def test_functions_without_an_enclosure_are_refused_by_name() -> None:
+    with pytest.raises(UnsupportedFunctionError, match="erf"):
+        certify(branch({y: -(2 + sp.erf(x)) * y}), region={"x": (0, 1)})

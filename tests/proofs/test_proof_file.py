@@ -1,0 +1,255 @@
+"""Proof files: the checker accepts what was proved, and no file that was changed to say more or something else."""
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import GspError, OutputError
+from gsp.proofs import certify as module
+from gsp.proofs.checker import Rejected, check
+from tests.proofs.test_certify import branch, van_der_pol
+
+x, y, z = sp.symbols("x y z")
+
+
+def written(found_branch, region: dict, path: Path) -> dict:
+    module.certify(found_branch, region=region).save(path)
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    return written(van_der_pol(), {"x": (-0.6, 1.2)}, tmp_path_factory.mktemp("proof") / "proof.json")
+
+
+def rejected(text: str, path: Path) -> str:
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(Rejected) as caught:
+        check(path)
+    return str(caught.value)
+
+
+def number(text: str, change: Callable[[float], float]) -> str:
+    return change(float.fromhex(text)).hex()
+
+
+def pieces(proof: dict) -> list[dict]:
+    return [node for node in proof["tree"] if "axis" not in node]
+
+
+def cuts(proof: dict) -> list[dict]:
+    return [node for node in proof["tree"] if "axis" in node]
+
+
+def changed(keys: list, value: object) -> Callable[[dict], None]:
+    """Set the place that `keys` lead to; a function of the old value gives the new one."""
+
+    def mutate(proof: dict) -> None:
+        at = proof
+        for key in keys[:-1]:
+            at = at[key]
+        at[keys[-1]] = value(at[keys[-1]]) if callable(value) else value
+
+    return mutate
+
+
+def of_piece(i: int, key: str, change: Callable) -> Callable[[dict], None]:
+    def mutate(proof: dict) -> None:
+        pieces(proof)[i][key] = change(pieces(proof)[i][key])
+
+    return mutate
+
+
+def of_cut(i: int, change: Callable[[dict], object]) -> Callable[[dict], None]:
+    return lambda proof: change(cuts(proof)[i])
+
+
+def each(change: Callable[[float], float]) -> Callable[[list[str]], list[str]]:
+    return lambda row: [number(text, change) for text in row]
+
+
+def digit(row: list[str]) -> list[str]:
+    """The first hexadecimal digit behind the point is another one."""
+    return [
+        t[: t.index(".") + 1] + ("7" if t[t.index(".") + 1] != "7" else "2") + t[t.index(".") + 2 :]
+        for t in row
+    ]
+
+
+MUTATIONS: dict[str, Callable[[dict], object]] = {
+    "another format": changed(["format"], "gsp normal hyperbolicity 0"),
+    "another sign in the field": changed(["equations", 0], lambda t: t.replace("+ z1", "- z1")),
+    "another coefficient": changed(["equations", 0], lambda t: t.replace("/3", "/2")),
+    "another field": changed(["equations", 0], "z0 - z1"),
+    "a field with a pole": changed(["equations", 0], lambda t: t + " + 1/(z1 - z1)"),
+    "a field of two": changed(["equations"], lambda rows: rows * 2),
+    "no field": changed(["equations"], []),
+    "code as a field": changed(["equations", 0], "__import__('os').getcwd()"),
+    "attributes in a field": changed(["equations", 0], "z0.real"),
+    "an unknown variable": changed(["equations", 0], "z0 - z7"),
+    "a decimal in a field": changed(["equations", 0], "z0 - 1.5*z1"),
+    "a gap claimed larger": changed(["claim", "gap"], lambda t: number(t, lambda v: v * 1.001)),
+    "a gap of zero": changed(["claim", "gap"], (0.0).hex()),
+    "a negative gap": changed(["claim", "gap"], (-1.0).hex()),
+    "a gap that is no number": changed(["claim", "gap"], "nan"),
+    "an infinite gap": changed(["claim", "gap"], "inf"),
+    "a gap as a JSON number": changed(["claim", "gap"], 0.1),
+    "unstable for stable": changed(["claim"], lambda claim: {**claim, "stable": 0, "unstable": 1}),
+    "more eigenvalues": changed(["claim", "stable"], 2),
+    "a truth value as a count": changed(["claim", "stable"], True),
+    "a wider region": changed(["region", 0], lambda side: [number(side[0], lambda v: v - 1e-3), side[1]]),
+    "a region a little wider": changed(["region", 0], lambda side: [side[0], number(side[1], lambda v: v + 1e-15)]),
+    "a region across the fold": changed(["region", 0], lambda side: [(-1.0).hex(), side[1]]),
+    "a reversed region": changed(["region", 0], lambda side: side[::-1]),
+    "no region": changed(["region"], []),
+    "a point on another sheet": changed(["through", 1], (-1.7).hex()),
+    "a point outside": changed(["through", 0], (5.0).hex()),
+    "a box moved": of_piece(0, "box", each(lambda v: v + 1e-9)),
+    "a box left out": lambda proof: proof["tree"].remove(pieces(proof)[1]),
+    "a box twice": lambda proof: proof["tree"].append(pieces(proof)[0]),
+    "two boxes exchanged": lambda proof: proof["tree"].reverse(),
+    "no boxes": changed(["tree"], []),
+    "a middle outside its box": of_piece(0, "middle", each(lambda v: v + 10.0)),
+    "a centre moved": of_piece(0, "centre", each(lambda v: v + 0.5)),
+    "a centre on another sheet": of_piece(0, "centre", each(lambda v: -v)),
+    "a digit of a centre": of_piece(0, "centre", digit),
+    "a slope of another sign": of_piece(0, "slope", each(lambda v: -5.0 - v)),
+    "a radius smaller": of_piece(0, "radius", each(lambda v: v * 1e-6)),
+    "a radius much larger": of_piece(0, "radius", each(lambda v: v * 1e4)),
+    "a negative radius": of_piece(0, "radius", each(lambda v: -v)),
+    "a radius of zero": of_piece(0, "radius", each(lambda v: 0.0)),
+    "an inverse of another sign": of_piece(0, "inverse", each(lambda v: -v)),
+    "a basis that is none": of_piece(0, "basis", each(lambda v: 0.0)),
+    "another sign": of_piece(0, "signs", lambda signs: [-s for s in signs]),
+    "a sign that is none": of_piece(0, "signs", lambda signs: [0]),
+    "too many signs": of_piece(0, "signs", lambda signs: signs * 2),
+    "a number that is text": of_piece(0, "centre", lambda row: ["one"]),
+    "a very long number": of_piece(0, "centre", lambda row: ["0x1." + "0" * 1000 + "p0"]),
+    "a number too large": of_piece(0, "centre", lambda row: ["0x1p99999"]),
+    "a glue missing": of_cut(0, lambda cut: cut.pop("glue")),
+    "a glue beside the face": of_cut(0, lambda cut: cut["glue"].update(middle=["0x0p+0"])),
+    "a glue on another sheet": of_cut(0, lambda cut: cut["glue"].update(centre=[(-1.9).hex()])),
+    "a glue too wide": of_cut(0, lambda cut: cut["glue"].update(radius=["0x1p+2"])),
+    "a cut moved": of_cut(0, lambda cut: cut.update(at=number(cut["at"], lambda v: v + 1e-9))),
+    "a cut outside": of_cut(0, lambda cut: cut.update(at=(9.0).hex())),
+    "a cut along no axis": of_cut(0, lambda cut: cut.update(axis=1)),
+    "a negative axis": of_cut(0, lambda cut: cut.update(axis=-1)),
+    "an axis that is no number": of_cut(0, lambda cut: cut.update(axis="0")),
+    "names that are no list": changed(["names"], "xy"),
+    "more slow variables than names": changed(["over"], 2),
+    "a part that is no part": changed(["tree", 0], "axis"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_a_changed_proof_is_rejected(name: str, proof: dict, tmp_path: Path) -> None:
+    mutant = copy.deepcopy(proof)
+    MUTATIONS[name](mutant)
+    assert json.dumps(mutant) != json.dumps(proof)
+    assert rejected(json.dumps(mutant), tmp_path / "proof.json")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "null",
+        '{"format": 1}',
+        "[" * 100_000,
+        '{"format": "gsp normal hyperbolicity 1"}',
+        '{"format": "gsp normal hyperbolicity 1", "names": ["x", "y"], "over": 1e999}',
+        '{"format": "gsp normal hyperbolicity 1", "names": ["x", "y"], "over": NaN}',
+        '{"format": "gsp normal hyperbolicity 1", "names": ["x", "y"], "over": ' + "9" * 10_000 + "}",
+    ],
+)
+def test_a_file_that_is_no_proof_is_rejected(text: str, tmp_path: Path) -> None:
+    assert rejected(text, tmp_path / "proof.json")
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        ("(" * 5000 + "z0" + ")" * 5000, "nested"),
+        ("2**" * 5000 + "z0", "nested"),
+        ("9" * 5000, "digits"),
+        ("z1**99999", "exponent"),
+        ("((((z1 + 1000)**999)**999)**999)**999", "too large"),
+        ("z1" + " " * 300_000, "characters"),
+        ("exp(exp(exp(exp(z1 + 9))))", "large"),
+        ("z\u00b2", "unknown sign"),
+        ("sin z0", "brackets"),
+    ],
+)
+def test_huge_expressions_are_refused_by_name(expression: str, words: str, proof: dict, tmp_path: Path) -> None:
+    mutant = copy.deepcopy(proof)
+    mutant["equations"] = [expression]
+    assert words in rejected(json.dumps(mutant), tmp_path / "proof.json")
+
+
+def test_what_was_proved_is_accepted_and_a_lesser_claim_too(proof: dict, tmp_path: Path) -> None:
+    path = tmp_path / "proof.json"
+    path.write_text(json.dumps(proof), encoding="utf-8")
+    found = check(path)
+    assert (found.stable, found.unstable) == (1, 0)
+    assert found.gap > 0.5
+    assert found.boxes == len(pieces(proof))
+    proof = copy.deepcopy(proof)
+    proof["claim"]["gap"] = (0.25).hex()
+    path.write_text(json.dumps(proof), encoding="utf-8")
+    assert check(path).gap == 0.25
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        2 + sp.sin(x) + sp.cos(3 * x) / 2,
+        1 + sp.tan(x / 2) ** 2,
+        sp.pi + sp.atan(x) + sp.tanh(x),
+        sp.E + sp.exp(-x) + sp.log(3 + x),
+        sp.sqrt(2 + x) + sp.cosh(x) - sp.sinh(x) / 3,
+        (2 + x) ** (1 + x / 4),
+        (x + 2) ** sp.Rational(-2, 3),
+    ],
+)
+def test_every_function_that_is_proved_is_checked(rate: sp.Expr, tmp_path: Path) -> None:
+    path = tmp_path / "proof.json"
+    written(branch({y: x - rate * y}), {"x": (-1, 1)}, path)
+    found = check(path)
+    assert found.stable == 1
+    values = [float(rate.subs(x, sp.Rational(k, 50)).evalf()) for k in range(-50, 51)]
+    assert 0.3 * min(values) < found.gap <= min(values)
+
+
+def test_two_fast_variables_are_checked(tmp_path: Path) -> None:
+    path = tmp_path / "proof.json"
+    written(branch({y: -y + 2 * z + x, z: -2 * y - z}), {"x": (-1, 1)}, path)
+    found = check(path)
+    assert (found.stable, found.unstable) == (2, 0)
+    assert 0.99 < found.gap <= 1.0
+
+
+@pytest.mark.parametrize("name", [name for name, _ in gsp.models.summary()])
+def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path) -> None:
+    from gsp.scenes.placement import place
+
+    placement = place(gsp.models.load(name))
+    found = module.certify(placement.branch, region=placement.region)
+    found.save(tmp_path / "proof.json")
+    checked = check(tmp_path / "proof.json")
+    assert (checked.stable, checked.unstable) == (found.stable, found.unstable)
+    assert 0.49 * found.gap < checked.gap <= found.gap
+
+
+def test_only_proofs_are_saved_and_only_to_files(tmp_path: Path) -> None:
+    refuted = module.certify(van_der_pol(), region={"x": (-1, 1)})
+    with pytest.raises(GspError, match="only a proof"):
+        refuted.save(tmp_path / "proof.json")
+    with pytest.raises(OutputError):
+        module.certify(van_der_pol(), region={"x": (0, 1)}).save(tmp_path / "none" / "proof.json")
+    assert not list(tmp_path.iterdir())
