@@ -38,6 +38,10 @@ class UnsupportedFunctionError(GspError):
     """A function for which the package has neither a power series rule nor machine code."""
 
 
+class BudgetError(GspError):
+    """An exact computation that would take more terms than it is allowed."""
+
+
 class ModelFileError(GspError):
     """A model file that is missing, malformed, too large, or says something unknown."""
 

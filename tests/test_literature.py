@@ -109,17 +109,9 @@ def first_correction(name, share):
         return [float(v) for v in point], [float(v) for v in root], [float(v) for v in h1]
 
 
-# Not through the exact steps yet: no end within the minute, or an error that is not ours.
-AWAITED = {
-    "arrhenius_reactor",
-    "butera_rinzel_smith",
-    "chay",
-    "hodgkin_huxley_plane",
-    "morris_lecar",
-    "plant",
-    "sherman_rinzel_keizer",
-    "sirs",
-}
+# The series is beyond the budget even with numbers (channel rates to the fourth power), or the slow coordinates
+# that `split` finds are not derived by hand yet.
+AWAITED = {"chay", "plant", "sirs"}
 
 
 SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
@@ -135,7 +127,7 @@ SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
     ],
 )
 def test_the_first_correction_is_the_one_of_its_definition(name):
-    series = expand(place(load(FOLDER / f"{name}.toml")).branch, order=1)
+    series = expand(place(load(FOLDER / f"{name}.toml")).branch, order=1, symbolic=False)
     for share in (0, 0.5):
         x, h0, h1 = first_correction(name, share)
         got = series.terms([x], 1.0, near=[h0] if not series.branch.is_explicit else None)[0]

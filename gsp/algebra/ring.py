@@ -15,12 +15,22 @@ import sympy as sp
 
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
-from gsp.errors import HyperbolicityError
+from gsp.errors import BudgetError, HyperbolicityError
 
 # Numerators longer than this are shown expanded: factoring them costs more than it explains.
 FACTOR_LIMIT = 400
 # Room for this many functions at first, doubled when it is used up; every generator lengthens all monomials.
 FIRST_ROOM = 4
+# Products of terms in one multiplication or division, and in all that a ring ever does: the first bounds the memory of
+# one product, the second the work.
+PRODUCT = 20_000_000
+BUDGET = 200_000_000
+# Terms of all sums and products that a ring ever forms: no more can be in memory at once. Results up to `SHORT` terms
+# do not count, of which a series of order 60 forms thousands.
+TERMS = 4_000_000
+SHORT = 1_000
+# Numerators with more terms are not factored, as they have to be to become denominators.
+DENOMINATOR_TERMS = 10_000
 
 
 class Element:
@@ -43,10 +53,10 @@ class Element:
     def __add__(self, other: Element | int) -> Element:
         if isinstance(other, int):
             other = self.ring.constant(other)
-        if self.exponents == other.exponents:
-            return Element(self.ring, self.numerator + other.numerator, self.exponents)
-        common = _maximum(self.exponents, other.exponents)
-        return Element(self.ring, self._over(common) + other._over(common), common)
+        common = self.exponents
+        if common != other.exponents:
+            common = _maximum(common, other.exponents)
+        return Element(self.ring, self.ring.formed(self._over(common) + other._over(common)), common)
 
     def __neg__(self) -> Element:
         return Element(self.ring, -self.numerator, self.exponents)
@@ -57,7 +67,7 @@ class Element:
     def __mul__(self, other: Element | int | flint.fmpq | sp.Rational) -> Element:
         if isinstance(other, Element):
             exponents = _sum(self.exponents, other.exponents)
-            return Element(self.ring, self.numerator * other.numerator, exponents)
+            return Element(self.ring, self.ring.product(self.numerator, other.numerator), exponents)
         if isinstance(other, sp.Rational):
             return self * self.ring.constant(other)
         return Element(self.ring, self.numerator * other, self.exponents)
@@ -75,7 +85,7 @@ class Element:
         for i, exponent in enumerate(exponents):
             missing = exponent - (own[i] if i < len(own) else 0)
             if missing:
-                numerator = numerator * self.ring.denominator_power(i, missing)
+                numerator = self.ring.product(numerator, self.ring.denominator_power(i, missing))
         return numerator
 
     @property
@@ -121,11 +131,13 @@ class Element:
         """The same element with every common factor of numerator and denominator divided out."""
         numerator, exponents = self.numerator, list(self.exponents)
         for relation in self.ring.relations:
+            self.ring.spend(numerator, relation)
             numerator = numerator % relation
         if numerator == 0:
             return self.ring.zero
         for i in range(len(exponents)):
             while exponents[i]:
+                self.ring.spend(numerator, self.ring.denominators[i])
                 quotient, remainder = divmod(numerator, self.ring.denominators[i])
                 if remainder != 0:
                     break
@@ -137,6 +149,7 @@ class Element:
         ring, own = self.ring, self.reduced()
         if own.is_zero:
             raise HyperbolicityError("division by an expression that vanishes identically on the branch.")
+        ring.require_factorable(own.numerator)
         content, factors = own.numerator.factor()
         exponents: list[int] = []
         rationalised = ring.one
@@ -154,7 +167,7 @@ class Element:
         numerator = ring.one.numerator * (1 / flint.fmpq(content))
         for i, exponent in enumerate(own.exponents):
             if exponent:
-                numerator = numerator * ring.denominator_power(i, exponent)
+                numerator = ring.product(numerator, ring.denominator_power(i, exponent))
         return (Element(ring, numerator, tuple(exponents)) * rationalised).reduced()
 
 
@@ -195,6 +208,8 @@ class LocalisedRing:
         self._derivatives: list[dict[int, Element]] = [{} for _ in range(derivations)]
         self._pending: dict[int, tuple[str, Element, Element | None]] = {}
         self._constant = {self._index[symbol] for symbol in constants}
+        self.spent = 0
+        self.terms = 0
         self._make_room(FIRST_ROOM if functions else 0)
         self.zero = Element(self, self.context.constant(0), ())
         self.one = Element(self, self.context.constant(1), ())
@@ -234,8 +249,47 @@ class LocalisedRing:
         """D_i to a power, remembered."""
         powers = self._powers[i]
         while len(powers) <= exponent:
-            powers.append(powers[-1] * powers[1])
+            powers.append(self.product(powers[-1], powers[1]))
         return powers[exponent]
+
+    # -- the budget --------------------------------------------------------------------------------
+
+    def product(self, a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
+        """a b, within the budget."""
+        self.spend(a, b)
+        return self.formed(a * b)
+
+    def formed(self, result: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
+        """`result`, its terms counted; raises `BudgetError` when all results together have too many."""
+        if len(result) > SHORT:
+            self.terms += len(result)
+        if self.terms > TERMS:
+            raise BudgetError(
+                f"the exact algebra formed a polynomial of {len(result):,} terms, and {self.terms:,} with all that "
+                f"came before; at most {TERMS:,} are formed."
+            )
+        return result
+
+    def require_factorable(self, polynomial: flint.fmpq_mpoly) -> None:
+        """Raises `BudgetError` when `polynomial` has too many terms to be factored."""
+        if len(polynomial) > DENOMINATOR_TERMS:
+            raise BudgetError(
+                f"the exact algebra met a denominator of {len(polynomial):,} terms; at most {DENOMINATOR_TERMS:,} are "
+                "factored."
+            )
+
+    def spend(self, a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> None:
+        """Count the products of terms that a b, or a division of a by b, takes at most.
+
+        Raises `BudgetError` when they are too many.
+        """
+        count = len(a) * len(b)
+        self.spent += count
+        if count > PRODUCT or self.spent > BUDGET:
+            raise BudgetError(
+                f"the exact algebra met polynomials of {len(a):,} and {len(b):,} terms, after {self.spent - count:,} "
+                f"products of terms; at most {PRODUCT:,} are formed in one step and {BUDGET:,} in all."
+            )
 
     # -- generators and derivations ----------------------------------------------------------------
 
@@ -267,7 +321,8 @@ class LocalisedRing:
                 if not inner.is_zero:
                     one = tuple(int(k == i) for k in range(i + 1))
                     exponents = _sum(_sum(a.exponents, inner.exponents), one)
-                    result = result - Element(self, a.numerator * inner.numerator * exponent, exponents)
+                    product = self.product(a.numerator, inner.numerator) * exponent
+                    result = result - Element(self, product, exponents)
         return result
 
     def _derive_polynomial(self, polynomial: flint.fmpq_mpoly, j: int) -> Element:
@@ -284,7 +339,7 @@ class LocalisedRing:
                 continue
             partial = polynomial.derivative(i)
             if partial != 0:
-                total = total + Element(self, partial * image.numerator, image.exponents)
+                total = total + Element(self, self.product(partial, image.numerator), image.exponents)
         return total
 
     # -- adjoined functions ------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from gsp.choice.choice import Choice, choose
 from gsp.comparison.comparison import Comparison, compare, on_manifold
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.critical.continuation import CriticalCurve, CriticalSheet
-from gsp.errors import HyperbolicityError, MissingPartError
+from gsp.errors import BudgetError, HyperbolicityError, MissingPartError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.integration.reduced_flow import ReducedFlow, restrict
@@ -178,7 +178,7 @@ def analyse(
     with stage("boundary"):
         part("boundary", lambda: boundary_of(placement, hyperbolicity))
     with stage("series"):
-        series = part("series", lambda: expand(placement.branch, order=order))
+        series = part("series", lambda: _series(placement, order))
         shown = part("shown", lambda: made(series).readable(READABLE))
         splitting = placement.splitting
         part("raw", lambda: None if splitting is None else carry_back(made(shown), splitting))
@@ -212,6 +212,16 @@ def analyse(
         versions=MappingProxyType(_versions()),
         **parts,
     )
+
+
+def _series(placement: Placement, order: int) -> SeriesManifold:
+    """The series with symbolic parameters; with their values put in where that is too long."""
+    try:
+        return expand(placement.branch, order=order)
+    except BudgetError:
+        if not placement.system.parameters:
+            raise
+        return expand(placement.branch, order=order, symbolic=False)
 
 
 def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:

@@ -8,12 +8,13 @@ D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative, jacobian
+from gsp.algebra.factorisation import quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
 from gsp.algebra.ring import Element, LocalisedRing, read
@@ -126,22 +127,30 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
     equations = [sp.numer(sp.together(e)) for e in branch.equations]
     graph: dict[sp.Symbol, sp.Expr] = {}
     while equations:
-        found = None
-        for i, equation in enumerate(equations):
-            for symbol in variables:
-                slope = derivative(equation, symbol)
-                # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there.
-                if slope != 0 and not slope.has(*variables):
-                    found = (i, symbol, sp.expand(-equation.subs(symbol, 0) / slope))
-                    break
-            if found:
-                break
+        found = next(_eliminations(equations, variables, graph), None)
         if found is None:
             break
-        i, symbol, value = found
-        del equations[i]
-        graph = {s: sp.expand(v.subs(symbol, value)) for s, v in graph.items()}
-        graph[symbol] = value
-        equations = [sp.numer(sp.together(e.subs(symbol, value))) for e in equations]
+        symbol, equations, graph = found
         variables.remove(symbol)
     return graph
+
+
+def _eliminations(
+    equations: list[sp.Expr], variables: list[sp.Symbol], graph: dict[sp.Symbol, sp.Expr]
+) -> Iterator[tuple[sp.Symbol, list[sp.Expr], dict[sp.Symbol, sp.Expr]]]:
+    """(variable, equations left, graph) for every variable that an equation gives, as far as the rest stays short.
+
+    Squares of squares double their degree each time: one more coordinate is cheaper than such a graph.
+    """
+    for i, equation in enumerate(equations):
+        for symbol in variables:
+            slope = derivative(equation, symbol)
+            # Only parameters may multiply it: a factor that vanishes somewhere would end the chart there.
+            if slope == 0 or slope.has(*variables):
+                continue
+            value = -equation.subs(symbol, 0) / slope
+            rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
+            values = {s: v.subs(symbol, value) for s, v in graph.items()}
+            if all(quotient(e) is not None for e in (value, *rest, *values.values())):
+                expanded = {s: sp.expand(v) for s, v in values.items()}
+                yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}

@@ -21,7 +21,7 @@ import sympy as sp
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import Element
 from gsp.critical.critical_manifold import Branch
-from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError
+from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
 from gsp.lowering.compiled_flow import compile_function, parameter_vector
 from gsp.slow.coordinates import Chart, chart, dot
 from gsp.slow.truncation import AHEAD, best, errors, past
@@ -141,9 +141,12 @@ class SeriesManifold:
         sizes = self.specialised.sizes
         growth = max(1.0, sizes[-1] / sizes[-2]) if self.order and sizes[-2] else 1.0
         further = sum(max(sizes) * growth**k <= LONGEST for k in range(1, AHEAD + 1))
-        if not further:
-            return self.specialised
-        return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
+        while further:
+            try:
+                return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
+            except BudgetError:
+                further -= 1
+        return self.specialised
 
     def evaluate(
         self, x, epsilon: float, *, order: int | None = None, near=None, masked: bool = False
@@ -364,8 +367,8 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
     With `symbolic=False` the parameters' exact values are put in first: the same series, much shorter where there
     are many parameters. Works on explicit and implicit branches, with any number of slow and fast variables,
     symbolic parameters and elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
-    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, and
-    `UnsupportedFunctionError` for functions without a power series rule.
+    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, `BudgetError` when the coefficients
+    grow too long, and `UnsupportedFunctionError` for functions without a power series rule.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
     >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=eps)
@@ -379,6 +382,30 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
 
 
 def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr]) -> SeriesManifold:
+    done: list[int] = []
+    try:
+        return _order_by_order(branch, order, substitute, done)
+    except BudgetError as error:
+        symbols = len(branch.system.parameters) - len(substitute)
+        remedies = [
+            *([f"take order {done[-1]} or less"] if done else []),
+            *(
+                [f"put the values of the {symbols} parameters in (`--values`, symbolic=False)"]
+                if symbols
+                else []
+            ),
+            "take fewer variables or lower powers",
+        ]
+        reached = f"was reached through order {done[-1]}" if done else "was not reached at any order"
+        raise BudgetError(
+            f"the series through order {order} {reached}: {error} Rather {', or '.join(remedies)}; `solve_manifold` "
+            "needs no series."
+        ) from None
+
+
+def _order_by_order(
+    branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr], done: list[int]
+) -> SeriesManifold:
     system = branch.system
     values = dict(substitute)
     place = chart(branch, substitute=values)
@@ -397,8 +424,17 @@ def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr])
     def differentiate(k: int) -> None:
         slopes.append([[ring.derive(row[k], j).reduced() for j in range(len(system.x))] for row in h])
 
+    reduced: list[list[Element]] = [[] for _ in f]
+
+    def finish(k: int) -> None:
+        for row, rate in zip(reduced, f):
+            row.append(rate.coefficients[k].reduced())
+        done.append(k)
+        if k < order:
+            differentiate(k)
+
     program.extend(0)
-    differentiate(0)
+    finish(0)
     for k in range(1, order + 1):
         for row in h:
             row.append(ring.zero)
@@ -414,7 +450,5 @@ def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr])
         for i, row in enumerate(h):
             row[k] = (-dot(place.inverse_jacobian[i], defect, ring)).reduced()
         program.extend(k)
-        if k < order:
-            differentiate(k)
-    reduced = [[c.reduced() for c in rate.coefficients[: order + 1]] for rate in f]
+        finish(k)
     return SeriesManifold(branch, order, place, h, reduced, not values)

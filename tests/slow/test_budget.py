@@ -1,0 +1,73 @@
+"""Exact series stop within a budget of terms, and say where they stopped and what helps."""
+
+import pytest
+import sympy as sp
+
+from gsp.algebra import ring
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import BudgetError
+from gsp.scenes.placement import place
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem
+from tests.random_systems import random_scene
+
+s, c, k, m, epsilon = sp.symbols("s c k m epsilon")
+
+
+def test_a_high_power_with_parameters_is_refused_with_its_terms_and_remedies():
+    system = SlowFastSystem(
+        slow={s: -s + (s + c + k + m) ** 100}, fast={c: s - c}, parameters={k: 1, m: 2}, epsilon=epsilon
+    )
+    (branch,) = solve_critical(system).branches
+    with pytest.raises(BudgetError, match=r"order 3 was reached through order 0.* [\d,]+ .*terms") as caught:
+        expand(branch)
+    assert "take order 0 or less" in str(caught.value)
+    assert "values of the 2 parameters" in str(caught.value)
+    # On c = s: the terms of (2 s + k + m)^100, and s.
+    assert expand(branch, order=0).sizes == (sp.binomial(102, 2) + 1,)
+
+
+def test_twenty_quadratic_fast_variables_are_refused_before_the_inverse_of_their_jacobian_fills_the_memory():
+    y = sp.symbols("y:20")
+    fast = {
+        y[i]: s - 3 * y[i] + y[(i + 1) % 20] ** 2 / 10 + y[(i + 7) % 20] * y[(i + 3) % 20] / 20
+        for i in range(20)
+    }
+    system = SlowFastSystem(slow={s: -s}, fast=fast, epsilon=epsilon)
+    (branch,) = solve_critical(system).branches
+    with pytest.raises(BudgetError, match="was not reached at any order") as caught:
+        expand(branch)
+    assert "parameters" not in str(caught.value)
+
+
+def test_the_work_of_a_series_is_counted_and_a_lower_order_takes_less(monkeypatch):
+    system = SlowFastSystem(
+        slow={s: -s + c * k}, fast={c: s - (s + k) * c - c**3}, parameters={k: 1}, epsilon=epsilon
+    )
+    (branch,) = solve_critical(system).branches
+    spent = [expand(branch, order=order).chart.ring.spent for order in (1, 2, 3)]
+    assert 0 < spent[0] < spent[1] < spent[2]
+    monkeypatch.setattr(ring, "BUDGET", spent[1])
+    assert expand(branch, order=2).order == 2
+    with pytest.raises(BudgetError, match="reached through order 2"):
+        expand(branch, order=3)
+
+
+def test_a_series_that_cannot_be_looked_ahead_of_is_evaluated_with_the_orders_it_has(monkeypatch):
+    system = SlowFastSystem(slow={s: -s}, fast={c: s - c - c**3}, epsilon=epsilon)
+    (branch,) = solve_critical(system).branches
+    series = expand(branch, order=2)
+    free = series.evaluate({"s": 0.1}, 0.01, near=[0.1])
+    monkeypatch.setattr(ring, "BUDGET", series.chart.ring.spent)
+    bounded = expand(branch, order=2)
+    assert bounded.evaluate({"s": 0.1}, 0.01, near=[0.1]) == pytest.approx(free, rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_systems_of_two_kinds_of_functions_expand_or_are_refused_by_name(seed):
+    branch = place(random_scene(seed)).branch
+    try:
+        outcome = f"was reached through order {expand(branch, order=4, symbolic=False).order}"
+    except BudgetError as error:
+        outcome = str(error)
+    assert "was reached through order" in outcome
