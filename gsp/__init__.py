@@ -9,6 +9,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     classify                      where it is normally hyperbolic, how strongly, and how it ceases to be
     certify                       the same proved over a box, in ball arithmetic, or refuted
     expand                        the slow manifold h_epsilon and the reduced field, as exact series
+    bound_reduction               how far the reduced flow is from the full one over a span, proved
     canard_value                  the parameter of the maximal canard, as an exact series in epsilon
     folded_singularities          folded nodes, saddles, foci and saddle-nodes on a fold curve
     folded_canards, follow_canard the canards of a folded node as orbits, and each over epsilon

@@ -62,6 +62,9 @@ from .orbits.periodic import shoot as shoot
 from .proofs.certificate import Certificate as Certificate
 from .proofs.certificate import ProofVerdict as ProofVerdict
 from .proofs.certify import certify as certify
+from .proofs.reduction_error import ReductionBound as ReductionBound
+from .proofs.reduction_error import bound_reduction as bound_reduction
+from .proofs.slow_tubes import SlowTube as SlowTube
 from .readers import load as load
 from .report import write_report as write_report
 from .scenes.scene import Scene as Scene

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from decimal import Decimal
-from fractions import Fraction
-from numbers import Rational
+from typing import TYPE_CHECKING, overload
 
 import flint
 import numpy as np
@@ -24,9 +21,14 @@ from gsp.proofs.certificate import Certificate, ProofVerdict
 from gsp.proofs.covering import Covering, cover, glue, share_of
 from gsp.proofs.equations import Equations, without_decimals
 from gsp.proofs.refutation import refute
+from gsp.proofs.sides import rounded
 from gsp.proofs.tubes import Box, middle_of
+from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
+
+if TYPE_CHECKING:
+    from gsp.proofs.slow_tubes import SlowTube
 
 # Boxes that are tried unless told otherwise: seconds.
 MOST_BOXES = 20_000
@@ -34,6 +36,7 @@ MOST_BOXES = 20_000
 SUSPECTS = 8
 
 
+@overload
 def certify(
     branch: Branch,
     *,
@@ -41,8 +44,26 @@ def certify(
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
     progress: Callable[[float], object] | None = None,
-) -> Certificate:
+) -> Certificate: ...
+@overload
+def certify(
+    branch: SeriesManifold,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+) -> SlowTube: ...
+def certify(
+    branch: Branch | SeriesManifold,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+    progress: Callable[[float], object] | None = None,
+) -> Certificate | SlowTube:
     """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`.
+
+    For a series it is proved that the slow manifold lies in a tube about it; see `slow_tubes.certify_tube`.
 
     `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other
     parameters keep the values of the system. Bounds on fast variables choose a sheet. Ends that are no doubles, such
@@ -58,9 +79,14 @@ def certify(
     >>> certify(solve_critical(system).branches[0], region={"y": (0, 1)}).verdict.name
     'PROVED'
     """
+    if isinstance(branch, SeriesManifold):
+        from gsp.proofs.slow_tubes import certify_tube
+
+        return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
     if not isinstance(branch, Branch):
         raise DeclarationError(
-            f"certify takes a Branch. Got {type(branch).__name__}. Use solve_critical(system).branches."
+            f"certify takes a Branch or a SeriesManifold. Got {type(branch).__name__}. "
+            "Use solve_critical(system).branches, or expand(branch)."
         )
     if isinstance(most_boxes, bool) or not isinstance(most_boxes, int) or most_boxes < 1:
         raise DeclarationError(f"most_boxes is a positive integer. Got {most_boxes!r}.")
@@ -72,7 +98,7 @@ def certify(
     )
     given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     names = [s.name for s in system.x] + [p for p in parameters if p in checked]
-    sides = [_rounded(given[name], checked[name]) for name in names]
+    sides = [rounded(given[name], checked[name]) for name in names]
     box: Box = tuple(outer for outer, _ in sides)
     fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
     with flint.ctx.workprec(balls.PRECISION):
@@ -104,29 +130,6 @@ class _Problem:
     within: Box
     start: tuple[np.ndarray, np.ndarray]
     epsilon: float | None
-
-
-def _rounded(given: object, nearest: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """An interval rounded outwards and inwards; doubles are what they are."""
-    low, high = (_fraction(end) for end in (given if isinstance(given, (tuple, list)) else nearest))
-    first, last = nearest
-    return (_down(first, low), _up(last, high)), (_up(first, low), _down(last, high))
-
-
-def _down(nearest: float, exact: Fraction | None) -> float:
-    return math.nextafter(nearest, -math.inf) if exact is not None and Fraction(nearest) > exact else nearest
-
-
-def _up(nearest: float, exact: Fraction | None) -> float:
-    return math.nextafter(nearest, math.inf) if exact is not None and Fraction(nearest) < exact else nearest
-
-
-def _fraction(value: object) -> Fraction | None:
-    if isinstance(value, (Rational, Decimal)):
-        return Fraction(value)
-    if isinstance(value, sp.Rational):
-        return Fraction(int(value.p), int(value.q))
-    return None
 
 
 def _equations(branch: Branch, names: list[str]) -> tuple[Equations, list[sp.Expr]]:

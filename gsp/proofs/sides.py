@@ -1,0 +1,35 @@
+"""The sides of a box as doubles: what was given exactly is rounded outwards, or inwards."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Rational
+
+import sympy as sp
+
+Side = tuple[float, float]
+
+
+def rounded(given: object, nearest: Side) -> tuple[Side, Side]:
+    """An interval rounded outwards and inwards; doubles are what they are."""
+    low, high = (_fraction(end) for end in (given if isinstance(given, (tuple, list)) else nearest))
+    first, last = nearest
+    return (_down(first, low), _up(last, high)), (_up(first, low), _down(last, high))
+
+
+def _down(nearest: float, exact: Fraction | None) -> float:
+    return math.nextafter(nearest, -math.inf) if exact is not None and Fraction(nearest) > exact else nearest
+
+
+def _up(nearest: float, exact: Fraction | None) -> float:
+    return math.nextafter(nearest, math.inf) if exact is not None and Fraction(nearest) < exact else nearest
+
+
+def _fraction(value: object) -> Fraction | None:
+    if isinstance(value, (Rational, Decimal)):
+        return Fraction(value)
+    if isinstance(value, sp.Rational):
+        return Fraction(int(value.p), int(value.q))
+    return None

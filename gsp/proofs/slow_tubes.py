@@ -1,0 +1,286 @@
+"""How small is small enough: a tube around the series of a slow manifold, proved for all epsilon up to a bound.
+
+`invariance` forms the flow about the series exactly, `isolation` tests a tube; here the tube and epsilon_0 are looked
+for, by sampling and bisection, and what is found is stated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import flint
+import sympy as sp
+from flint import arb
+
+from gsp.algebra.differentiation import jacobian
+from gsp.algebra.laurent import laurent
+from gsp.errors import DeclarationError
+from gsp.proofs import balls
+from gsp.proofs.adapted_basis import adapted_bases
+from gsp.proofs.ball_functions import BallFunction
+from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.certify import MOST_BOXES
+from gsp.proofs.equations import without_decimals
+from gsp.proofs.invariance import Invariance, NotInvariantError
+from gsp.proofs.isolation import Tally, norm
+from gsp.proofs.sides import rounded
+from gsp.proofs.tube_search import ProvedTube, TubeSearch, supremum
+from gsp.slow.series import SeriesManifold, expand
+from gsp.systems.flow import check_epsilon
+from gsp.systems.region import check_region
+
+# epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
+# and say nothing when it is wide.
+LARGEST_RATIO = 2.0
+# A system at this epsilon has no two time scales; the search ends there.
+LARGEST_EPSILON = 4.0
+# Bisection ends at this relative width.
+EPSILON_RESOLUTION = 0.02
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SlowTube:
+    """What is proved about the slow manifold near `series` over `region`, for every epsilon in (0, `epsilon_0`].
+
+    - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it; `statement` says
+      what follows. `delta` bounds |y - h_n| at epsilon_0 (Euclidean), `widths` each fast variable's part of it,
+      `ratio` is delta over the largest first term left out, infinite where that is 0.
+    - REFUTED: the series does not solve the invariance equation.
+    - UNDECIDED: neither; `is_isolating` and `has_cones` say what was proved of the tube, if there is one.
+
+    `boundary` is "overflowing" where the slow flow is proved to leave through every side of the region, "inflowing"
+    where it enters through every side, else "mixed". Unless it is overflowing, the manifold is invariant off a collar
+    of width `collar` at the sides, of the order epsilon_0 |f|/gap. `tried` boxes were looked at.
+    """
+
+    series: SeriesManifold
+    region: Mapping[str, tuple[float, float]]
+    verdict: ProofVerdict
+    reason: str
+    epsilon_0: float
+    delta: float
+    ratio: float
+    widths: Mapping[str, float]
+    is_isolating: bool
+    has_cones: bool
+    boundary: str
+    collar: float
+    signs: tuple[int, ...]
+    tried: int
+
+    @property
+    def statement(self) -> tuple[str, ...]:
+        """What is proved, in sentences."""
+        if not self.is_isolating:
+            return ()
+        staying = "stays in it while its slow variables are in the region"
+        if 1 in self.signs:
+            lines = ["the flow crosses every face of the tube, out of it along the unstable directions only"]
+        elif self.boundary == "inflowing":
+            lines = ["a solution that starts in the tube stays in it for ever"]
+        else:
+            lines = [f"a solution that starts in the tube {staying}"]
+        if not self.has_cones:
+            return (*lines, "no Lipschitz manifold in it is proved")
+        graph = "the graph of a Lipschitz map over the whole region"
+        if self.boundary == "overflowing":
+            return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
+        return (
+            *lines,
+            f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
+            f"off a collar of width {self.collar:.3g} at its sides",
+            "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
+        )
+
+    def __repr__(self) -> str:
+        return f"SlowTube({self.verdict.name}, {self.reason})"
+
+    def __str__(self) -> str:
+        box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
+        lines = [f"{self.verdict.value} on {box}", f"  {self.reason}"]
+        if self.is_isolating:
+            small, n = self.series.branch.system.epsilon.name, self.series.order
+            lines.append(f"  for every {small} in (0, {self.epsilon_0:.6g}], with h through order {n}")
+            lines.append(
+                f"  |y - h| <= {self.delta:.6g} at {small} = {self.epsilon_0:.6g}, and in proportion to "
+                f"{small}^{n + 1} below"
+            )
+            if self.ratio < math.inf:
+                lines.append(f"  that is {self.ratio:.4g} times the largest first term left out")
+            lines += [f"  {sentence}" for sentence in self.statement]
+        return "\n".join(lines)
+
+
+def certify_tube(
+    series: SeriesManifold,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+) -> SlowTube:
+    """Prove in ball arithmetic that the slow manifold lies in a tube about `series`, for all epsilon in (0, `epsilon`].
+
+    Without an `epsilon`, the largest epsilon_0 is looked for at which a tube of at most `LARGEST_RATIO` times the first
+    term left out is proved. `region` gives every slow variable an interval, and parameters too, which then stand for
+    all their values. Each test of a tube may try `most_boxes` boxes. Ctrl-C returns what is proved by then. The
+    theorems are in docs/slow-tubes.md. Raises `DeclarationError` for a region that is not one or an implicit branch,
+    `UnsupportedFunctionError` for a field that is not rational in the fast variables and epsilon.
+    """
+    branch = series.branch
+    if not branch.is_explicit:
+        raise DeclarationError(
+            f"a tube is proved about an explicit series. Got the implicit branch {branch}. "
+            "Solve for the fast variables, or prove normal hyperbolicity with certify(branch)."
+        )
+    if isinstance(most_boxes, bool) or not isinstance(most_boxes, int) or most_boxes < 1:
+        raise DeclarationError(f"most_boxes is a positive integer. Got {most_boxes!r}.")
+    if epsilon is not None:
+        check_epsilon(epsilon)
+    system = branch.system
+    slow = [s.name for s in system.x]
+    checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
+    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
+    box = {name: rounded(given[name], ends)[0] for name, ends in checked.items()}
+    with flint.ctx.workprec(balls.PRECISION):
+        return _Search(series, box, most_boxes).result(epsilon)
+
+
+class _Search:
+    """Tubes about one series over one region."""
+
+    def __init__(self, series: SeriesManifold, box: dict[str, tuple[float, float]], most_boxes: int) -> None:
+        self.series, self.box = series, box
+        self.tally = Tally(most_boxes)
+        system = series.branch.system
+        self.x = (*system.x, *(p for p in system.parameters if p.name in box))
+        self.values = {p: without_decimals(v) for p, v in system.parameters.items() if p not in self.x}
+        self.best: ProvedTube | None = None
+
+    def result(self, epsilon: float | None) -> SlowTube:
+        """The search, and its outcome as it is reported."""
+        nothing = SlowTube(
+            self.series,
+            self.box,
+            ProofVerdict.UNDECIDED,
+            "",
+            math.nan,
+            math.nan,
+            math.nan,
+            {},
+            False,
+            False,
+            "mixed",
+            math.nan,
+            (),
+            0,
+        )
+        reason = "no tube was proved isolating"
+        try:
+            problems = self._problems()
+            if epsilon is None:
+                self._largest(problems)
+            else:
+                self._least(problems, float(balls.above(balls.exact(float(epsilon)))))
+            if self.tally.spent:
+                reason += f"; a test spent its {self.tally.most} boxes"
+        except NotInvariantError as error:
+            small = self.series.branch.system.epsilon
+            return replace(
+                nothing,
+                verdict=ProofVerdict.REFUTED,
+                reason="the series does not solve the invariance equation: "
+                f"a term in {small}^{error.order} is left over",
+            )
+        except KeyboardInterrupt:
+            reason = "interrupted; nothing was proved by then"
+        if self.best is None:
+            return replace(nothing, reason=reason, tried=self.tally.tried)
+        return self._stated(nothing, self.best)
+
+    # -- what is looked for ------------------------------------------------------------------------
+
+    def _problems(self) -> list[TubeSearch]:
+        system = self.series.branch.system
+        graph = self.series.branch.graph
+        assert graph is not None
+        at = {y: sp.sympify(e, strict=True).xreplace(self.values) for y, e in graph.items()}
+        g = [laurent(e, system.epsilon, order=0).get(0, sp.Integer(0)).xreplace(self.values) for e in system.g]
+        matrix = jacobian(g, system.y).xreplace(at).applyfunc(sp.cancel)
+        middle = {s: sp.Rational(0.5 * sum(self.box[s.name])) for s in self.x}
+        parameters = self.x[len(system.x) :]
+        region = tuple(self.box[s.name] for s in self.x)
+        return [
+            TubeSearch(
+                Invariance(self.series, parameters=parameters, values=self.values, basis=basis.matrix),
+                basis,
+                region,
+                self.tally,
+            )
+            for basis in adapted_bases(matrix, self.x, [middle])
+        ]
+
+    def _least(self, problems: list[TubeSearch], epsilon: float) -> None:
+        """The least tube at `epsilon`, with cones rather than without."""
+        for problem in problems:
+            self._keep(problem.least(epsilon))
+            if self.best is not None and self.best.slope is not None:
+                return
+
+    def _largest(self, problems: list[TubeSearch]) -> None:
+        for problem in problems:
+            good, bad, small = 0.0, math.inf, 0.125
+            while small <= LARGEST_EPSILON and small > 1e-9 and not bad <= good * (1.0 + EPSILON_RESOLUTION):
+                tube = problem.within(small, LARGEST_RATIO)
+                if tube is not None:
+                    self._keep(tube)
+                    good = small
+                else:
+                    bad = small
+                small = (
+                    2.0 * good if bad == math.inf else (0.25 * bad if good == 0.0 else math.sqrt(good * bad))
+                )
+            if self.best is not None:
+                self._keep(problem.least(self.best.epsilon, self.best))
+                return
+
+    def _keep(self, tube: ProvedTube | None) -> None:
+        if tube is not None and (self.best is None or tube.slope is not None or self.best.slope is None):
+            self.best = tube
+
+    # -- what is reported --------------------------------------------------------------------------
+
+    def _stated(self, nothing: SlowTube, tube: ProvedTube) -> SlowTube:
+        problem = tube.problem
+        scaled = problem.half_widths(tube.widths)
+        power = balls.power(arb(tube.epsilon), self.series.order + 1)
+        names = [y.name for y in self.series.branch.system.y]
+        proved = tube.slope is not None
+        size, following = norm([arb(v) for v in scaled]), self._next_term()
+        return replace(
+            nothing,
+            verdict=ProofVerdict.PROVED if proved else ProofVerdict.UNDECIDED,
+            reason="the slow manifold is in the tube"
+            if proved
+            else "the tube is isolating, but the cone conditions are not proved",
+            epsilon_0=tube.epsilon,
+            delta=balls.magnitude(size * power),
+            ratio=balls.magnitude(size) / following if following > 0.0 else math.inf,
+            widths={name: balls.magnitude(arb(v) * power) for name, v in zip(names, scaled)},
+            is_isolating=True,
+            has_cones=proved,
+            boundary=problem.boundary(tube.epsilon, tube.widths),
+            collar=problem.collar(tube) if proved else math.nan,
+            signs=problem.basis.signs,
+            tried=self.tally.tried,
+        )
+
+    def _next_term(self) -> float:
+        """The supremum of |h_(n+1)| over the region."""
+        order = self.series.order + 1
+        following = expand(
+            self.series.branch, order=order, symbolic=len(self.x) > len(self.series.branch.system.x)
+        )
+        h = BallFunction(self.x, [e.xreplace(self.values) for e in following.coefficients[order]])
+        return supremum(lambda x: norm(h(x)), tuple(self.box[s.name] for s in self.x))

@@ -1,0 +1,177 @@
+"""The search for a tube in one basis: sampling proposes widths and slopes, `isolation` proves them."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb
+
+from gsp.proofs import balls
+from gsp.proofs.adapted_basis import AdaptedBasis
+from gsp.proofs.invariance import Invariance
+from gsp.proofs.isolation import Isolation, Tally, norm
+from gsp.proofs.tubes import Box
+
+# Bisection ends at this relative width.
+WIDTH_RESOLUTION = 0.005
+# Shares of the least tube that sampling suggests, tried in this order.
+SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
+# Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
+# The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
+UNSCALED_SLOPES, SLOPES = (1.0, 0.25), (16.0, 4.0, 2.0)
+# The slow flow may be cut off in a collar so wide that |grad chi| |f| <= COLLAR.
+COLLAR, STEEPEST_COLLAR = 1.0, 1024.0
+# Samples in the region that propose a width, those that rule a slope out, and boxes that bound a supremum to SUPREMUM
+# of itself.
+SAMPLES, CORNERS, SUPREMUM, SUPREMUM_BOXES = 81, 9, 0.005, 4_000
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedTube:
+    """A tube that was proved: up to `epsilon`, `widths` of the blocks, `slope` of the cones or None."""
+
+    problem: TubeSearch
+    epsilon: float
+    widths: np.ndarray
+    slope: float | None
+
+
+class TubeSearch:
+    """Tubes in one basis."""
+
+    def __init__(self, invariance: Invariance, basis: AdaptedBasis, region: Box, tally: Tally) -> None:
+        self.invariance, self.basis, self.region, self.tally = invariance, basis, region, tally
+
+    def _isolation(self, epsilon: float) -> Isolation:
+        return Isolation(self.invariance, self.basis, (*self.region, (0.0, epsilon)), self.tally)
+
+    def _samples(self, epsilons: tuple[float, ...], samples: int = SAMPLES) -> list[np.ndarray]:
+        count = max(2, round(samples ** (1.0 / len(self.region))))
+        axes = [np.linspace(low, high, count) for low, high in self.region]
+        return [np.array(point) for point in itertools.product(*axes, epsilons)]
+
+    def within(self, epsilon: float, ratio: float) -> ProvedTube | None:
+        """A tube of `ratio` times the first term left out, with cones, for all epsilon up to `epsilon`."""
+        isolation = self._isolation(epsilon)
+        shape = isolation.shape(self._samples((0.0,)))
+        if shape is None:
+            return None
+        widths = ratio * shape
+        if not isolation.faces(widths):
+            return None
+        slope = self._slope(isolation, epsilon, widths)
+        return None if slope is None else ProvedTube(self, epsilon, widths, slope)
+
+    def least(self, epsilon: float, known: ProvedTube | None = None) -> ProvedTube | None:
+        """The narrowest tube found up to `epsilon`, with cones if they can be had; `known` is one with them."""
+        isolation = self._isolation(epsilon)
+        shape = isolation.shape(self._samples((0.0, 0.5 * epsilon, epsilon)))
+        if shape is None:
+            return known
+        low, high = 1.0, math.inf
+        for share in SHARES:
+            if isolation.faces(share * shape):
+                high = share
+                break
+            low = share
+        if high == math.inf:
+            return known
+        while high > low * (1.0 + WIDTH_RESOLUTION):
+            middle = math.sqrt(low * high)
+            if isolation.faces(middle * shape):
+                high = middle
+            else:
+                low = middle
+        widths = high * shape
+        slope = self._slope(isolation, epsilon, widths)
+        if known is not None and (slope is None or widths.max() > known.widths.max()):
+            return known
+        return ProvedTube(self, epsilon, widths, slope)
+
+    def _slope(self, isolation: Isolation, epsilon: float, widths: np.ndarray) -> float | None:
+        """The slope of cones that hold, None where none do."""
+        collar = 0.0 if self.boundary(epsilon, widths) == "overflowing" else COLLAR
+        slaved = isolation.steepness(self._samples((epsilon,)))
+        unscaled = epsilon ** -(self.invariance.order + 1)
+        slopes = [s * unscaled for s in UNSCALED_SLOPES] + [s * slaved for s in SLOPES if slaved > 0.0]
+        corners = [
+            Isolation(self.invariance, self.basis, tuple((float(v), float(v)) for v in point), Tally(1))
+            for point in self._samples((epsilon,), CORNERS)
+        ]
+        for slope in slopes:
+            # A slope that fails at a point is not tried on boxes.
+            if all(c.cones(widths, slope, collar) for c in corners) and isolation.cones(widths, slope, collar):
+                return slope
+        return None
+
+    def boundary(self, epsilon: float, widths: np.ndarray) -> str:
+        """What the slow flow is proved to do at the sides of the region."""
+        isolation = self._isolation(epsilon)
+        ways = set()
+        for axis in range(self.invariance.slow):
+            for upper in (False, True):
+                ways.add(isolation.side(axis, upper, widths))
+                if len(ways) > 1:
+                    return "mixed"
+        return {1: "overflowing", -1: "inflowing", 0: "mixed"}[ways.pop()]
+
+    def collar(self, tube: ProvedTube) -> float:
+        """The width of a collar at the sides in which f may be cut off; 0 where it need not be."""
+        if self.boundary(tube.epsilon, tube.widths) == "overflowing":
+            return 0.0
+        assert tube.slope is not None
+        isolation, steep = self._isolation(tube.epsilon), COLLAR
+        while steep < STEEPEST_COLLAR and isolation.cones(tube.widths, tube.slope, 2.0 * steep):
+            steep *= 2.0
+        fastest = supremum(lambda box: norm(isolation.rates(box, tube.widths)), isolation.region)
+        return balls.magnitude(arb(fastest) / arb(steep))
+
+    def half_widths(self, widths: np.ndarray) -> list[float]:
+        """Bounds (m,) of |P z| in the tube, for each fast variable."""
+        m = self.invariance.m
+
+        def row(j: int) -> Callable[[list[arb]], arb]:
+            def reach(x: list[arb]) -> arb:
+                turning = self.invariance.turning([*x, arb(0)])
+                total = arb(0)
+                for block, width in zip(self.basis.blocks, widths):
+                    total = total + norm([turning[j * m + k] for k in block]) * arb(float(width))
+                return total
+
+            return reach
+
+        return [supremum(row(j), self.region) for j in range(m)]
+
+
+def supremum(function: Callable[[list[arb]], arb], region: Box) -> float:
+    """A bound of a function of balls over a box, within `SUPREMUM` of the largest value found or as near as
+    `SUPREMUM_BOXES` boxes bring it.
+    """
+
+    def over(box: Box) -> float:
+        value = balls.magnitude(function([balls.hull(low, high) for low, high in box]))
+        return value if value == value else math.inf
+
+    sides = [high - low for low, high in region]
+    heap = [(-over(region), 0, region)]
+    found = 0.0
+    for count in range(1, SUPREMUM_BOXES):
+        top, _, box = heap[0]
+        if -top <= (1.0 + SUPREMUM) * found or -top == 0.0:
+            break
+        heapq.heappop(heap)
+        axis = max(range(len(box)), key=lambda k: (box[k][1] - box[k][0]) / sides[k])
+        low, high = box[axis]
+        middle = low + 0.5 * (high - low)
+        for i, ends in enumerate(((low, middle), (middle, high))):
+            half = tuple(ends if k == axis else other for k, other in enumerate(box))
+            for corner in (0, 1):
+                at = over(tuple((ends[corner], ends[corner]) for ends in half))
+                found = max(found, at if at < math.inf else 0.0)
+            heapq.heappush(heap, (-over(half), 2 * count + i, half))
+    return -heap[0][0]

@@ -1,0 +1,206 @@
+"""A solution of x' = R(x) enclosed, by Taylor's theorem along the flow in ball arithmetic.
+
+A step of length h goes along the Taylor polynomial from a point; the coefficient of order K over a box that holds the
+solution bounds the rest, and the logarithmic norm of D R over the box how far the old error has spread.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import flint
+import sympy as sp
+from flint import arb, arb_series, fmpq
+
+from gsp.algebra.differentiation import jacobian
+from gsp.errors import UnsupportedFunctionError
+from gsp.proofs import balls
+from gsp.proofs.ball_functions import BallFunction
+from gsp.proofs.isolation import norm
+
+# Coefficients of a step, the last of them for the rest.
+ORDER = 14
+# The rest of a step is to be of this size, a rounding of PRECISION bits and no more.
+REST = 1e-17
+# A box that does not hold its own image is widened so often, by this factor.
+WIDENINGS, WIDER = 20, 1.3
+# A step shorter than this share of the span ends the proof.
+SHORTEST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The solution for t in [`start`, `end`]: within `radius` of the `polynomials` in t - start, inside `box`."""
+
+    start: float
+    end: float
+    polynomials: tuple[tuple[arb, ...], ...]
+    radius: arb
+    box: tuple[arb, ...]
+
+    def over(self, low: float, high: float) -> list[arb]:
+        """A box (n,) that holds the solution between two times of the step."""
+        span = (arb(low) - arb(self.start)).union(arb(high) - arb(self.start))
+        spread = balls.hull(-1.0, 1.0) * self.radius
+        return [_horner(p, span) + spread for p in self.polynomials]
+
+
+def solution_steps(
+    field: Sequence[sp.Expr], x: Sequence[sp.Symbol], start: Sequence[arb], end: float
+) -> Iterator[Step]:
+    """Steps of x' = `field`(x) from x(0) in the balls `start` to the time `end`, fewer where the next is not proved.
+
+    Raises `UnsupportedFunctionError` for a field that is not rational.
+    """
+    series = _SeriesFunction(x, field)
+    slopes = BallFunction(x, list(jacobian(field, x)))
+    value = BallFunction(x, list(field))
+    n = len(x)
+    point = [arb(b.mid()) for b in start]
+    radius = norm([b - m for b, m in zip(start, point)])
+    t = 0.0
+    while t < end:
+        taylor = series.solution(point, ORDER)
+        steepest = max(balls.magnitude(c[ORDER - 1]) for c in taylor)
+        length = (REST / steepest) ** (1.0 / (ORDER - 1)) if steepest > 0.0 else end
+        box = None
+        while length > SHORTEST * end and box is None:
+            after = min(end, t + length)
+            # t + length is rounded; the step is as long as the two doubles are apart.
+            step = balls.above(arb(after) - arb(t))
+            box = _box(value, taylor, point, radius, step)
+            length = 0.5 * length
+        if box is None:
+            return
+        rest = [c[ORDER] for c in series.solution(box, ORDER)]
+        polynomials = tuple((*c[:ORDER], r) for c, r in zip(taylor, rest))
+        over = slopes(box)
+        growth = (log_norm([over[i * n : (i + 1) * n] for i in range(n)]) * arb(step)).exp()
+        spread = (radius * growth.union(arb(1))).upper()
+        yield Step(t, after, polynomials, spread, tuple(box))
+        reached = [_horner(p, arb(after) - arb(t)) for p in polynomials]
+        point = [arb(b.mid()) for b in reached]
+        radius = (spread + norm([b - m for b, m in zip(reached, point)])).upper()
+        t = after
+
+
+def log_norm(matrix: list[list[arb]]) -> arb:
+    """An upper bound of the logarithmic 2-norm of every matrix in a ball matrix, by rows of the symmetric part."""
+    largest = None
+    for i, row in enumerate(matrix):
+        total = row[i].upper()
+        for k in range(len(row)):
+            if k != i:
+                total = (total + ((row[k] + matrix[k][i]) / 2).abs_upper()).upper()
+        largest = total if largest is None or not total <= largest else largest
+    assert largest is not None
+    return largest
+
+
+def _box(
+    value: BallFunction, taylor: list[list[arb]], point: list[arb], radius: arb, length: float
+) -> list[arb] | None:
+    """A box that every solution from `radius` about `point` stays in for `length`: it holds its own Picard image."""
+    span, spread = balls.hull(0.0, length), balls.hull(-1.0, 1.0) * radius
+    box = [_horner(c[:ORDER], span) + spread for c in taylor]
+    for _ in range(WIDENINGS):
+        wide = [
+            b + balls.hull(-1.0, 1.0) * (arb(b.rad()) * (WIDER - 1.0) + arb(1e-15) * (1 + b.abs_upper()))
+            for b in box
+        ]
+        rates = value(wide)
+        image = [p + spread + span * rate for p, rate in zip(point, rates)]
+        if all(i.is_finite() and w.contains_interior(i) for i, w in zip(image, wide)):
+            return image
+        if not all(i.is_finite() for i in image):
+            return None
+        box = [w.union(i) for w, i in zip(wide, image)]
+    return None
+
+
+def _horner(coefficients: Sequence[arb], at: arb) -> arb:
+    total = coefficients[-1]
+    for c in coefficients[-2::-1]:
+        total = total * at + c
+    return total
+
+
+class _SeriesFunction:
+    """Rational expressions of x over power series in time."""
+
+    def __init__(self, x: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
+        self.n = len(x)
+        self._places: dict[Any, int] = {s: i for i, s in enumerate(x)}
+        self._constants: list[arb | None] = [None] * self.n
+        self._code: list[tuple[int, Callable[..., Any], int, int]] = []
+        replaced, reduced = sp.cse(list(outputs), order="none")
+        for symbol, expression in replaced:
+            self._places[symbol] = self._written(expression)
+        self._outputs = [self._written(e) for e in reduced]
+
+    def solution(self, point: Sequence[arb], order: int) -> list[list[arb]]:
+        """Taylor coefficients (n, order + 1) in time of the solution through `point`."""
+        coefficients = [[p] for p in point]
+        cap = flint.ctx.cap
+        try:
+            for k in range(order):
+                flint.ctx.cap = k + 1
+                values = self._over([arb_series(c, k + 1) for c in coefficients], k + 1)
+                for c, v in zip(coefficients, values):
+                    c.append(v[k] / (k + 1))
+        finally:
+            flint.ctx.cap = cap
+        return coefficients
+
+    def _over(self, x: list[Any], length: int) -> list[Any]:
+        registers: list[Any] = [None if c is None else arb_series([c], length) for c in self._constants]
+        registers[: self.n] = x
+        for out, function, one, two in self._code:
+            registers[out] = function(registers[one], registers[two])
+        return [registers[place] for place in self._outputs]
+
+    def _written(self, expression: Any) -> int:
+        place = self._places.get(expression)
+        if place is None:
+            place = self._places[expression] = self._new(expression)
+        return place
+
+    def _new(self, expression: Any) -> int:
+        if expression.is_Rational:
+            return self._register(arb(fmpq(int(expression.p), int(expression.q))))
+        if expression.is_Add or expression.is_Mul:
+            function = operator.add if expression.is_Add else operator.mul
+            places = [self._written(part) for part in expression.args]
+            total = places[0]
+            for place in places[1:]:
+                total = self._operation(function, total, place)
+            return total
+        if expression.is_Pow and expression.exp.is_Integer:
+            exponent = int(expression.exp)
+            if exponent < 0:
+                return self._operation(
+                    operator.truediv, self._written(sp.S.One), self._written(expression.base**-exponent)
+                )
+            half = self._written(expression.base ** (exponent // 2))
+            square = self._operation(operator.mul, half, half)
+            return (
+                square
+                if exponent % 2 == 0
+                else self._operation(operator.mul, square, self._written(expression.base))
+            )
+        raise UnsupportedFunctionError(
+            f"a reduced flow is enclosed where its rates are rational. Got {expression}. "
+            "Bound the tube with certify(series), which asks for less."
+        )
+
+    def _register(self, value: arb | None) -> int:
+        self._constants.append(value)
+        return len(self._constants) - 1
+
+    def _operation(self, function: Callable[..., Any], one: int, two: int) -> int:
+        out = self._register(None)
+        self._code.append((out, function, one, two))
+        return out

@@ -1,0 +1,221 @@
+"""Tubes about the series of a slow manifold: figures to reach, what they promise, and what must never be proved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+from sympy import Rational as R
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.certify import certify
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem
+
+epsilon, s, c, v, p, w, x, y, a = sp.symbols("epsilon s c v p w x y a")
+
+
+def series(slow, fast, order, **more):
+    system = SlowFastSystem(slow=slow, fast=fast, epsilon=epsilon, **more)
+    return expand(solve_critical(system).branches[0], order=order)
+
+
+def michaelis_menten(order):
+    return series({s: -s + (s + R(1, 2)) * c}, {c: s - (s + 1) * c}, order)
+
+
+def sleigh(order):
+    """Chaplygin's with m = I = 1 and a = 1/5, p in units of J = I + m a^2."""
+    turn = p - R(5, 26) * w
+    slow = {v: turn * (w + turn / 5), p: -R(5, 26) * v * turn}
+    return series(slow, {w: -R(26, 25) * w - epsilon * v * turn}, order)
+
+
+def saddle(order):
+    return series({s: -s}, {x: x + s**2, y: -y + x * s}, order)
+
+
+SQUARE = {"v": (-2, 2), "p": (-2, 2)}
+HALF_LINE = {"s": (R(1, 10), 5)}
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_the_tube_of_the_sleigh_is_hardly_wider_than_the_first_term_left_out(order: int) -> None:
+    # Measured with another program: 1.602e-4, 1.173e-5, 3.897e-7, 1.358e-8.
+    tube = certify(sleigh(order), region=SQUARE, epsilon=0.01)
+    assert tube.verdict is ProofVerdict.PROVED
+    assert tube.ratio <= 1.1
+    assert tube.delta == pytest.approx([1.602e-4, 1.173e-5, 3.897e-7, 1.358e-8][order - 1], rel=0.02)
+
+
+def test_epsilon_a_tenth_and_the_largest_one_for_the_sleigh() -> None:
+    assert certify(sleigh(3), region=SQUARE, epsilon=0.1).ratio <= 2.0
+    largest = certify(sleigh(3), region=SQUARE)
+    assert largest.verdict is ProofVerdict.PROVED
+    assert largest.epsilon_0 >= 0.15
+    assert largest.ratio <= 2.1
+    assert largest.tried < 3000
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_michaelis_menten_holds_to_nine_tenths(order: int) -> None:
+    tube = certify(michaelis_menten(order), region=HALF_LINE)
+    assert tube.verdict is ProofVerdict.PROVED
+    assert tube.epsilon_0 >= 0.9
+    assert tube.ratio <= 1.1
+    # At s = 1/10 the fast rate (s + 1)/epsilon + Dh f_c must exceed the slow one and the collar.
+    assert tube.epsilon_0 <= 1.25
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_a_saddle_is_decoupled_and_holds(order: int) -> None:
+    tube = certify(saddle(order), region={"s": (-1, 1)}, epsilon=0.1)
+    assert tube.verdict is ProofVerdict.PROVED
+    assert sorted(tube.signs) == [-1, 1]
+    # The unstable part of the tube is that of the first term left out: 4, 8, ... (2 epsilon)^n epsilon.
+    assert tube.widths["x"] == pytest.approx((2 * 0.1) ** (order + 1), rel=0.02)
+    assert tube.ratio <= 1.6
+    # The fast rate 1/epsilon must exceed the slow one and the collar, 2 together.
+    assert 0.13 <= certify(saddle(order), region={"s": (-1, 1)}).epsilon_0 < 0.5
+
+
+@pytest.mark.parametrize(("order", "bound"), [(1, 2.3e-4), (2, 3.1e-6), (3, 4.5e-8)])
+def test_a_complex_pair_far_from_normal(order: int, bound: float) -> None:
+    pair = series({s: -s + x * y / 4}, {x: -x - 8 * y + s, y: x - y}, order)
+    tube = certify(pair, region={"s": (-1, 1)}, epsilon=0.01)
+    assert tube.verdict is ProofVerdict.PROVED
+    assert tube.delta <= 2.0 * bound
+
+
+def test_trajectories_that_start_in_the_tube_stay_in_it() -> None:
+    manifold = sleigh(2)
+    tube = certify(manifold, region=SQUARE, epsilon=0.1)
+    system = manifold.branch.system
+    field = [e.subs(epsilon, R(1, 10)) for e in (*system.f, *(10 * g for g in system.g))]
+    rates = sp.lambdify((v, p, w), field)
+    random = np.random.default_rng(1)
+    met = 0
+    for side in (-0.999, 0.999):
+        for start in random.uniform(-2.0, 2.0, (12, 2)):
+            height = manifold.evaluate(start[None], 0.1)[0, 0] + side * tube.delta
+            run = solve_ivp(
+                lambda t, z: rates(*z),
+                (0.0, 3.0),
+                [*start, height],
+                rtol=1e-11,
+                atol=1e-13,
+                t_eval=np.linspace(0, 3, 301),
+            )
+            inside = np.cumprod((np.abs(run.y[:2]) <= 2.0).all(axis=0)).astype(bool)
+            away = np.abs(run.y[2] - manifold.evaluate(run.y[:2].T, 0.1)[:, 0])[inside]
+            assert (away <= tube.delta).all()
+            met += inside.sum()
+    assert met > 1000
+
+
+@pytest.mark.parametrize("k", [0, 1, 2, 3])
+def test_a_wrong_coefficient_is_refuted(k: int) -> None:
+    right = michaelis_menten(3)
+    ring = right.chart.ring
+    wrong = [[e + ring.constant(R(1, 10**9)) if i == k else e for i, e in enumerate(row)] for row in right._h]
+    tube = certify(replace(right, _h=wrong), region=HALF_LINE, epsilon=0.01)
+    assert tube.verdict is ProofVerdict.REFUTED
+    assert f"epsilon^{k}" in tube.reason
+    assert np.isnan(tube.delta)
+
+
+def test_a_pole_in_the_region_is_never_proved() -> None:
+    tube = certify(michaelis_menten(1), region={"s": (-2, 1)}, epsilon=0.01)
+    assert tube.verdict is ProofVerdict.UNDECIDED
+    assert not tube.is_isolating
+
+
+def test_no_epsilon_beyond_the_loss_of_attraction_is_proved() -> None:
+    # epsilon y' = -(1 - 4 epsilon) y + x, x' = 1: the fast direction repels from epsilon = 1/4 on.
+    manifold = series({x: sp.Integer(1)}, {y: -(1 - 4 * epsilon) * y + x}, 2)
+    assert certify(manifold, region={"x": (0, 1)}, epsilon=0.26).verdict is ProofVerdict.UNDECIDED
+    assert 0.02 < certify(manifold, region={"x": (0, 1)}).epsilon_0 < 0.25
+
+
+@pytest.mark.parametrize("rate", [1, 3])
+def test_no_epsilon_beyond_the_crossing_of_rates_is_proved(rate: int) -> None:
+    # x' = -rate x, epsilon y' = -y + x: solutions approach x = 0 faster than one another where epsilon rate > 1.
+    manifold = series({x: -rate * x}, {y: -y + x}, 2)
+    tube = certify(manifold, region={"x": (-1, 1)})
+    assert 0.1 / rate < tube.epsilon_0 < 1.0 / rate
+    beyond = certify(manifold, region={"x": (-1, 1)}, epsilon=1.1 / rate)
+    assert beyond.verdict is ProofVerdict.UNDECIDED
+    assert not beyond.has_cones
+
+
+def test_a_series_that_is_the_manifold() -> None:
+    manifold = series({x: sp.Integer(0)}, {y: -y + x**2}, 1)
+    tube = certify(manifold, region={"x": (-1, 1)}, epsilon=0.1)
+    assert tube.verdict is ProofVerdict.PROVED
+    assert tube.delta < 1e-7
+
+
+def test_what_is_proved_hangs_on_the_sides() -> None:
+    out = certify(series({x: x}, {y: -y + x**2}, 1), region={"x": (-1, 1)}, epsilon=0.05)
+    into = certify(series({x: -x}, {y: -y + x**2}, 1), region={"x": (-1, 1)}, epsilon=0.05)
+    mixed = certify(series({x: sp.Integer(1)}, {y: -y + x**2}, 1), region={"x": (-1, 1)}, epsilon=0.05)
+    assert (out.boundary, into.boundary, mixed.boundary) == ("overflowing", "inflowing", "mixed")
+    assert "unique" in out.statement[-1]
+    # The steepest collar is that of the fast rate 1/epsilon = 20 less the slow one: the width is |f| over that.
+    assert out.collar == 0.0
+    assert 1.0 / 20.0 < mixed.collar <= 1.0 / 8.0
+    assert "for ever" in into.statement[0]
+    assert all("every choice lies in the tube" in tube.statement[-1] for tube in (into, mixed))
+    assert "for every epsilon in (0, 0.05]" in str(mixed)
+
+
+def test_a_parameter_may_be_an_interval() -> None:
+    manifold = series({x: 1 - x}, {y: -a * y + x}, 2, parameters={a: 1})
+    whole = certify(manifold, region={"x": (0, 1), "a": (1, 2)}, epsilon=0.05)
+    one = certify(manifold, region={"x": (0, 1)}, epsilon=0.05)
+    assert whole.verdict is one.verdict is ProofVerdict.PROVED
+    # The widest tube is that of a = 1.
+    assert whole.delta == pytest.approx(one.delta, rel=0.02)
+    assert certify(manifold, region={"x": (0, 1), "a": (-1, 2)}, epsilon=0.05).verdict is ProofVerdict.UNDECIDED
+
+
+def test_what_has_no_exact_residual_is_refused() -> None:
+    with pytest.raises(UnsupportedFunctionError, match="tanh"):
+        certify(series({x: -x + sp.tanh(y)}, {y: -y + x}, 1), region={"x": (0, 1)})
+
+
+def test_an_implicit_branch_is_refused() -> None:
+    with pytest.raises(DeclarationError, match="explicit"):
+        certify(series({x: y}, {y: x - y**5 / 5 - y}, 1), region={"x": (0, 1)})
+
+
+def test_a_spent_budget_is_said() -> None:
+    tube = certify(michaelis_menten(3), region=HALF_LINE, epsilon=0.1, most_boxes=3)
+    assert tube.verdict is ProofVerdict.UNDECIDED
+    assert "3 boxes" in tube.reason
+
+
+def test_an_interruption_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gsp.proofs.tube_search import TubeSearch
+
+    within, calls = TubeSearch.within, []
+
+    def interrupted(self, epsilon: float, ratio: float):
+        calls.append(epsilon)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return within(self, epsilon, ratio)
+
+    monkeypatch.setattr(TubeSearch, "within", interrupted)
+    tube = certify(saddle(1), region={"s": (-1, 1)})
+    assert tube.verdict is ProofVerdict.PROVED
+    assert tube.epsilon_0 == calls[0]
+    calls.append(0.0)
+    calls.remove(calls[1])
+    calls.pop()
+    nothing = certify(saddle(1), region={"s": (-1, 1)})
+    assert nothing.verdict is ProofVerdict.UNDECIDED
+    assert "interrupted" in nothing.reason
