@@ -10,7 +10,7 @@ import time
 
 import gsp
 import gsp.models
-from gsp.scenes.placement import place
+from gsp.scenes.study import study_of
 
 CASES = (
     ("chaplygin_sleigh", 10, 0.3),
@@ -23,7 +23,7 @@ CASES = (
 
 def measure(name: str, order: int, bound: float) -> dict:
     """Seconds of the first call, of the best of five and of the conversion to SymPy; terms of the last numerator."""
-    branch = place(gsp.models.load(name)).branch
+    branch = study_of(gsp.models.load(name)).branch
     times = []
     for _ in range(6):
         begun = time.perf_counter()

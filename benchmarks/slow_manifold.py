@@ -16,7 +16,7 @@ import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.models import load
-from gsp.scenes.placement import place
+from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
@@ -50,7 +50,7 @@ def best(function, *, repeat: int = 3) -> float:
 
 def sheet(name: str, points: int) -> tuple:
     """Branch of a model, points of its region, and starts on M0."""
-    placed = place(load(name))
+    placed = study_of(load(name))
     box = np.array([placed.region[symbol.name] for symbol in placed.system.x])
     unit = np.random.default_rng(0).random((points, len(box)))
     # The middle of the region: its edges may touch a fold.

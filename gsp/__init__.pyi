@@ -68,6 +68,8 @@ from .proofs.slow_tubes import SlowTube as SlowTube
 from .readers import load as load
 from .report import write_report as write_report
 from .scenes.scene import Scene as Scene
+from .scenes.study import Study as Study
+from .scenes.study import study as study
 from .singular.mixed_modes import MixedMode as MixedMode
 from .singular.mixed_modes import mixed_mode as mixed_mode
 from .singular.passage import DelayedExit as DelayedExit

@@ -181,9 +181,10 @@ def models(as_json: bool) -> None:
 @_json_option
 def split(scene: Scene, as_json: bool) -> None:
     """Find the slow and the fast variables of MODEL, and say how."""
-    from gsp.scenes.placement import place_splitting
+    from gsp.scenes.study import study_of
 
-    splitting, system = place_splitting(scene)
+    study = study_of(scene)
+    splitting, system = study.splitting, study.system
     if as_json:
         identity = {s.name: s.name for s in system.states}
         _print_json(
@@ -215,18 +216,17 @@ def split(scene: Scene, as_json: bool) -> None:
 @_json_option
 def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> None:
     """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
     from gsp.slow.raw_series import carry_back
     from gsp.slow.series import READABLE
-    from gsp.slow.series import expand as expand_branch
 
-    placement = place(scene)
-    whole = expand_branch(placement.branch, order=order, symbolic=not values)
+    study = study_of(scene)
+    whole = study.series(order, symbolic=not values)
     through = order if as_json else next((k for k, n in enumerate(whole.sizes) if n > READABLE), order + 1) - 1
     # Only what is printed is turned into expressions: that is where the time of a long series goes.
     series: Any = whole.at_order(max(through, 0))
-    if raw and placement.splitting is not None:
-        series = carry_back(series, placement.splitting)
+    if raw and study.splitting is not None:
+        series = carry_back(series, study.splitting)
         if series is None:
             raise GspError(
                 f"the series of {scene.name} cannot be carried back to the raw variables explicitly. "
@@ -247,11 +247,9 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
             }
         )
         return
-    if not placement.branch.is_explicit:
-        fast = ", ".join(y.name for y in placement.system.y)
-        click.echo(
-            f"Here {fast} is the point of the critical manifold over the slow variables: {placement.branch}"
-        )
+    if not study.branch.is_explicit:
+        fast = ", ".join(y.name for y in study.system.y)
+        click.echo(f"Here {fast} is the point of the critical manifold over the slow variables: {study.branch}")
     remedy = "--json prints all of it" if values else "--values is shorter, --json prints all of it"
     for letter, part in fields:
         for k, size in enumerate(whole.sizes):
@@ -279,19 +277,16 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
     Exit status 0 when every condition holds at the samples, 1 when one fails; with --prove 0 when it is proved, 1
     when it is refuted, 3 when it is undecided.
     """
-    from gsp.hyperbolicity.hyperbolicity import classify
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
 
     if output is not None and not prove:
         raise DeclarationError("-o writes a proof, and samples are none. Add --prove, or leave -o out.")
-    placement = place(scene)
+    study = study_of(scene)
     if prove:
         from gsp.proofs.certify import certify
 
         with _progress("boxes") as advance:
-            certificate = certify(
-                placement.branch, region=placement.region, epsilon=scene.epsilon, progress=advance
-            )
+            certificate = certify(study.branch, region=study.region, epsilon=scene.epsilon, progress=advance)
             if output is not None and certificate.verdict.name == "PROVED":
                 certificate.save(output)
         if as_json:
@@ -299,7 +294,7 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
         else:
             click.echo(str(certificate))
         click.get_current_context().exit({"PROVED": 0, "REFUTED": 1, "UNDECIDED": 3}[certificate.verdict.name])
-    verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+    verdict = study.hyperbolicity
     if as_json:
         from gsp.report import hyperbolicity_as_json
 
@@ -346,19 +341,19 @@ def folds(scene: Scene, as_json: bool) -> None:
     """
     from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
     from gsp.critical.continuation import CriticalCurve
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
 
-    placement = place(scene)
-    found = surroundings(placement)
-    if found is None and never_folds(placement.branch):
-        message = not_followed(placement).rstrip(".")
+    study = study_of(scene)
+    found = surroundings(study)
+    if found is None and never_folds(study.branch):
+        message = not_followed(study).rstrip(".")
         if as_json:
             _print_json({"name": scene.name, "message": message, "special": [], "curves": []})
         else:
             click.echo(message)
         return
     if found is None:
-        raise GspError(not_followed(placement))
+        raise GspError(not_followed(study))
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     if as_json:
         _print_json(

@@ -57,12 +57,12 @@ def checked(seed: int) -> str:
     """What `gsp check` does with the scene: the verdict, or the refusal by its own error."""
     from gsp.errors import GspError
     from gsp.hyperbolicity.hyperbolicity import classify
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
 
     scene = random_scene(seed)
     try:
-        placement = place(scene)
-        verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+        study = study_of(scene)
+        verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
     except GspError as error:
         return f"refused: {error}"
     return f"{verdict.kind}"

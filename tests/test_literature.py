@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from gsp import load
 from gsp.analysis.fold_surroundings import surroundings
 from gsp.critical.continuation import SpecialKind
-from gsp.scenes.placement import place
+from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from tests.literature import FOLDER, VERBS, Ending, systems, tasks
 
@@ -127,7 +127,7 @@ SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
     ],
 )
 def test_the_first_correction_is_the_one_of_its_definition(name):
-    series = expand(place(load(FOLDER / f"{name}.toml")).branch, order=1, symbolic=False)
+    series = expand(study_of(load(FOLDER / f"{name}.toml")).branch, order=1, symbolic=False)
     for share in (0, 0.5):
         x, h0, h1 = first_correction(name, share)
         got = series.terms([x], 1.0, near=[h0] if not series.branch.is_explicit else None)[0]
@@ -186,7 +186,7 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     scanned = folds_by_scanning(name)
     if KNOWN_FOLDS[name] is not None:
         assert scanned == [pytest.approx(fold) for fold in sorted(KNOWN_FOLDS[name])]
-    found = surroundings(place(load(FOLDER / f"{name}.toml")))
+    found = surroundings(study_of(load(FOLDER / f"{name}.toml")))
     assert found is not None
     folds = [tuple(p.point.values()) for p in found.special if p.kind is SpecialKind.FOLD]
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]

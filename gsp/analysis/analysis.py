@@ -20,17 +20,17 @@ from gsp.comparison.comparison import Comparison, compare, on_manifold
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.critical.continuation import CriticalCurve, CriticalSheet
 from gsp.errors import BudgetError, HyperbolicityError, MissingPartError
-from gsp.fibres.base_points import BasePoint, project
-from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.fibres.base_points import BasePoint
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
+from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
-from gsp.scenes.placement import Placement, place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study, study_of
 from gsp.singular.mixed_modes import MixedMode, mixed_mode
 from gsp.slow.raw_series import RawManifold, carry_back
-from gsp.slow.series import READABLE, SeriesManifold, expand
-from gsp.systems.arguments import check_noun, check_progress
+from gsp.slow.series import READABLE, SeriesManifold
+from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_order, check_orders
 
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
@@ -70,8 +70,7 @@ class Analysis(Drawn):
     What a stage could not make is left out: reading it raises `MissingPartError`, and `lost` gives the reason by name.
     """
 
-    scene: Scene
-    placement: Placement
+    study: Study
     hyperbolicity: Hyperbolicity
     series: SeriesManifold
     shown: SeriesManifold
@@ -112,9 +111,14 @@ class Analysis(Drawn):
         raise MissingPartError(reason)
 
     @property
+    def scene(self) -> Scene:
+        """The scene that was analysed."""
+        return self.study.scene
+
+    @property
     def flow(self) -> ReducedFlow:
         """The reduced flow of order 0, in the coordinates of the critical manifold."""
-        return restrict(self.series, order=0)
+        return self.study.reduced(0, reconstructed=False)
 
     @property
     def surroundings(self) -> CriticalCurve | CriticalSheet | None:
@@ -126,7 +130,7 @@ class Analysis(Drawn):
         return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {found})"
 
     def __str__(self) -> str:
-        parts = [str(self.placement.splitting)] if self.placement.splitting else []
+        parts = [str(self.study.splitting)] if self.study.splitting else []
         if "choice" not in self.lost:
             parts.insert(0, str(self.choice.verdict))
         shown = [str(getattr(self, name)) for name in ("series", "comparison") if name not in self.lost]
@@ -138,7 +142,7 @@ STAGES = ("split", "hyperbolicity", "boundary", "series", "comparison", "choice"
 
 
 def analyse(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     order: int = 3,
     orders: Sequence[int] = (0, 1, 2, 3),
@@ -149,7 +153,8 @@ def analyse(
     `progress(stage, share)` is called as the work goes on. Raises `HyperbolicityError`, saying where, when the
     fast Jacobian is singular in the scene's region, and whatever the stages raise.
     """
-    check_noun(scene, Scene, verb="analyse")
+    study = study_of(scene, verb="analyse")
+    scene = study.scene
     check_order(order)
     check_orders(orders)
     check_progress(progress)
@@ -165,9 +170,9 @@ def analyse(
         report(name, 1.0)
 
     with stage("split"):
-        placement = place(scene)
+        _ = study.region, study.branch
     with stage("hyperbolicity"):
-        hyperbolicity = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+        hyperbolicity = study.hyperbolicity
         _require_hyperbolic(hyperbolicity)
     parts: dict[str, Any] = {}
 
@@ -176,33 +181,32 @@ def analyse(
         return parts[name]
 
     with stage("boundary"):
-        part("boundary", lambda: boundary_of(placement, hyperbolicity))
+        part("boundary", lambda: boundary_of(study, hyperbolicity))
     with stage("series"):
-        series = part("series", lambda: _series(placement, order))
+        series = part("series", lambda: _series(study, order))
         shown = part("shown", lambda: made(series).readable(READABLE))
-        splitting = placement.splitting
+        splitting = study.splitting
         part("raw", lambda: None if splitting is None else carry_back(made(shown), splitting))
     with stage("comparison"):
         part(
             "comparison",
-            lambda: compare(scene, orders=orders, progress=lambda share: report("comparison", share)),
+            lambda: compare(study, orders=orders, progress=lambda share: report("comparison", share)),
         )
     with stage("choice"):
-        part("choice", lambda: choose(scene, orders=orders))
+        part("choice", lambda: choose(study, orders=orders))
     with stage("failures"):
-        failures, failures_reason = _failures(placement, lambda share: report("failures", share))
+        failures, failures_reason = _failures(study, lambda share: report("failures", share))
     with stage("trajectories"):
-        base, base_reason = _base_point(scene, placement, series, hyperbolicity)
-        ladder = part("ladder", lambda: _ladder(scene))
+        base, base_reason = _base_point(study, order, hyperbolicity)
+        ladder = part("ladder", lambda: _ladder(study))
         part("full", lambda: made(ladder)[scene.epsilon])
-        start = {**placement.start, **scene.reconstruction_start}
-        limit = part("limit", lambda: _reduced(scene, made(series), 0, start))
-        part("reduced", lambda: _reduced(scene, made(series), made(series).order, base or start))
-        part("phenomenon", lambda: _phenomenon(placement, parts["boundary"]))
-        part("landing", lambda: _landing(scene, placement, series, hyperbolicity, limit))
+        start = {**study.start, **scene.reconstruction_start}
+        limit = part("limit", lambda: _reduced(study, 0, start))
+        part("reduced", lambda: _reduced(study, made(series).order, base or start))
+        part("phenomenon", lambda: _phenomenon(study, parts["boundary"]))
+        part("landing", lambda: _landing(study, series, hyperbolicity, limit))
     return Analysis(
-        scene=scene,
-        placement=placement,
+        study=study,
         hyperbolicity=hyperbolicity,
         base=base,
         base_reason=base_reason,
@@ -214,14 +218,14 @@ def analyse(
     )
 
 
-def _series(placement: Placement, order: int) -> SeriesManifold:
+def _series(study: Study, order: int) -> SeriesManifold:
     """The series with symbolic parameters; with their values put in where that is too long."""
     try:
-        return expand(placement.branch, order=order)
+        return study.series(order)
     except BudgetError:
-        if not placement.system.parameters:
+        if not study.system.parameters:
             raise
-        return expand(placement.branch, order=order, symbolic=False)
+        return study.series(order, symbolic=False)
 
 
 def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
@@ -237,18 +241,18 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     )
 
 
-def _failures(placement: Placement, progress: Callable[[float], object]) -> tuple[FailureMap | None, str]:
+def _failures(study: Study, progress: Callable[[float], object]) -> tuple[FailureMap | None, str]:
     """A failure map over the region, or None and why there is none."""
-    scene = placement.scene
-    axis = next((s.name for s in placement.system.x if s.name in placement.region), None)
+    scene = study.scene
+    axis = next((s.name for s in study.system.x if s.name in study.region), None)
     if axis is None:
         return None, "the region bounds no slow variable"
-    low, high = placement.region[axis]
+    low, high = study.region[axis]
     epsilons, positions, tolerances = MAP
     found = attempt(
         "the failure map",
         lambda: failure_map(
-            scene,
+            study,
             axis=axis,
             positions=np.linspace(low, high, positions).tolist(),
             epsilons=np.geomspace(
@@ -262,41 +266,31 @@ def _failures(placement: Placement, progress: Callable[[float], object]) -> tupl
     return (None, found.reason) if isinstance(found, Missing) else (found, "")
 
 
-def _base_point(
-    scene: Scene, placement: Placement, series: SeriesManifold | Missing, hyperbolicity: Hyperbolicity
-) -> tuple[BasePoint | None, str]:
+def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple[BasePoint | None, str]:
     """Base point of the fast fibre through the scene's start, or None and why there is none."""
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
-    start = {**placement.start, **scene.reconstruction_start}
-
-    def base() -> BasePoint:
-        known = made(series)
-        return project(
-            known, start, epsilon=scene.epsilon, order=known.order, reconstruction=scene.reconstruction
-        )
-
-    found = attempt("the base point", base)
+    found = attempt("the base point", lambda: study.base_point(order))
     return (None, found.reason) if isinstance(found, Missing) else (found, "")
 
 
-def _ladder(scene: Scene) -> Mapping[float, Trajectory]:
-    epsilons = [multiple * scene.epsilon for multiple in PICTURED]
-    return MappingProxyType({e: _picture(scene.full_flow, scene.full_start, scene, e) for e in epsilons})
+def _ladder(study: Study) -> Mapping[float, Trajectory]:
+    epsilons = [multiple * study.scene.epsilon for multiple in PICTURED]
+    return MappingProxyType({e: study.full(e) for e in epsilons})
 
 
-def _phenomenon(placement: Placement, ends: Boundary | Missing) -> Trajectory | MixedMode | None:
+def _phenomenon(study: Study, ends: Boundary | Missing) -> Trajectory | MixedMode | None:
     """What the full system does beyond the folds: a run that swings over them `SWINGS` times, or None."""
     if isinstance(ends, Missing) or not ends.has_folds:
         return None
-    scene, system = placement.scene, placement.system
+    scene, system = study.scene, study.system
     name = system.y[0].name
     t0, t1 = scene.span
     for longer in LONGER:
         span = (t0, t0 + longer * (t1 - t0))
         run = trajectory_of(
             system,
-            start=placement.start,
+            start=study.start,
             span=span,
             epsilon=scene.epsilon,
             rtol=PICTURE_RTOL,
@@ -308,7 +302,7 @@ def _phenomenon(placement: Placement, ends: Boundary | Missing) -> Trajectory | 
             continue
         if len(system.x) == 1:
             return run
-        return mixed_mode(system, name, start=placement.start, span=span, epsilon=scene.epsilon)
+        return mixed_mode(system, name, start=study.start, span=span, epsilon=scene.epsilon)
     return None
 
 
@@ -319,9 +313,8 @@ def _swings(values: np.ndarray) -> int:
     return int((np.diff(sides) > 0).sum())
 
 
-def _reduced(scene: Scene, series: SeriesManifold, order: int, start) -> Trajectory:
-    flow = restrict(series, order=order, reconstruction=scene.reconstruction)
-    return _picture(flow, start, scene, scene.epsilon)
+def _reduced(study: Study, order: int, start) -> Trajectory:
+    return _picture(study.reduced(order), start, study.scene, study.scene.epsilon)
 
 
 def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = None) -> Trajectory:
@@ -330,8 +323,7 @@ def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = N
 
 
 def _landing(
-    scene: Scene,
-    placement: Placement,
+    study: Study,
     series: SeriesManifold | Missing,
     hyperbolicity: Hyperbolicity,
     limit: Trajectory | Missing,
@@ -339,21 +331,21 @@ def _landing(
     """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return ()
-    series, limit = made(series), made(limit)
+    scene, series, limit = study.scene, made(series), made(limit)
     t0, t1 = scene.span
     layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
     end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))
     runs = []
     for share, offsets in LANDINGS.items():
         there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
-        x = {s.name: float(there[s.name][0]) for s in placement.system.x}
-        on = on_manifold(series, {**placement.start, **x}, scene.epsilon)
-        for y in placement.system.y:
-            low, high = placement.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
+        x = {s.name: float(there[s.name][0]) for s in study.system.x}
+        on = on_manifold(series, {**study.start, **x}, scene.epsilon)
+        for y in study.system.y:
+            low, high = study.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
             for offset in offsets:
                 room = (high if offset > 0 else low) - on[y.name]
                 start = {**on, y.name: on[y.name] + abs(offset) * room}
-                runs.append(_picture(placement.system, start, scene, scene.epsilon, end=end))
+                runs.append(_picture(study.system, start, scene, scene.epsilon, end=end))
     return tuple(run for run in runs if run.status.ok and np.isfinite(run.y).all())
 
 

@@ -23,7 +23,7 @@ from gsp.critical.continuation import (
 from gsp.critical.continuation.curve import uninterrupted
 from gsp.errors import GspError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
-from gsp.scenes.placement import Placement
+from gsp.scenes.study import Study
 from gsp.singular.passage import FoldPassage, PassageError, fold_passage
 from gsp.singular.relaxation import SingularOrbit, singular_orbit
 from gsp.singular.singularities import CanardValue, FoldedSingularity, canard_value, folded_singularities
@@ -93,34 +93,34 @@ class Boundary:
         return f"Boundary({count} {what}{'s' * (count > 1)}, {len(self.folded)} folded singularities, {self.orbit!r})"
 
 
-def boundary_of(placement: Placement, hyperbolicity: Hyperbolicity) -> Boundary:
+def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
     """The boundary of a scene's reduction; raises what following the critical manifold raises.
 
-    >>> from gsp.scenes.placement import place
-    >>> placement = place(models.load("van_der_pol"))
-    >>> boundary_of(placement, classify(placement.branch, region=placement.region))
+    >>> from gsp.scenes.study import study_of
+    >>> study = study_of(models.load("van_der_pol"))
+    >>> boundary_of(study, classify(study.branch, region=study.region))
     Boundary(1 fold, 0 folded singularities, SingularOrbit(3 slow pieces, closed, 2 drops))
     """
-    box = _box(placement)
-    around = surroundings(placement)
+    box = _box(study)
+    around = surroundings(study)
     found = Boundary(around)
     if isinstance(around, CriticalCurve):
         places = [point.point for point in around.special if point.kind is SpecialKind.FOLD]
-        found = Boundary(around, folds=tuple(_outlook(placement, place) for place in places))
+        found = Boundary(around, folds=tuple(_outlook(study, place) for place in places))
     if not found.has_folds:
         return found
-    folded, folded_reason = _folded(placement, box)
-    orbit, period, orbit_reason = _orbit(placement, hyperbolicity)
+    folded, folded_reason = _folded(study, box)
+    orbit, period, orbit_reason = _orbit(study, hyperbolicity)
     return Boundary(around, found.folds, folded, folded_reason, orbit, orbit_reason, period)
 
 
-def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
+def surroundings(study: Study) -> CriticalCurve | CriticalSheet | None:
     """M0 through its folds in a box around the region; None where `not_followed` says why."""
-    system, branch = placement.system, placement.branch
-    if not_followed(placement):
+    system, branch = study.system, study.branch
+    if not_followed(study):
         return None
-    bounds = _box(placement)
-    x = np.array([[placement.start[s.name] for s in system.x]])
+    bounds = _box(study)
+    x = np.array([[study.start[s.name] for s in system.x]])
     values = np.concatenate([x[0], branch.points(x)[0]])
     start = {s.name: float(value) for s, value in zip(system.states, values)}
     if len(system.x) == 1:
@@ -128,10 +128,10 @@ def surroundings(placement: Placement) -> CriticalCurve | CriticalSheet | None:
     return critical_sheet(system, start=start, bounds=bounds)
 
 
-def not_followed(placement: Placement) -> str:
+def not_followed(study: Study) -> str:
     """Why M0 is not followed through folds around the region, as a sentence; empty where it is."""
-    system, branch = placement.system, placement.branch
-    name = placement.scene.name or "the scene"
+    system, branch = study.system, study.branch
+    name = study.scene.name or "the scene"
     if never_folds(branch):
         return f"the branch of {name} is the graph {branch} without roots: it has no folds."
     if len(system.x) > 2:
@@ -139,7 +139,7 @@ def not_followed(placement: Placement) -> str:
             f"folds are followed over one or two slow variables. Got {len(system.x)} in {name}. "
             "Use gsp.continue_critical with free=... to follow them along one of the variables."
         )
-    unbounded = [y.name for y in system.y if y.name not in placement.region]
+    unbounded = [y.name for y in system.y if y.name not in study.region]
     if len(system.x) == 2 and unbounded:
         return (
             f"over two slow variables folds are followed in a box. Got no bounds on {', '.join(unbounded)} in the "
@@ -161,23 +161,23 @@ def never_folds(branch: Branch) -> bool:
     return True
 
 
-def _box(placement: Placement) -> dict[str, Interval]:
+def _box(study: Study) -> dict[str, Interval]:
     return {
         name: (low - WIDENED * (high - low), high + WIDENED * (high - low))
-        for name, (low, high) in placement.region.items()
+        for name, (low, high) in study.region.items()
     }
 
 
-def _outlook(placement: Placement, fold: Mapping[str, float]) -> FoldOutlook:
+def _outlook(study: Study, fold: Mapping[str, float]) -> FoldOutlook:
     try:
-        return FoldOutlook(fold, fold_passage(placement.system, fold), None, "")
+        return FoldOutlook(fold, fold_passage(study.system, fold), None, "")
     except PassageError as error:
-        return FoldOutlook(fold, None, _canard(placement, fold), str(error))
+        return FoldOutlook(fold, None, _canard(study, fold), str(error))
 
 
-def _canard(placement: Placement, fold: Mapping[str, float]) -> CanardValue | None:
+def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:
     """The canard value when the fold is a canard point as declared, and only one parameter can be meant."""
-    system = placement.system
+    system = study.system
     if len(system.y) != 1 or len(system.parameters) != 1:
         return None
     ((parameter, declared),) = system.parameters.items()
@@ -192,22 +192,22 @@ def _canard(placement: Placement, fold: Mapping[str, float]) -> CanardValue | No
     return found if near else None
 
 
-def _folded(placement: Placement, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], str]:
-    if len(placement.system.x) != 2 or len(placement.system.y) != 1:
+def _folded(study: Study, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], str]:
+    if len(study.system.x) != 2 or len(study.system.y) != 1:
         return (), ""
     try:
-        return folded_singularities(placement.system, region=box), ""
+        return folded_singularities(study.system, region=box), ""
     except GspError as error:
         return (), str(error)
 
 
 def _orbit(
-    placement: Placement, hyperbolicity: Hyperbolicity
+    study: Study, hyperbolicity: Hyperbolicity
 ) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, str]:
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return None, None, f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it"
     try:
-        orbit = singular_orbit(placement.branch, placement.start, max_pieces=PIECES)
+        orbit = singular_orbit(study.branch, study.start, max_pieces=PIECES)
         return orbit, orbit.coefficients, ""
     except GspError as error:
         return None, None, str(error)

@@ -67,7 +67,7 @@ def manifold(analysis: Analysis, axes: Axes) -> None:
 
 
 def _curve(analysis: Analysis, axes: Axes) -> None:
-    system = analysis.placement.system
+    system = analysis.study.system
     names = [system.x[0].name, system.y[0].name]
     on = slow_curve(analysis)
     leading = on_branch(analysis, on[:, :1])
@@ -101,7 +101,7 @@ def slow_line(analysis: Analysis, axes: Axes, on: np.ndarray, leading: np.ndarra
 def _surface(analysis: Analysis, axes: Any) -> None:
     symbols = chart_symbols(analysis)
     names = [s.name for s in symbols]
-    fast = analysis.placement.system.y[0].name
+    fast = analysis.study.system.y[0].name
     landing = [dense_run(run) for run in analysis.landing]
     low, high = frame(analysis, names, landing if analysis.raw else [])
     u, v, points = mesh(low, high)
@@ -167,7 +167,7 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
         if gaps is not None and gaps[0] > 0.0:
             curves.append((_displaced(analysis, run), tau, gaps))
     axes.set_xlabel(r"fast time $\tau = t/\epsilon$")
-    fast = ", ".join(mathematics(y.name) for y in analysis.placement.system.y)
+    fast = ", ".join(mathematics(y.name) for y in analysis.study.system.y)
     axes.set_ylabel(r"distance to $M_\epsilon$ in " + fast)
     if not curves:
         text = f"{analysis.hyperbolicity.kind}: no run lands on it"
@@ -206,7 +206,7 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
 
 def _displaced(analysis: Analysis, run: Trajectory) -> str:
     """The fast variable in which a landing run starts off the manifold."""
-    names = [y.name for y in analysis.placement.system.y]
+    names = [y.name for y in analysis.study.system.y]
     first = run.sample(run.t[:1])
     typical = {name: np.median([other[name][0] for other in analysis.landing]) for name in names}
     return max(names, key=lambda name: abs(first[name][0] - typical[name]))

@@ -87,13 +87,13 @@ def phase_portrait(analysis: Analysis, axes: Axes) -> None:
 
 def _sheets(analysis: Analysis, axes: Axes) -> None:
     """The plane of the slow and the first fast variable: the full field, M0 by stability, M_epsilon."""
-    system = analysis.placement.system
+    system = analysis.study.system
     names = [system.x[0].name, system.y[0].name]
     on = slow_curve(analysis)
     leading = on_branch(analysis, on[:, :1])
-    box = np.array([analysis.placement.region[names[0]], fast_range(analysis, on)])
+    box = np.array([analysis.study.region[names[0]], fast_range(analysis, on)])
     if len(system.y) == 1:
-        if not analysis.placement.branch.is_explicit:
+        if not analysis.study.branch.is_explicit:
             box = _all_sheets(analysis, box)
         low, high = widened(box[:, 0], box[:, 1])
         u, v, points = mesh(low, high, FIELD)
@@ -114,7 +114,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
 
 def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.ndarray) -> None:
     """g(x, y, 0) = 0 in a box of one slow and one fast variable, by the sign of g_y."""
-    system, epsilon = analysis.placement.system, analysis.scene.epsilon
+    system, epsilon = analysis.study.system, analysis.scene.epsilon
     y = system.y[0]
     u, v, points = mesh(low, high, LINE)
     g = at_zero(system.fast[y], system)
@@ -141,11 +141,11 @@ def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.nd
 
 def _all_sheets(analysis: Analysis, box: np.ndarray) -> np.ndarray:
     """`box` made wide enough to show the other sheets of an implicit branch, and its folds."""
-    branch = analysis.placement.branch
+    branch = analysis.study.branch
     width = box[0, 1] - box[0, 0]
     slow = np.array([box[0, 0] - 0.3 * width, box[0, 1] + 0.1 * width])
     middle, reach = box[1].mean(), 5.0 * (box[1, 1] - box[1, 0])
-    bounds = {analysis.placement.system.y[0].name: (middle - reach, middle + reach)}
+    bounds = {analysis.study.system.y[0].name: (middle - reach, middle + reach)}
     places = np.linspace(slow[0], slow[1], 15)
     found = [root for x in places for root in branch.roots(np.array([x]), bounds=bounds).ravel()]
     fast = np.array([min([box[1, 0], *found]), max([box[1, 1], *found])])

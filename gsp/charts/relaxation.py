@@ -140,7 +140,7 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
             f"no run of {analysis.scene.name or 'this scene'} swings over folds of one slow variable. "
             "Draw `phase_portrait` instead."
         )
-    system, found = analysis.placement.system, analysis.boundary.orbit
+    system, found = analysis.study.system, analysis.boundary.orbit
     across, up = system.x[0].name, system.y[0].name
     dense = dense_run(run)
     line = np.stack([dense[across], dense[up]])

@@ -26,12 +26,12 @@ REACH = 1.0
 
 def shape(analysis: Analysis) -> tuple[int, int]:
     """Numbers of slow and of fast variables."""
-    return len(analysis.placement.system.x), len(analysis.placement.system.y)
+    return len(analysis.study.system.x), len(analysis.study.system.y)
 
 
 def chart_symbols(analysis: Analysis) -> tuple[sp.Symbol, ...]:
     """The variables to read the slow motion in: raw ones where the series can be carried back to them."""
-    return analysis.raw.chart if analysis.raw is not None else analysis.placement.system.x
+    return analysis.raw.chart if analysis.raw is not None else analysis.study.system.x
 
 
 def dense_run(run: Trajectory) -> Trajectory:
@@ -47,7 +47,7 @@ def during(run: Trajectory, times: np.ndarray) -> Trajectory:
 
 def reading(analysis: Analysis, run: Trajectory, name: str) -> np.ndarray:
     """Values (m,) of a variable along a run, also of a slow coordinate along a run in raw variables."""
-    splitting = analysis.placement.splitting
+    splitting = analysis.study.splitting
     known = {s.name for s in (*run.flow.states, *run.flow.observables)}
     coordinates = {} if splitting is None else {s.name: e for s, e in splitting.coordinates.items()}
     if name in known or name not in coordinates:
@@ -106,7 +106,7 @@ def frame(
     """Corners (n,) of the region's box in the variables `names`, widened to hold the runs, within reason."""
     low, high = [], []
     for name in names:
-        interval = analysis.scene.region.get(name) or analysis.placement.region.get(name)
+        interval = analysis.scene.region.get(name) or analysis.study.region.get(name)
         values = np.concatenate([run[name] for run in runs]) if runs else np.empty(0)
         if interval is None:
             interval = tuple(map(float, widened(values.min(), values.max())))
@@ -118,14 +118,14 @@ def frame(
 
 def box_points(analysis: Analysis, n: int) -> np.ndarray:
     """Grid points (n^d, d) of the region in the d slow variables, the last one running fastest."""
-    system = analysis.placement.system
-    axes = [np.linspace(*analysis.placement.region[s.name], n) for s in system.x]
+    system = analysis.study.system
+    axes = [np.linspace(*analysis.study.region[s.name], n) for s in system.x]
     return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
 
 
 def on_branch(analysis: Analysis, x: np.ndarray) -> np.ndarray:
     """Fast coordinates (m, n_fast) of the critical manifold over `x` (m, n_slow); nan where there are none."""
-    branch = analysis.placement.branch
+    branch = analysis.study.branch
     if branch.seed is not None and not branch.is_explicit:
         return branch.follow(x)[0]
     try:
@@ -164,7 +164,7 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
 
 def slow_curve(analysis: Analysis) -> np.ndarray:
     """Points (m, 1 + n_fast) of the slow manifold over the region of the one slow variable."""
-    x = np.linspace(*analysis.placement.region[analysis.placement.system.x[0].name], LINE)[:, None]
+    x = np.linspace(*analysis.study.region[analysis.study.system.x[0].name], LINE)[:, None]
     return np.hstack([x, slow_manifold(analysis, x)])
 
 
@@ -188,16 +188,16 @@ def ends_of(on: np.ndarray, leading: np.ndarray) -> np.ndarray:
 
 def fast_range(analysis: Analysis, on: np.ndarray) -> tuple[float, float]:
     """The region's interval of the first fast variable, or what the manifold and the landing runs need."""
-    name = analysis.placement.system.y[0].name
-    if name in analysis.placement.region:
-        return analysis.placement.region[name]
+    name = analysis.study.system.y[0].name
+    if name in analysis.study.region:
+        return analysis.study.region[name]
     values = np.concatenate([on[:, 1], analysis.full[name][:1], *(run[name] for run in analysis.landing)])
     return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def graph(analysis: Analysis, points: np.ndarray) -> np.ndarray:
     """Height (m,) of the slow manifold, in its one fast variable, over `points` (m, 2) of the chart."""
-    raw, system = analysis.raw, analysis.placement.system
+    raw, system = analysis.raw, analysis.study.system
     fast = system.y[0]
     if raw is None or set(raw.chart) == set(system.x):
         order = [chart_symbols(analysis).index(s) for s in system.x]
@@ -211,7 +211,7 @@ def graph(analysis: Analysis, points: np.ndarray) -> np.ndarray:
 
 def limit_field(analysis: Analysis, points: np.ndarray) -> np.ndarray:
     """The reduced field of order 0 (m, 2) at `points` (m, 2) of the chart; nan where there is none."""
-    raw, system, epsilon = analysis.raw, analysis.placement.system, analysis.scene.epsilon
+    raw, system, epsilon = analysis.raw, analysis.study.system, analysis.scene.epsilon
     if raw is not None and set(raw.chart) != set(system.x):
         return evaluate(raw.reduced_field[0], system, epsilon, points, raw.chart)
     symbols = chart_symbols(analysis)

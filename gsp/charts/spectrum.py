@@ -34,7 +34,7 @@ def eigenvalues(analysis: Analysis, axes: Axes) -> None:
     Real parts along a line for one slow variable; the real part nearest to the axis in colour for two; points in
     the complex plane for more, and where they do not change.
     """
-    slow = [x.name for x in analysis.placement.system.x]
+    slow = [x.name for x in analysis.study.system.x]
     if len(slow) > 2 or has_constant_eigenvalues(analysis):
         _plane(analysis, axes)
     elif len(slow) == 1:
@@ -49,7 +49,7 @@ def _sampled(analysis: Analysis, n: int) -> tuple[np.ndarray, np.ndarray]:
     y = on_branch(analysis, x)
     good = np.isfinite(y).all(axis=1)
     values = np.full(y.shape, complex(np.nan, np.nan))
-    near = None if analysis.placement.branch.is_explicit else y[good]
+    near = None if analysis.study.branch.is_explicit else y[good]
     values[good] = analysis.hyperbolicity.eigenvalues(x[good], near=near)
     return x, values
 

@@ -10,7 +10,6 @@ from gsp.charts.style import AMBER, BLUE, GREY, INK, VERMILION, chart, legend, m
 from gsp.choice.candidates import ModelKind
 from gsp.choice.simulation import Simulation
 from gsp.errors import DeclarationError, GspError
-from gsp.scenes.placement import place
 
 # The full system lies over the reduced flow: its pieces are short.
 LOOKS = {
@@ -67,7 +66,7 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
 def _plane(simulation: Simulation) -> tuple[str, str] | None:
     """Names of the slow and the fast variable, if there is one of each."""
     try:
-        system = place(simulation.choice.scene).system
+        system = simulation.choice.study.system
     except GspError:
         return None
     return (system.x[0].name, system.y[0].name) if len(system.x) == len(system.y) == 1 else None
@@ -78,7 +77,7 @@ def _critical(simulation: Simulation, axes: Axes) -> None:
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     x, y = np.meshgrid(np.linspace(left, right, GRID), np.linspace(low, high, GRID))
     z = np.stack([x.ravel(), y.ravel()], axis=1)
-    for branch in place(simulation.choice.scene).critical.branches:
+    for branch in simulation.choice.study.critical.branches:
         with np.errstate(all="ignore"):
             values = branch.residual(z)[:, 0].reshape(x.shape)
         axes.contour(x, y, values, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=2)

@@ -9,7 +9,7 @@ it is measured once, and shown wherever the choice is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,8 +29,9 @@ from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown
 from gsp.errors import DeclarationError, GspError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study, study_of
 from gsp.slow.solved_manifold import SampledManifold
-from gsp.systems.arguments import check_flag, check_noun
+from gsp.systems.arguments import check_flag
 from gsp.systems.flow import Flow, check_orders
 from gsp.systems.region import Interval
 
@@ -56,7 +57,7 @@ class Choice:
     answer to "may I reduce?", the same wherever it is shown.
     """
 
-    scene: Scene
+    study: Study
     epsilon: float
     tolerance: float
     names: tuple[str, ...]
@@ -70,6 +71,11 @@ class Choice:
     measured: float
     speed_up: float
     verdict: Verdict
+
+    @property
+    def scene(self) -> Scene:
+        """The scene it was made for."""
+        return self.study.scene
 
     @property
     def predicted(self) -> float:
@@ -130,7 +136,7 @@ class Choice:
 
 
 def choose(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     orders: Sequence[int] = (0, 1, 2, 3),
     tolerance: float | None = None,
@@ -154,19 +160,20 @@ def choose(
     >>> choose(models.load("linear"), orders=(0,), tolerance=1e-3).candidates[0].valid
     True
     """
-    scene = _asked(scene, tolerance, epsilon)
+    study = study_of(scene, verb="choose").asking(tolerance=tolerance, epsilon=epsilon)
+    scene = study.scene
     check_flag(fast, what="fast")
     check_flag(solve, what="solve")
     wanted = tuple(sorted(set(check_orders(orders))))
     _check_start(scene)
     rtol = INTEGRATION * scene.tolerance
     try:
-        outlook: Outlook | None = foresee(scene, wanted, fast=fast)
+        outlook: Outlook | None = foresee(study, wanted, fast=fast)
         obstacle = ""
     except GspError as error:
         outlook, obstacle = None, str(error)
     flow, start = (
-        (scene.system, scene.start) if outlook is None else (outlook.placement.system, outlook.placement.start)
+        (scene.system, scene.start) if outlook is None else (outlook.study.system, outlook.study.start)
     )
     layer = outlook.layer if outlook else 0.0
     fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
@@ -191,7 +198,7 @@ def choose(
     names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
     expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
     return Choice(
-        scene=scene,
+        study=study,
         epsilon=scene.epsilon,
         tolerance=scene.tolerance,
         names=names,
@@ -232,7 +239,7 @@ def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, flo
         return {}
     run = outlook.prediction.runs[partial.order]
     last = run.sample(min(partial.holds_until, float(run.t[-1])))
-    return {s.name: float(last[s.name][0]) for s in outlook.placement.system.x}
+    return {s.name: float(last[s.name][0]) for s in outlook.study.system.x}
 
 
 def _measured(
@@ -271,17 +278,6 @@ def _measured(
         return predicted, float("nan")
     measured = max(float(np.abs(own[name] - reference[name]).max()) / scale[name] for name in names)
     return predicted, measured
-
-
-def _asked(scene: Scene, tolerance: float | None, epsilon: float | None) -> Scene:
-    check_noun(scene, Scene, verb="choose")
-    if tolerance is None and epsilon is None:
-        return scene
-    return replace(
-        scene,
-        tolerance=scene.tolerance if tolerance is None else tolerance,
-        epsilon=scene.epsilon if epsilon is None else epsilon,
-    )
 
 
 def _check_start(scene: Scene) -> None:

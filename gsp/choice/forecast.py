@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gsp.choice.prediction import AHEAD, CLEARER, SMALLEST_RTOL, Prediction, predict
-from gsp.critical.branch import Branch
 from gsp.errors import HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
-from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.fibres.inner_expansion import InnerExpansion
+from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.surface_flow import SurfaceFlow, flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.scenes.placement import Placement, place
 from gsp.scenes.scene import Scene
-from gsp.slow.series import SeriesManifold, expand
+from gsp.scenes.study import Study, study_of
+from gsp.slow.series import SeriesManifold
 from gsp.slow.solved_manifold import SampledManifold, solve_manifold
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
@@ -31,12 +30,15 @@ LONGEST = 600
 # on every side.
 EXACTER, MARGIN = 0.1, 0.05
 
+# The stages between a scene and its reduced flows.
+READYING = ("splitting", "critical", "branch", "numeric series", "inner")
+
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
     """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction."""
 
-    placement: Placement
+    study: Study
     series: SeriesManifold
     inner: InnerExpansion
     flows: Mapping[int, ReducedFlow]
@@ -53,35 +55,30 @@ class Outlook:
         return self.prediction.errors(order, times) + left
 
 
-def foresee(scene: Scene, orders: Sequence[int], *, fast: bool = False) -> Outlook:
+def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) -> Outlook:
     """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced.
 
     It is for those of `orders` whose series, and that of the next two, is short enough to run.
     """
-    begun = time.perf_counter()
-    placement = place(scene)
+    study = study_of(scene)
+    scene = study.scene
     # A start names its sheet, which is found sooner than by following one from a seed.
-    series = _readied(replace(placement.branch, seed=None), min(orders) + AHEAD, max(orders) + AHEAD)
+    series = _readied(study, min(orders) + AHEAD, max(orders) + AHEAD).over(study.free_branch)
     highest = series.order
     orders = [n for n in orders if n + AHEAD <= highest]
-    inner = expand_inner(
-        placement.branch,
-        {**placement.start, **scene.reconstruction_start},
-        order=highest,
-        fast_order=highest - 1,
-        reconstruction=scene.reconstruction,
-    )
-    shared = time.perf_counter() - begun
+    inner = study.inner(highest)
+    # What it takes from the scene on, whoever asked for it first.
+    shared = sum(map(study.spent, READYING))
     if inner.direction < 0:
-        raise HyperbolicityError(f"the branch {placement.branch} repels, and orbits leave it.")
+        raise HyperbolicityError(f"the branch {study.branch} repels, and orbits leave it.")
     flows, preparation = {}, {}
     for k in sorted({n + ahead for n in orders for ahead in range(AHEAD + 1)}):
         begun = time.perf_counter()
-        flows[k] = restrict(series, order=k)
+        flows[k] = study.reduced(k, reconstructed=False, sheet=False)
         _ = compile_flow(flows[k]).field
         preparation[k] = shared + time.perf_counter() - begun
-    starts = {k: _start(placement, inner, scene.epsilon, k) for k in flows}
-    names = tuple(s.name for s in (placement.system.states if fast else placement.system.x))
+    starts = {k: _start(study, inner, scene.epsilon, k) for k in flows}
+    names = tuple(s.name for s in (study.system.states if fast else study.system.x))
     prediction = predict(
         series,
         starts,
@@ -90,19 +87,19 @@ def foresee(scene: Scene, orders: Sequence[int], *, fast: bool = False) -> Outlo
         span=scene.span,
         epsilon=scene.epsilon,
         tolerance=scene.tolerance,
-        region=placement.region,
+        region=study.region,
         names=names,
     )
     tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
     layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
-    return Outlook(placement, series, inner, flows, starts, layer, prediction, shared, preparation)
+    return Outlook(study, series, inner, flows, starts, layer, prediction, shared, preparation)
 
 
-def _start(placement: Placement, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
+def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
     """Base point through epsilon^order, with the point of M0 over it where that chooses the sheet."""
-    system, branch = placement.system, placement.branch
+    system, branch = study.system, study.branch
     x = base_start(inner, epsilon, order, names=[s.name for s in system.x])
     if branch.is_explicit:
         return x
@@ -110,16 +107,16 @@ def _start(placement: Placement, inner: InnerExpansion, epsilon: float, order: i
     return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
 
 
-def _readied(branch: Branch, first: int, last: int) -> SeriesManifold:
+def _readied(study: Study, first: int, last: int) -> SeriesManifold:
     """The series through `last`, or as far as a reduced flow of it can be compiled in a reasonable time."""
-    series = expand(branch, order=first, symbolic=False)
+    series = study.series(first, symbolic=False)
     if max(series.sizes) > LONGEST:
         raise HyperbolicityError(
             f"its series is too long to run: through order {first} it has coefficients of {max(series.sizes)} terms, "
             f"more than {LONGEST}."
         )
     for order in range(first + 1, last + 1):
-        longer = expand(branch, order=order, symbolic=False)
+        longer = study.series(order, symbolic=False)
         if longer.sizes[order] > LONGEST:
             break
         series = longer
@@ -176,10 +173,10 @@ class SurfaceOutlook:
 def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
     begun = time.perf_counter()
-    branch, prediction = outlook.placement.branch, outlook.prediction
+    branch, prediction = outlook.study.branch, outlook.prediction
     guide = prediction.runs[max(prediction.runs)]
     region = {}
-    for s in outlook.placement.system.x:
+    for s in outlook.study.system.x:
         low, high = float(guide[s.name].min()), float(guide[s.name].max())
         margin = MARGIN * ((high - low) or 1.0)
         region[s.name] = (low - margin, high + margin)
@@ -190,7 +187,7 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
         raise HyperbolicityError(manifold.message)
     flow = flow_on(manifold)
     _ = compile_flow(flow).field
-    start = project(manifold, outlook.placement.start, epsilon=scene.epsilon, numeric=True)
+    start = project(manifold, outlook.study.start, epsilon=scene.epsilon, numeric=True)
     preparation = time.perf_counter() - begun
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
     off = {name: value + start.error for name, value in start.items()}

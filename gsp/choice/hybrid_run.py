@@ -13,8 +13,8 @@ from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
 from gsp.choice.prediction import SMALLEST_RTOL
 from gsp.errors import Status
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.scenes.placement import Placement
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
@@ -56,11 +56,9 @@ class Piece:
         return np.unique(np.concatenate([[self.begin], inside, [self.end]]))
 
 
-def full_flow(scene: Scene, placement: Placement | None) -> Flow:
-    """The full system in the coordinates of the standard form, reconstruction included; as declared without one."""
-    if placement is None:
-        return scene.full_flow
-    system = placement.system
+def full_flow(study: Study) -> Flow:
+    """The full system in the coordinates of the standard form, reconstruction included."""
+    scene, system = study.scene, study.system
     observables = dict(system.observables)
     driven = {s: sp.sympify(r, strict=True).xreplace(observables) for s, r in scene.reconstruction.items()}
     return VectorField(
@@ -74,15 +72,27 @@ def full_flow(scene: Scene, placement: Placement | None) -> Flow:
 
 @dataclass(eq=False)
 class Run:
-    """A run in the making: pieces are appended while time goes on, and `full` is the flow to fall back to."""
+    """A run in the making: pieces are appended while time goes on, and `full` is the flow to fall back to.
 
-    scene: Scene
-    placement: Placement | None
-    full: Flow
+    That is the flow in standard form, or as declared when the scene is not reducible.
+    """
+
+    study: Study
+    is_reducible: bool
     pieces: list[Piece] = field(default_factory=list)
     switches: list[Switch] = field(default_factory=list)
     steps: int = 0
     field_calls: int = 0
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is run."""
+        return self.study.scene
+
+    @cached_property
+    def full(self) -> Flow:
+        """The full system."""
+        return full_flow(self.study) if self.is_reducible else self.scene.full_flow
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,7 +108,7 @@ class Run:
     @property
     def start(self) -> dict[str, float]:
         """The scene's start, by the names of the full flow."""
-        own = self.scene.start if self.placement is None else self.placement.start
+        own = self.study.start if self.is_reducible else self.scene.start
         return {**own, **self.scene.reconstruction_start}
 
     def finish_in_full(self, state: Mapping[str, float], t: float) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import sympy as sp
 
 from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
 from gsp.choice.forecast import base_start, foresee
@@ -20,6 +19,7 @@ from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import finite_rows
+from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow.solved_manifold import SampledManifold
 
@@ -72,18 +72,23 @@ def run_switched(run: Run, order: int, layer: float) -> None:
 class _Sheet:
     """One branch, all sheets of it, with what a reduced flow on it takes."""
 
+    study: Study
     branch: Branch
     order: int
-    reconstruction: Mapping[sp.Symbol, sp.Expr]
 
     @cached_property
     def series(self) -> SeriesManifold:
-        return expand(replace(self.branch, seed=None), order=self.order + AHEAD, symbolic=False)
+        order, everywhere = self.order + AHEAD, replace(self.branch, seed=None)
+        if everywhere == self.study.free_branch:
+            return self.study.series(order, symbolic=False).over(everywhere)
+        return expand(everywhere, order=order, symbolic=False)
 
     @cached_property
     def flows(self) -> dict[int, ReducedFlow]:
         orders = range(self.order, self.order + AHEAD + 1)
-        return {k: restrict(self.series, order=k, reconstruction=self.reconstruction) for k in orders}
+        return {
+            k: restrict(self.series, order=k, reconstruction=self.study.scene.reconstruction) for k in orders
+        }
 
     @cached_property
     def sampler(self) -> Sampler:
@@ -110,15 +115,14 @@ class _Switcher:
     barred: float = -np.inf
 
     def __post_init__(self) -> None:
-        assert self.record.placement is not None
-        self.placement = self.record.placement
+        self.study = self.record.study
         self.scene = self.record.scene
         self.epsilon = self.scene.epsilon
         self.tolerance = self.scene.tolerance
         self.last = self.scene.span[1]
         self.fast_time = self.epsilon
-        branches = self.placement.critical.branches
-        self.sheets = [_Sheet(branch, self.order, self.scene.reconstruction) for branch in branches]
+        branches = self.study.critical.branches
+        self.sheets = [_Sheet(self.study, branch, self.order) for branch in branches]
 
     def go(self, layer: float) -> None:
         """All of the span."""
@@ -134,9 +138,9 @@ class _Switcher:
     def _first(self, layer: float) -> tuple[float, dict[str, float], float, str]:
         """The reduced piece from the scene's start, if there is one to speak of."""
         t = self.scene.span[0]
-        outlook = foresee(self.scene, (self.order,))
+        outlook = foresee(self.study, (self.order,))
         self.fast_time = self.epsilon / outlook.inner.gap
-        sheet = next(s for s in self.sheets if s.branch.equations == self.placement.branch.equations)
+        sheet = next(s for s in self.sheets if s.branch.equations == self.study.branch.equations)
         starts = {
             k: {**start, **base_start(outlook.inner, self.epsilon, k, names=self._driven)}
             for k, start in outlook.starts.items()
@@ -172,7 +176,7 @@ class _Switcher:
             span=(t, self.last),
             epsilon=self.epsilon,
             tolerance=self.tolerance,
-            region=self.placement.region,
+            region=self.study.region,
             names=[s.name for s in system.x],
             least_scale=self.scale,
             sampler=sheet.sampler,
@@ -211,7 +215,7 @@ class _Switcher:
     def _rescale(self, run: Trajectory, begin: float, end: float) -> None:
         """Errors are relative to the largest values met so far."""
         there = run.sample(np.linspace(begin, end, LOOKS))
-        for s in self.placement.system.x:
+        for s in self.study.system.x:
             self.scale[s.name] = max(self.scale.get(s.name, 0.0), float(np.abs(there[s.name]).max()))
 
     # -- the full system -------------------------------------------------------------------------------
@@ -294,7 +298,7 @@ class _Switcher:
             size = 1.0 + np.linalg.norm(y[rows], axis=1)
             landed[rows] = distance <= self.tolerance * size + NEAR_ERRORS * local[rows]
             landed[rows] &= local[rows] <= size * self.tolerance**0.5
-            landed &= sampler.inside(np.hstack([x, y]), self.placement.region)
+            landed &= sampler.inside(np.hstack([x, y]), self.study.region)
         return _Nearness(landed, local, gap)
 
     def _row(self, state: Mapping[str, float]) -> np.ndarray:

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import Choice, choose
-from gsp.choice.hybrid_run import Piece, Run, Switch, full_flow
+from gsp.choice.hybrid_run import Piece, Run, Switch
 from gsp.choice.model_switching import run_solved, run_switched
 from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.results.drawn import Drawn
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
-from gsp.systems.arguments import check_noun, shown
+from gsp.scenes.study import Study, study_of
+from gsp.systems.arguments import shown
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,7 +126,7 @@ class Simulation(Drawn):
         return "\n".join([*lines, f"  {self.message}"])
 
 
-def simulate(scene: Scene, *, choice: Choice | None = None) -> Simulation:
+def simulate(scene: Scene | Study, *, choice: Choice | None = None) -> Simulation:
     """Run the model chosen for a scene over its span, with the full system wherever that model does not hold.
 
     `choice` is by default `choose(scene)`. A reduced flow, also one that serves only part of the span, starts at the
@@ -140,26 +140,23 @@ def simulate(scene: Scene, *, choice: Choice | None = None) -> Simulation:
     >>> simulate(models.load("linear"))["y"][-1:].round(4)
     array([0.0498])
     """
-    check_noun(scene, Scene, verb="simulate")
+    study = study_of(scene, verb="simulate")
     if choice is None:
-        choice = choose(scene)
+        choice = choose(study)
     if not isinstance(choice, Choice):
         raise DeclarationError(
             f"choice is what choose(scene) returns. Got {shown(choice)}. Leave it out, or pass a Choice."
         )
-    if replace(choice.scene, epsilon=scene.epsilon, tolerance=scene.tolerance) != scene:
+    asked = study.scene
+    if replace(choice.scene, epsilon=asked.epsilon, tolerance=asked.tolerance) != asked:
         raise DeclarationError(
-            f"the choice was made for {choice.scene!r}. Got {scene!r}. Call choose() with this scene."
+            f"the choice was made for {choice.scene!r}. Got {asked!r}. Call choose() with this scene."
         )
-    scene = choice.scene
-    try:
-        placement = place(scene)
-    except GspError:
-        placement = None
-    run = Run(scene, placement, full_flow(scene, placement))
+    study, span = choice.study, choice.scene.span
+    run = Run(study, _is_reducible(study))
     served = choice.partial if choice.model.kind is ModelKind.FULL else choice.model
-    if served is None or placement is None:
-        run.finish_in_full(run.start, scene.span[0])
+    if served is None or not run.is_reducible:
+        run.finish_in_full(run.start, span[0])
     elif choice.manifold is not None:
         run_solved(run, choice.manifold)
     else:
@@ -178,3 +175,11 @@ def simulate(scene: Scene, *, choice: Choice | None = None) -> Simulation:
         field_calls=run.field_calls,
         t=times,
     )
+
+
+def _is_reducible(study: Study) -> bool:
+    """Whether there is a branch to reduce to, in a standard form with a region."""
+    try:
+        return study.branch is not None and study.region is not None
+    except GspError:
+        return False

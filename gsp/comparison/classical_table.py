@@ -17,12 +17,12 @@ from gsp.comparison.comparison import slope
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status, unknown_name
 from gsp.results.drawn import Drawn
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study, study_of
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import SampledManifold, solve_manifold
-from gsp.systems.arguments import check_noun, shown
+from gsp.systems.arguments import shown
 from gsp.systems.flow import as_points, check_epsilons, check_orders
 from gsp.systems.region import Interval
 
@@ -128,7 +128,7 @@ class MethodTable(Drawn):
 
 
 def method_table(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     points=None,
     epsilons: Sequence[float] | None = None,
@@ -149,19 +149,19 @@ def method_table(
     >>> round(table["ILDM"].fitted), round(table["CSP 2"].fitted), round(table["series 1"].fitted)
     (2, 3, 2)
     """
-    check_noun(scene, Scene, verb="method_table")
+    study = study_of(scene, verb="method_table")
+    scene = study.scene
     given = {"refinements": refinements, "iterates": iterates, "orders": orders}
     chosen = {name: check_orders(values, what=name, empty=True) for name, values in given.items()}
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if len(ladder) < 2:
         raise DeclarationError(f"an order needs two epsilons or more. Got {ladder}. Try (0.02, 0.01, 0.005).")
-    placement = place(scene)
-    branch = placement.branch
+    branch = study.branch
     if points is not None:
         points = as_points(branch.system.x, points, what="points")[0]
         if not (points.size and np.isfinite(points).all()):
             raise DeclarationError(f"points are finite numbers, one point or more. Got {shown(points)}.")
-    box = {s.name: placement.region[s.name] for s in branch.system.x if s.name in placement.region}
+    box = {s.name: study.region[s.name] for s in branch.system.x if s.name in study.region}
     x = _grid(branch, box) if points is None else points
     gridded = len(branch.system.x) <= LARGEST_GRID
     solved = {e: _solved(branch, x, e) for e in ladder} if gridded else {}

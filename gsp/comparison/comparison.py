@@ -17,13 +17,12 @@ import numpy as np
 from gsp.critical.sampling import Sampler
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
-from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
-from gsp.scenes.placement import Placement, place
 from gsp.scenes.scene import Scene
-from gsp.slow.series import SeriesManifold, expand
-from gsp.systems.arguments import check_noun, check_progress
+from gsp.scenes.study import Study, study_of
+from gsp.slow.series import SeriesManifold
+from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilons, check_order, check_orders
 from gsp.systems.system import VectorField
 
@@ -91,7 +90,7 @@ class Comparison(Drawn):
 
 
 def compare(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     orders: Sequence[int] = (0, 1, 2, 3),
     epsilons: Sequence[float] | None = None,
@@ -110,7 +109,8 @@ def compare(
     raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
     point; `DeclarationError` when the layer takes more than half of the span.
     """
-    check_noun(scene, Scene, verb="compare")
+    study = study_of(scene, verb="compare")
+    scene = study.scene
     wanted = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if not ladder:
@@ -118,31 +118,30 @@ def compare(
     if correction is not None:
         check_order(correction, what="correction")
     check_progress(progress)
-    placement = place(scene)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
-    series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
-    flows = {n: restrict(series, order=n) for n in wanted}
-    rivals = _rivals(scene, placement)
-    inner = None if correction is None else _inner(placement, correction)
-    direction = sense(placement)
+    series = study.series(max(wanted) + 1, symbolic=False)
+    flows = {n: study.reduced(n, reconstructed=False) for n in wanted}
+    rivals = _rivals(scene, study)
+    inner = None if correction is None else _inner(study, correction)
+    direction = sense(study)
     errors: dict[int, list[float]] = {n: [] for n in wanted}
     statuses: dict[int, list[Status]] = {n: [] for n in wanted}
     claimed: dict[str, list[float]] = {name: [] for name in rivals}
     floor: list[float] = []
     for i, epsilon in enumerate(ladder):
         if inner is None:
-            start = slow_start = on_manifold(series, placement.start, epsilon)
+            start = slow_start = on_manifold(series, study.start, epsilon)
             first = scene.span[0]
             last = first + direction * (scene.span[1] - first)
         else:
-            start = placement.start
+            start = study.start
             slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
             first = scene.span[0] + layer_time(inner, scene, epsilon, max(wanted))
             last = scene.span[1]
         grid = np.linspace(first, last, GRID_POINTS)
-        reference = _run(placement.system, start, scene, epsilon, grid)
-        check = _run(placement.system, start, scene, epsilon, grid, loosened=CHECK)
-        slow = [x.name for x in placement.system.x]
+        reference = _run(study.system, start, scene, epsilon, grid)
+        check = _run(study.system, start, scene, epsilon, grid, loosened=CHECK)
+        slow = [x.name for x in study.system.x]
         floor.append(max(_error(check, reference, slow) / CHECK, ROUNDING))
         for n, flow in flows.items():
             run = _run(flow, slow_start, scene, epsilon, grid)
@@ -195,19 +194,19 @@ def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[fl
     return float(np.polyfit(x, y, 1)[0])
 
 
-def sense(placement: Placement) -> int:
+def sense(study: Study) -> int:
     """-1 where the branch repels: only backward in time does a full run stay on its slow manifold; else 1."""
-    x = np.array([[placement.start[s.name] for s in placement.system.x]])
-    y = placement.branch.points(x)
-    eigenvalues = Sampler(placement.branch).eigenvalues(np.hstack([x, y]))
+    x = np.array([[study.start[s.name] for s in study.system.x]])
+    y = study.branch.points(x)
+    eigenvalues = Sampler(study.branch).eigenvalues(np.hstack([x, y]))
     return -1 if (np.real(eigenvalues) > 0).all() else 1
 
 
-def _inner(placement: Placement, correction: int) -> InnerExpansion:
-    inner = expand_inner(placement.branch, placement.start, order=correction, fast_order=max(correction - 1, 0))
+def _inner(study: Study, correction: int) -> InnerExpansion:
+    inner = expand_inner(study.branch, study.start, order=correction, fast_order=max(correction - 1, 0))
     if inner.direction < 0:
         raise HyperbolicityError(
-            f"the branch {placement.branch} repels, so a run from off the slow manifold leaves it. "
+            f"the branch {study.branch} repels, so a run from off the slow manifold leaves it. "
             "Use correction=None, which starts on the manifold."
         )
     return inner
@@ -260,14 +259,14 @@ def _error(run: Trajectory, reference: Trajectory, names: Sequence[str]) -> floa
     return worst
 
 
-def _rivals(scene: Scene, placement: Placement) -> dict[str, VectorField]:
+def _rivals(scene: Scene, study: Study) -> dict[str, VectorField]:
     """The scene's claims as fields of their own."""
-    epsilon = placement.system.epsilon
+    epsilon = study.system.epsilon
     return {
         name: VectorField(
             rates,
             epsilon=epsilon if any(rate.has(epsilon) for rate in rates.values()) else None,
-            parameters=placement.system.parameters,
+            parameters=study.system.parameters,
             name=name,
         )
         for name, rates in scene.claims.items()

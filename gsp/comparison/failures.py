@@ -17,10 +17,9 @@ from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
 from gsp.errors import DeclarationError, Named, nearest
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
-from gsp.scenes.placement import Placement, place
 from gsp.scenes.scene import Scene
-from gsp.slow.series import expand
-from gsp.systems.arguments import check_array, check_noun, check_progress, shown
+from gsp.scenes.study import Study, study_of
+from gsp.systems.arguments import check_array, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_epsilons, check_orders
 
 ORDERS = (0, 1, 2, 3)
@@ -153,7 +152,7 @@ class FailureMap(Drawn):
 
 
 def failure_map(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     axis: str | None = None,
     positions: Sequence[float] | None = None,
@@ -179,22 +178,22 @@ def failure_map(
     `tolerance` is the scene's unless given. Raises `DeclarationError` for arguments that are not well formed, and what
     the stages raise for a scene that cannot be split, solved or expanded.
     """
-    check_noun(scene, Scene, verb="failure_map")
+    study = study_of(scene, verb="failure_map")
+    scene = study.scene
     wanted = tuple(sorted(set(check_orders(orders))))
     check_progress(progress)
     allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
     ladder = _epsilons(scene, epsilons)
     asked = _tolerances(tolerances)
-    placement = place(scene)
-    name = _axis(placement, axis)
-    along = _positions(placement, name, positions)
-    series = expand(placement.branch, order=max(wanted) + 1, symbolic=False)
-    survey = Survey(placement, series, name, along, ladder, wanted, allowed)
+    name = _axis(study, axis)
+    along = _positions(study, name, positions)
+    series = study.series(max(wanted) + 1, symbolic=False)
+    survey = Survey(study, series, name, along, ladder, wanted, allowed)
     for i in range(ladder.size):
         survey.visit(i)
         if progress is not None:
             progress(0.8 * (i + 1) / ladder.size)
-    demands = demands_of(placement, ladder, asked, wanted)
+    demands = demands_of(study, ladder, asked, wanted)
     if progress is not None:
         progress(1.0)
     return FailureMap(
@@ -232,9 +231,9 @@ def _row(claim: Claim, width: int) -> str:
     return f"{claim.method:<{width}}  {share}  {claim.requirement}"
 
 
-def _axis(placement: Placement, axis: str | None) -> str:
-    slow = [s.name for s in placement.system.x]
-    bounded = [name for name in slow if name in placement.region]
+def _axis(study: Study, axis: str | None) -> str:
+    slow = [s.name for s in study.system.x]
+    bounded = [name for name in slow if name in study.region]
     if axis is None:
         if not bounded:
             raise DeclarationError(
@@ -249,11 +248,11 @@ def _axis(placement: Placement, axis: str | None) -> str:
     return axis
 
 
-def _positions(placement: Placement, axis: str, positions: Sequence[float] | None) -> np.ndarray:
+def _positions(study: Study, axis: str, positions: Sequence[float] | None) -> np.ndarray:
     if positions is None:
-        if axis not in placement.region:
+        if axis not in study.region:
             raise DeclarationError(f"the region gives no interval for {axis}. Bound it, or give positions.")
-        low, high = placement.region[axis]
+        low, high = study.region[axis]
         return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), POSITIONS)
     be = "two finite numbers or more"
     given = check_array(positions, what="positions", be=be)

@@ -11,10 +11,9 @@ from gsp.comparison.comparison import compare, sense
 from gsp.critical.sampling import Sampler
 from gsp.errors import GspError
 from gsp.integration.methods import Method
-from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import finite_rows
-from gsp.scenes.placement import Placement
+from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.flow import Flow
@@ -84,7 +83,7 @@ class Survey:
 
     def __init__(
         self,
-        placement: Placement,
+        study: Study,
         series: SeriesManifold,
         axis: str,
         positions: np.ndarray,
@@ -92,21 +91,21 @@ class Survey:
         orders: tuple[int, ...],
         tolerance: float,
     ) -> None:
-        self.placement = placement
+        self.study = study
         self.series = series
         self.epsilons = epsilons
         self.orders = orders
         self.tolerance = tolerance
-        self.system = placement.system
-        self.branch = placement.branch
+        self.system = study.system
+        self.branch = study.branch
         self.slow = [s.name for s in self.system.x]
-        self.x = np.tile([placement.start[s] for s in self.slow], (positions.size, 1))
+        self.x = np.tile([study.start[s] for s in self.slow], (positions.size, 1))
         self.x[:, self.slow.index(axis)] = positions
         self.y, self.there = self._sheet()
-        span = placement.scene.span
-        self.piece = sense(placement) * HORIZON * (span[1] - span[0])
+        span = study.scene.span
+        self.piece = sense(study) * HORIZON * (span[1] - span[0])
         self.width = float(positions[-1] - positions[0])
-        self.flows = {n: restrict(series, order=n) for n in orders}
+        self.flows = {n: study.reduced(n, reconstructed=False) for n in orders}
         cells = (epsilons.size, positions.size)
         names = (NEWTON, MANIFOLD, *map(series_name, orders), *map(reduced_name, orders), EXPLICIT, IMPLICIT)
         self.measures = {name: np.full(cells, np.nan) for name in names}
@@ -123,7 +122,7 @@ class Survey:
 
     def _newton(self) -> np.ndarray:
         """Distance of what Newton's method finds from the scene's start from the sheet; nan where it finds nothing."""
-        start = [self.placement.start[s.name] for s in self.system.y]
+        start = [self.study.start[s.name] for s in self.system.y]
         result = np.full(len(self.x), np.nan)
         sampler = Sampler(self.branch)
         for j, (x, y) in enumerate(zip(self.x, self.y)):
@@ -250,7 +249,7 @@ def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray, *, most: int = 50) ->
 
 
 def demands_of(
-    placement: Placement, epsilons: np.ndarray, tolerances: np.ndarray, orders: tuple[int, ...]
+    study: Study, epsilons: np.ndarray, tolerances: np.ndarray, orders: tuple[int, ...]
 ) -> Iterator[Claim]:
     """Over (epsilon, tolerance): reduced flows against the full one over the span, and explicit against implicit."""
     cells = (epsilons.size, tolerances.size)
@@ -258,7 +257,7 @@ def demands_of(
     ratios = np.full(cells, np.nan)
     found, reasons = None, dict.fromkeys(orders, "")
     try:
-        found = compare(placement.scene, orders=orders, epsilons=tuple(map(float, epsilons)))
+        found = compare(study, orders=orders, epsilons=tuple(map(float, epsilons)))
     except GspError as error:
         reasons = dict.fromkeys(orders, str(error))
     if found is not None:
@@ -267,13 +266,13 @@ def demands_of(
         for n in orders:
             by_epsilon = dict(zip(found.epsilons, found.errors[n]))
             errors[n][:] = np.array([by_epsilon[float(e)] for e in epsilons])[:, None]
-    start, span = placement.start, placement.scene.span
+    start, span = study.start, study.scene.span
     for i, epsilon in enumerate(epsilons):
         for j, tolerance in enumerate(tolerances):
             calls = []
             for method in RIVALS:
                 run = trajectory_of(
-                    placement.system,
+                    study.system,
                     start=start,
                     span=span,
                     epsilon=float(epsilon),

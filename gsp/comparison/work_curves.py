@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import platform
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -38,10 +37,10 @@ from gsp.integration.trajectory import trajectory_of
 from gsp.peers import PEERS, Peer
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
-from gsp.scenes.placement import Placement, place
 from gsp.scenes.scene import Scene
-from gsp.slow.series import SeriesManifold, expand
-from gsp.systems.arguments import check_each, check_noun, check_number, check_positive, check_progress, shown
+from gsp.scenes.study import Study, study_of
+from gsp.slow.series import SeriesManifold
+from gsp.systems.arguments import check_each, check_number, check_positive, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_orders
 
 # Times at which every run is compared, and asked for its values.
@@ -124,7 +123,7 @@ class WorkPrecision(Drawn):
 
 
 def work_precision(
-    scene: Scene,
+    scene: Scene | Study,
     *,
     epsilon: float | None = None,
     rtols: Sequence[float] = RTOLS,
@@ -150,7 +149,8 @@ def work_precision(
     >>> found["reduced 0"].floor > 10 * found["reduced 1"].floor > 100 * found["radau9"].floor
     True
     """
-    check_noun(scene, Scene, verb="work_precision")
+    study = study_of(scene, verb="work_precision")
+    scene = study.scene
     value = scene.epsilon if epsilon is None else check_epsilon(epsilon)
     ladder = _ladder(rtols)
     tried = list(Method) if methods is None else _methods(methods)
@@ -158,19 +158,17 @@ def work_precision(
     check_progress(progress)
     check_positive(limit, what="limit", remedy="It is in seconds.")
     wanted = tuple(dict.fromkeys(check_orders(orders, empty=True)))
-    placement = place(scene)
-    begun = time.perf_counter()
-    series = expand(placement.branch, order=max(wanted, default=0) + 1, symbolic=False)
-    expanded = time.perf_counter() - begun
-    start, slow_start, first, origin = _start(placement, series, value, max(wanted, default=0))
-    direction = sense(placement)
+    series = study.series(max(wanted, default=0) + 1, symbolic=False)
+    expanded = study.spent("numeric series")
+    start, slow_start, first, origin = _start(study, series, value, max(wanted, default=0))
+    direction = sense(study)
     last = scene.span[0] + direction * (scene.span[1] - scene.span[0])
     grid = np.linspace(first, last, GRID_POINTS + 1)[1:]
     omitted: dict[str, str] = {}
-    reference, disagreement = _reference(placement, start, value, grid)
+    reference, disagreement = _reference(study, start, value, grid)
     tasks = [
-        *full_tasks(placement, start, value, grid, tried, omitted),
-        *peer_tasks(placement, start, value, grid, rivals, omitted),
+        *full_tasks(study, start, value, grid, tried, omitted),
+        *peer_tasks(study, start, value, grid, rivals, omitted),
         *reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
     ]
     curves = measure(tasks, ladder, reference, limit, progress)
@@ -234,33 +232,33 @@ def _peers(peers: Sequence[Peer]) -> tuple[Peer, ...]:
 
 
 def _start(
-    placement: Placement, series: SeriesManifold, epsilon: float, order: int
+    study: Study, series: SeriesManifold, epsilon: float, order: int
 ) -> tuple[dict[str, float], dict[str, float], float, str]:
     """The full start, the reduced one, where the grid begins, and in words."""
-    scene = placement.scene
+    scene = study.scene
     try:
-        if sense(placement) < 0:
+        if sense(study) < 0:
             raise HyperbolicityError("the branch repels")
-        base = project(series, placement.start, epsilon=epsilon)
-        inner = expand_inner(placement.branch, placement.start, order=0)
+        base = project(series, study.start, epsilon=epsilon)
+        inner = expand_inner(study.branch, study.start, order=0)
     except (BranchError, HyperbolicityError):
-        moved = on_manifold(series, placement.start, epsilon)
-        slow = {s.name: moved[s.name] for s in placement.system.x}
+        moved = on_manifold(series, study.start, epsilon)
+        slow = {s.name: moved[s.name] for s in study.system.x}
         return moved, slow, scene.span[0], "from the slow manifold over the scene's start"
     layer = layer_time(inner, scene, epsilon, order)
     text = f"from the scene's start, after the initial layer of {layer:.3g}"
-    return dict(placement.start), dict(base), scene.span[0] + layer, text
+    return dict(study.start), dict(base), scene.span[0] + layer, text
 
 
 def _reference(
-    placement: Placement, start: Mapping[str, float], epsilon: float, grid: np.ndarray
+    study: Study, start: Mapping[str, float], epsilon: float, grid: np.ndarray
 ) -> tuple[np.ndarray, float]:
     runs = []
     for method in REFERENCE:
         run = trajectory_of(
-            placement.system,
+            study.system,
             start=start,
-            span=(placement.scene.span[0], float(grid[-1])),
+            span=(study.scene.span[0], float(grid[-1])),
             epsilon=epsilon,
             rtol=REFERENCE_RTOL,
             atol=REFERENCE_RTOL * ATOL_SHARE,
@@ -269,9 +267,9 @@ def _reference(
         )
         if not run.status.ok:
             raise DeclarationError(
-                f"there is no reference for {placement.scene.name} at epsilon = {epsilon:g}: {run.message}. "
+                f"there is no reference for {study.scene.name} at epsilon = {epsilon:g}: {run.message}. "
                 "Shorten the span, move the start or take another epsilon."
             )
-        runs.append(slow_values(run.y, placement.system, placement))
+        runs.append(slow_values(run.y, study.system, study))
     error, _ = largest_errors(runs[1], runs[0])
     return runs[0], error

@@ -15,7 +15,7 @@ from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.peers import Peer
-from gsp.scenes.placement import Placement
+from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow
 
@@ -102,8 +102,8 @@ class Task:
     failures: dict[float, str] = field(default_factory=dict)
 
 
-def slow_values(states: np.ndarray, flow: Flow, placement: Placement) -> np.ndarray:
-    return states[[flow.states.index(s) for s in placement.system.x]]
+def slow_values(states: np.ndarray, flow: Flow, study: Study) -> np.ndarray:
+    return states[[flow.states.index(s) for s in study.system.x]]
 
 
 def largest_errors(values: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
@@ -114,15 +114,15 @@ def largest_errors(values: np.ndarray, reference: np.ndarray) -> tuple[float, fl
 
 
 def full_tasks(
-    placement: Placement,
+    study: Study,
     start: Mapping[str, float],
     epsilon: float,
     grid: np.ndarray,
     methods: Sequence[Method],
     omitted: dict[str, str],
 ) -> Iterator[Task]:
-    system = placement.system
-    span = (placement.scene.span[0], float(grid[-1]))
+    system = study.system
+    span = (study.scene.span[0], float(grid[-1]))
 
     def run(rtol: float, method: Method | None) -> tuple[np.ndarray, int | None, int | None]:
         found = trajectory_of(
@@ -136,7 +136,7 @@ def full_tasks(
             max_steps=MAX_STEPS,
         )
         if found.status is Status.SUCCESS:
-            return slow_values(found.at(grid), system, placement), found.stats.steps, found.stats.field_calls
+            return slow_values(found.at(grid), system, study), found.stats.steps, found.stats.field_calls
         return np.full((len(system.x), grid.size), np.nan), found.stats.steps, found.stats.field_calls
 
     for method in methods:
@@ -150,14 +150,14 @@ def full_tasks(
 
 
 def peer_tasks(
-    placement: Placement,
+    study: Study,
     start: Mapping[str, float],
     epsilon: float,
     grid: np.ndarray,
     peers: Sequence[Peer],
     omitted: dict[str, str],
 ) -> Iterator[Task]:
-    system = placement.system
+    system = study.system
     p = parameter_vector(system, epsilon)
     y = np.array(system.initial(start))
     for peer in peers:
@@ -166,7 +166,7 @@ def peer_tasks(
             continue
         begun = time.perf_counter()
         try:
-            solve = peer.prepare(system, p, y, placement.scene.span[0], grid)
+            solve = peer.prepare(system, p, y, study.scene.span[0], grid)
         # Whatever somebody else's package raises is a reason, and no more.
         except Exception as error:
             omitted[peer.name] = _reason(error)
@@ -179,7 +179,7 @@ def peer_tasks(
             except Exception as error:
                 failures[rtol] = _reason(error)
                 return np.full((len(system.x), grid.size), np.nan), None, None
-            return slow_values(found.states, system, placement), found.steps, found.field_calls
+            return slow_values(found.states, system, study), found.steps, found.field_calls
 
         prepared = time.perf_counter() - begun
         yield Task(

@@ -137,10 +137,11 @@ def project(
     inner = expand_inner(
         branch, start, order=deepest + 2, fast_order=deepest + 1, reconstruction=reconstruction
     )
-    return _summed(inner, value, order)
+    return base_point_of(inner, value, order)
 
 
-def _summed(inner: InnerExpansion, epsilon: float, order: int | None) -> BasePoint:
+def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> BasePoint:
+    """The base point through epsilon^order, or the best order, from an expansion two orders longer."""
     base = inner.base
     sizes = [max(abs(float(c[k])) * epsilon**k for c in base.values()) for k in range(inner.order + 1)]
     # The first term left out; one that happens to vanish says nothing, so the pair with its successor counts.

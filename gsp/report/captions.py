@@ -33,13 +33,13 @@ def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:
             "The plane of {} and {} at {} = {}: the critical manifold (black){} The full run from the scene's start is "
             "in orange."
         ).format(
-            setter.inline(analysis.placement.system.x[0]),
-            setter.inline(analysis.placement.system.y[0]),
+            setter.inline(analysis.study.system.x[0]),
+            setter.inline(analysis.study.system.y[0]),
             _epsilon(analysis, setter),
             number(analysis.scene.epsilon),
             _slow_line(analysis, setter),
         )
-    chart = analysis.raw.chart if analysis.raw else analysis.placement.system.x
+    chart = analysis.raw.chart if analysis.raw else analysis.study.system.x
     return Markup(
         "Phase portrait of the reduced flow at {} = 0 in the plane of {}, with the scene's limit trajectory in orange."
     ).format(_epsilon(analysis, setter), Markup(", ").join(setter.inline(s) for s in chart[:2]))
@@ -55,7 +55,7 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
     text = Markup(" and the slow manifold <i>M</i><sub>ε</sub> (blue).")
     if ends:
         places = Markup(", ").join(number(value) for value in ends)
-        name = setter.inline(analysis.placement.system.x[0])
+        name = setter.inline(analysis.study.system.x[0])
         text += Markup(
             " The blue line ends (circles) where the terms of its series stop falling, {} = {}."
         ).format(name, places)
@@ -63,7 +63,7 @@ def _slow_line(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 def _phenomenon(analysis: Analysis, setter: Typesetter) -> Markup:
-    found, system = analysis.phenomenon, analysis.placement.system
+    found, system = analysis.phenomenon, analysis.study.system
     at = Markup("{} = {}").format(_epsilon(analysis, setter), number(analysis.scene.epsilon))
     if isinstance(found, MixedMode):
         pattern = Markup("").join(
@@ -207,7 +207,7 @@ def _failure_map(analysis: Analysis, setter: Typesetter) -> Markup:
 
 
 def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
-    return setter.inline(analysis.placement.system.epsilon)
+    return setter.inline(analysis.study.system.epsilon)
 
 
 _CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {

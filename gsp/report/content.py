@@ -26,8 +26,8 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
 
     What could not be made is None, and `missing` maps its name to the reason.
     """
-    scene, placement = analysis.scene, analysis.placement
-    system, splitting = placement.system, placement.splitting
+    scene, study = analysis.scene, analysis.study
+    system, splitting = study.system, study.splitting
     coordinates = splitting.coordinates if splitting else {s: s for s in system.states}
     parts: dict[str, Callable[[], Any]] = {
         "name": lambda: scene.name,
@@ -171,7 +171,7 @@ def _failures(analysis: Analysis) -> dict[str, Any]:
     found = analysis.failures
     if found is None:
         return {"reason": analysis.failures_reason}
-    between = analysis.placement.region[found.axis]
+    between = analysis.study.region[found.axis]
     return {
         "axis": found.axis,
         "epsilons": found.epsilons,

@@ -39,8 +39,8 @@ def failures(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
 
 def _map(analysis: Analysis, found: FailureMap, setter: Typesetter) -> Markup:
     """One sentence read off the failure map."""
-    between = analysis.placement.region[found.axis]
-    epsilon = setter.inline(analysis.placement.system.epsilon)
+    between = analysis.study.region[found.axis]
+    epsilon = setter.inline(analysis.study.system.epsilon)
     here = [found.holds_up_to(n, between=between) for n in found.orders]
     span = [found.holds_over_span(n) for n in found.orders]
     return Markup(
@@ -85,7 +85,7 @@ def _place(point: Mapping[str, Any], setter: Typesetter) -> Markup:
 
 def _fold(fold: FoldOutlook, analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """A row: the fold, and its passage at the scene's epsilon or the reason why there is none."""
-    small, system = analysis.scene.epsilon, analysis.placement.system
+    small, system = analysis.scene.epsilon, analysis.study.system
     row: dict[str, Any] = {
         "place": _place(fold.point, setter),
         "passage": None,

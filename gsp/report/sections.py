@@ -31,8 +31,8 @@ class Page:
 
     def __init__(self, analysis: Analysis) -> None:
         self.analysis = analysis
-        scene, placement = analysis.scene, analysis.placement
-        self.system = placement.system
+        scene, study = analysis.scene, analysis.study
+        self.system = study.system
         self.epsilon = self.system.epsilon
         self.set = Typesetter(
             [
@@ -210,7 +210,7 @@ class Page:
         return [self.block(left, rate) for left, rate in pairs]
 
     def splitting(self) -> dict[str, Any] | None:
-        splitting = self.analysis.placement.splitting
+        splitting = self.analysis.study.splitting
         if splitting is None:
             return None
         f: Any = splitting.layer[0] if splitting.layer.shape == (1, 1) else splitting.layer
@@ -236,14 +236,14 @@ class Page:
         }  # fmt: skip
 
     def branches(self) -> list[dict[str, Any]]:
-        placement = self.analysis.placement
+        study = self.analysis.study
         result = []
-        for branch in placement.critical.branches:
+        for branch in study.critical.branches:
             if branch.graph is not None:
                 rows = [self.block(self.set.row(y), h) for y, h in branch.graph.items()]
             else:
                 rows = [self.block(self.set.row(e), "<mn>0</mn>") for e in branch.equations]
-            chosen = branch.equations == placement.branch.equations
+            chosen = branch.equations == study.branch.equations
             result.append({"rows": rows, "chosen": chosen, "explicit": branch.is_explicit})
         return result
 

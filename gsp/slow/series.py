@@ -11,19 +11,19 @@ The coefficients live in the chart's ring, so parameters stay symbolic and nothi
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import Element
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
 from gsp.lowering.compiled_flow import compile_function, parameter_vector
-from gsp.slow.coordinates import Chart, chart, dot
+from gsp.slow.coordinates import Chart
+from gsp.slow.expansion import Expansion
 from gsp.slow.truncation import AHEAD, best, errors, past
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon, check_order
@@ -75,7 +75,7 @@ class SeriesManifold:
     chart: Chart = field(repr=False)
     _h: list[list[Element]]
     _f: list[list[Element]]
-    _exact: bool = True
+    _expansion: Expansion = field(repr=False)
 
     @cached_property
     def coefficients(self) -> tuple[Components, ...]:
@@ -111,8 +111,14 @@ class SeriesManifold:
             self.chart,
             [h[:rows] for h in self._h],
             [f[:rows] for f in self._f],
-            self._exact,
+            self._expansion,
         )
+
+    def over(self, branch: Branch) -> SeriesManifold:
+        """The same series over another sheet of its branch; raises `DeclarationError` for any other branch."""
+        if replace(branch, seed=None) != replace(self.branch, seed=None):
+            raise DeclarationError(f"the series is over {self.branch}. Got {branch}. Use expand(branch).")
+        return replace(self, branch=branch)
 
     def readable(self, limit: int) -> SeriesManifold:
         """What of the series can be printed in at most `limit` terms a coefficient.
@@ -131,9 +137,9 @@ class SeriesManifold:
 
         Expanded numerators with symbolic parameters lose their digits near a denominator's zero.
         """
-        if not self._exact:
+        if not self._expansion.symbolic:
             return self
-        return _expand(self.branch, self.order, dict(self.branch.system.parameters))
+        return series_of(self._expansion.numeric, self.order).over(self.branch)
 
     @cached_property
     def _ahead(self) -> SeriesManifold:
@@ -143,7 +149,7 @@ class SeriesManifold:
         further = sum(max(sizes) * growth**k <= LONGEST for k in range(1, AHEAD + 1))
         while further:
             try:
-                return _expand(self.branch, self.order + further, dict(self.branch.system.parameters))
+                return series_of(self._expansion.numeric, self.order + further).over(self.branch)
             except BudgetError:
                 further -= 1
         return self.specialised
@@ -378,77 +384,10 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
     check_noun(branch, Branch, verb="expand")
     check_order(order)
     check_flag(symbolic, what="symbolic")
-    return _expand(branch, order, {} if symbolic else dict(branch.system.parameters))
+    return series_of(Expansion(branch, symbolic=symbolic), order)
 
 
-def _expand(branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr]) -> SeriesManifold:
-    done: list[int] = []
-    try:
-        return _order_by_order(branch, order, substitute, done)
-    except BudgetError as error:
-        symbols = len(branch.system.parameters) - len(substitute)
-        remedies = [
-            *([f"take order {done[-1]} or less"] if done else []),
-            *(
-                [f"put the values of the {symbols} parameters in (`--values`, symbolic=False)"]
-                if symbols
-                else []
-            ),
-            "take fewer variables or lower powers",
-        ]
-        reached = f"was reached through order {done[-1]}" if done else "was not reached at any order"
-        raise BudgetError(
-            f"the series through order {order} {reached}: {error} Rather {', or '.join(remedies)}; `solve_manifold` "
-            "needs no series."
-        ) from None
-
-
-def _order_by_order(
-    branch: Branch, order: int, substitute: Mapping[sp.Symbol, sp.Expr], done: list[int]
-) -> SeriesManifold:
-    system = branch.system
-    values = dict(substitute)
-    place = chart(branch, substitute=values)
-    ring = place.ring
-    h: list[list[Element]] = [[place.elements[y]] for y in system.y]
-    program = SeriesProgram(
-        ring,
-        epsilon=system.epsilon,
-        inputs=dict(zip(system.y, h)),
-        constants={x: place.elements[x] for x in system.x},
-    )
-    f = [program.compile(rate.xreplace(values)) for rate in system.f]
-    g = [program.compile(rate.xreplace(values)) for rate in system.g]
-    slopes: list[list[list[Element]]] = []
-
-    def differentiate(k: int) -> None:
-        slopes.append([[ring.derive(row[k], j).reduced() for j in range(len(system.x))] for row in h])
-
-    reduced: list[list[Element]] = [[] for _ in f]
-
-    def finish(k: int) -> None:
-        for row, rate in zip(reduced, f):
-            row.append(rate.coefficients[k].reduced())
-        done.append(k)
-        if k < order:
-            differentiate(k)
-
-    program.extend(0)
-    finish(0)
-    for k in range(1, order + 1):
-        for row in h:
-            row.append(ring.zero)
-        # With h_k = 0 the program gives what the lower orders contribute to [g]_k.
-        program.extend(k)
-        defect = []
-        for i in range(len(h)):
-            total = g[i].coefficients[k]
-            for lower in range(k):
-                rates = [rate.coefficients[k - 1 - lower] for rate in f]
-                total = total - dot(slopes[lower][i], rates, ring)
-            defect.append(total.reduced())
-        for i, row in enumerate(h):
-            row[k] = (-dot(place.inverse_jacobian[i], defect, ring)).reduced()
-        program.extend(k)
-        finish(k)
-    return SeriesManifold(branch, order, place, h, reduced, not values)
+def series_of(expansion: Expansion, order: int) -> SeriesManifold:
+    """The series of an `expansion` through `order`; what the expansion knows already is not computed again."""
+    place, h, f = expansion.through(order)
+    return SeriesManifold(expansion.branch, order, place, h, f, expansion)

@@ -10,8 +10,8 @@ from gsp import models
 from gsp.analysis.analysis import STAGES, _failures, analyse
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.hyperbolicity.hyperbolicity import Kind
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
 
 
@@ -77,7 +77,7 @@ def test_the_failure_map_is_coarse_and_starts_at_the_region(sleigh) -> None:
     assert sleigh.failures_reason == ""
     assert found.places["slow manifold"].measure.shape == (11, 25)
     assert found.orders == (0, 1, 2)
-    low, high = sleigh.placement.region[found.axis]
+    low, high = sleigh.study.region[found.axis]
     for n in found.orders:
         largest = found.holds_up_to(n, between=(low, high))
         inside = (found.positions > low - 1e-9) & (found.positions < high + 1e-9)
@@ -94,8 +94,8 @@ def test_a_region_without_slow_bounds_has_a_reason_in_place_of_a_map() -> None:
     s, x, eps = sp.symbols("s x epsilon")
     system = SlowFastSystem(slow={s: -s}, fast={x: -x + s}, epsilon=eps)
     scene = Scene(system, {"s": (0.1, 1)}, {"s": 0.5, "x": 0}, (0, 0.1), 0.01, (0.02, 0.01), 1e-6)
-    placement = replace(place(scene), region={"x": (0, 1)})
-    found, reason = _failures(placement, lambda share: None)
+    study = replace(study_of(scene), region={"x": (0, 1)})
+    found, reason = _failures(study, lambda share: None)
     assert found is None
     assert "no slow variable" in reason
 

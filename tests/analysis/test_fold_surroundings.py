@@ -9,8 +9,8 @@ import sympy as sp
 from gsp import models
 from gsp.analysis.fold_surroundings import boundary_of
 from gsp.hyperbolicity.hyperbolicity import classify
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.singular.passage import fold_passage
 from gsp.systems.system import SlowFastSystem
 
@@ -26,8 +26,8 @@ def oscillator(shift, parameters) -> Scene:
 
 
 def found(scene: Scene):
-    placement = place(scene)
-    return boundary_of(placement, classify(placement.branch, region=placement.region, epsilon=scene.epsilon))
+    study = study_of(scene)
+    return boundary_of(study, classify(study.branch, region=study.region, epsilon=scene.epsilon))
 
 
 def test_a_fold_beside_the_region_has_its_passage_and_the_orbit_its_period() -> None:

@@ -165,8 +165,8 @@ def test_methods_and_composites_are_drawn_with_their_parts(analyses):
     table = method_table(scene, refinements=(0, 1), iterates=(1,), orders=(0, 1))
     axes = charts.method_errors(table)
     assert len(axes.get_lines()) == len(table.rows)
-    placement = analyses["michaelis_menten"].placement
-    solution = composite(analyses["michaelis_menten"].series, placement.start, span=scene.span, epsilon=0.05)
+    study = analyses["michaelis_menten"].study
+    solution = composite(analyses["michaelis_menten"].series, study.start, span=scene.span, epsilon=0.05)
     axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}

@@ -16,8 +16,8 @@ from gsp.comparison.comparison import on_manifold
 from gsp.errors import DeclarationError
 from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import integrate
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 
@@ -78,7 +78,7 @@ def measured_errors(asked: Scene, outlook, orders) -> dict[int, float]:
     """Largest relative error of each order after the layer, against a full run near rounding."""
     grid = np.linspace(asked.span[0] + outlook.layer, asked.span[1], 97)
     common = {"span": asked.span, "epsilon": asked.epsilon, "rtol": 1e-12, "atol": 1e-14, "at": grid}
-    reference = integrate(outlook.placement.system, start=outlook.placement.start, **common)
+    reference = integrate(outlook.study.system, start=outlook.study.start, **common)
     result = {}
     for n in orders:
         run = integrate(outlook.flows[n], start=outlook.starts[n], **common)
@@ -128,7 +128,7 @@ def test_the_prediction_agrees_with_the_residual_carried_by_the_slow_flow() -> N
     # The second route: y is off by (g_y)^-1 times the residual of h_N; x' = f(x, h_N corrected) from the same start.
     asked = replace(models.load("michaelis_menten"), epsilon=0.01)
     outlook = foresee(asked, (1,))
-    system, series, prediction = outlook.placement.system, outlook.series, outlook.prediction
+    system, series, prediction = outlook.study.system, outlook.series, outlook.prediction
     s = outlook.starts[1]["s"] + outlook.inner.base["s"][2] * asked.epsilon**2
     f = sp.lambdify([*system.x, *system.y], system.f[0].xreplace(dict(system.parameters)))
 
@@ -205,9 +205,9 @@ def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> N
 def test_the_steps_of_the_full_system_are_foreseen_within_a_factor_of_two(name: str) -> None:
     asked = replace(models.load(name), tolerance=1e-5)
     choice = choose(asked, solve=False)
-    placement = place(asked)
+    study = study_of(asked)
     run = integrate(
-        placement.system, start=placement.start, span=asked.span, epsilon=asked.epsilon, rtol=1e-6, atol=1e-8
+        study.system, start=study.start, span=asked.span, epsilon=asked.epsilon, rtol=1e-6, atol=1e-8
     )
     assert run.stats.steps / 2 <= choice.candidates[-1].steps <= 2 * run.stats.steps
 
@@ -312,7 +312,7 @@ def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
 
 def test_a_surface_in_machine_code_is_the_interpolant() -> None:
     asked = models.load("koper")
-    branch = place(asked).branch
+    branch = study_of(asked).branch
     manifold = solve_manifold(branch, region={"y": (0, 0.5), "z": (0.3, 0.6)}, epsilon=0.01, tolerance=1e-9)
     flow = flow_on(manifold)
     run = integrate(flow, start={"y": 0.2, "z": 0.5}, span=(0, 0.1))
@@ -336,7 +336,7 @@ def on_manifold_of(manifold, point: dict[str, float]) -> dict[str, float]:
 
 
 def test_a_manifold_without_a_surface_has_no_flow() -> None:
-    branch = place(models.load("van_der_pol")).branch
+    branch = study_of(models.load("van_der_pol")).branch
     lost = solve_manifold(branch, region={"y": (-1, 0)}, epsilon=0.01)
     with pytest.raises(DeclarationError, match="no surface"):
         flow_on(lost)

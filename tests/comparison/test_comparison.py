@@ -9,8 +9,8 @@ import sympy as sp
 from gsp import models
 from gsp.comparison.comparison import compare, on_manifold, slope
 from gsp.errors import DeclarationError, Status
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 
@@ -43,9 +43,9 @@ def test_the_printed_sign_of_equation_18_is_wrong_and_the_derived_one_right() ->
 
 
 def test_the_start_lies_on_the_slow_manifold() -> None:
-    placement = place(models.load("michaelis_menten"))
-    series = expand(placement.branch, order=6)
-    start = on_manifold(series, placement.start, 0.1)
+    study = study_of(models.load("michaelis_menten"))
+    series = expand(study.branch, order=6)
+    start = on_manifold(series, study.start, 0.1)
     # The slow manifold at s = 1, epsilon = 0.1, computed independently in 40 digits.
     assert start["c"] == pytest.approx(0.5030315116239185527, abs=2e-9)
 

@@ -15,8 +15,8 @@ from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import Problem, _sampled, expand_inner
 from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import integrate
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
@@ -204,14 +204,14 @@ def test_the_slope_is_the_smaller_of_order_and_correction_plus_one(name: str, co
 
 def test_keeping_omega_and_dropping_w_never_converges() -> None:
     scene = moved("chaplygin_sleigh")
-    placement = place(scene)
-    flow = restrict(expand(placement.branch, order=2))
+    study = study_of(scene)
+    flow = restrict(expand(study.branch, order=2))
     kept = {"v": -1, "p": 1.04 * 1.5}
     errors = []
     for e in scene.epsilons:
         full = integrate(
-            placement.system,
-            start=dict(placement.start),
+            study.system,
+            start=dict(study.start),
             span=(0, 6),
             epsilon=e,
             rtol=1e-10,
@@ -324,16 +324,14 @@ def test_bad_calls_are_named(arguments, message) -> None:
 
 
 def test_positions_driven_through_sines_have_base_points_too() -> None:
-    placement = place(moved("chaplygin_sleigh"))
-    reconstruction = placement.scene.reconstruction
-    start = dict(placement.start) | {"phi": 2}
+    study = study_of(moved("chaplygin_sleigh"))
+    reconstruction = study.scene.reconstruction
+    start = dict(study.start) | {"phi": 2}
     ladder = (0.02, 0.01, 0.005)
     shadows = [
-        project(placement.branch, start, epsilon=e, numeric=True, reconstruction=reconstruction) for e in ladder
+        project(study.branch, start, epsilon=e, numeric=True, reconstruction=reconstruction) for e in ladder
     ]
-    points = [
-        project(placement.branch, start, epsilon=e, order=2, reconstruction=reconstruction) for e in ladder
-    ]
+    points = [project(study.branch, start, epsilon=e, order=2, reconstruction=reconstruction) for e in ladder]
     assert set(points[0]) == {"v", "p", "phi", "x", "y"}
     for name in ("phi", "x", "y"):
         errors = [abs(q[name] - s[name]) for q, s in zip(points, shadows)]

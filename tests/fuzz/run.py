@@ -8,8 +8,8 @@ from pathlib import Path
 from gsp.errors import GspError
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.readers import load
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 
 
 def read(text: str, folder: Path) -> Scene | GspError:
@@ -27,8 +27,8 @@ def check(scene: Scene) -> str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            placement = place(scene)
-            verdict = classify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+            study = study_of(scene)
+            verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
     except GspError as error:
         return f"refused: {error}"
     return str(verdict)

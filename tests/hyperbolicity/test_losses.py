@@ -16,7 +16,7 @@ from gsp.errors import BranchError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses import Loss, LossKind
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
-from gsp.scenes.placement import place
+from gsp.scenes.study import study_of
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -496,8 +496,8 @@ def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_built_in_scene_raises_no_alarm(name) -> None:
-    placement = place(models.load(name))
-    verdict = classify(placement.branch, region=placement.region)
+    study = study_of(models.load(name))
+    verdict = classify(study.branch, region=study.region)
     assert verdict.losses == ()
     assert verdict.kind is not Kind.LOST
 

@@ -11,8 +11,8 @@ from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followe
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses import LossKind
-from gsp.scenes.placement import place
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
 
 x, y, u, v, w, k, eps = sp.symbols("x y u v w k epsilon")
@@ -108,9 +108,9 @@ def scene_of(system: SlowFastSystem, region, start) -> Scene:
 
 def test_folds_of_a_graph_with_a_root_are_followed_around_the_region() -> None:
     scene = scene_of(rosenzweig_macarthur(), {"v": (0.05, 0.3), "u": (0.5, 1.0)}, {"v": 0.1, "u": 0.9})
-    placement = place(scene)
-    assert placement.branch.is_explicit
-    ends = boundary_of(placement, classify(placement.branch, region=placement.region))
+    study = study_of(scene)
+    assert study.branch.is_explicit
+    ends = boundary_of(study, classify(study.branch, region=study.region))
     (fold,) = ends.folds
     assert dict(fold.point) == pytest.approx({"v": 0.390625, "u": 0.375})
     assert fold.passage is not None
@@ -126,9 +126,9 @@ def test_folds_of_a_graph_with_a_root_are_followed_around_the_region() -> None:
 def test_folds_of_a_graph_with_a_root_over_two_slow_variables_are_a_curve() -> None:
     system = SlowFastSystem(slow={x: -x, y: 1 - y}, fast={u: x + y**2 / 4 - u**2}, epsilon=eps)
     scene = scene_of(system, {"x": (0.5, 2), "y": (-1, 1), "u": (0.2, 2)}, {"x": 1, "y": 0.2, "u": 1.0})
-    placement = place(scene)
-    assert placement.branch.is_explicit
-    ends = boundary_of(placement, classify(placement.branch, region=placement.region))
+    study = study_of(scene)
+    assert study.branch.is_explicit
+    ends = boundary_of(study, classify(study.branch, region=study.region))
     assert ends.has_folds
 
 
@@ -150,4 +150,4 @@ def test_a_graph_never_folds_when_it_has_no_root_and_no_inverse(g, never) -> Non
 
 
 def test_a_graph_without_roots_is_not_followed() -> None:
-    assert "no folds" in not_followed(place(models.load("michaelis_menten")))
+    assert "no folds" in not_followed(study_of(models.load("michaelis_menten")))

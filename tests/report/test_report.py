@@ -124,7 +124,7 @@ def test_json_is_strict_and_complete(written, sleigh):
 
 def test_series_parse_back_to_themselves(sleigh):
     content = as_json(sleigh)
-    system = sleigh.placement.system
+    system = sleigh.study.system
     symbols = {s.name: s for s in (*system.states, *system.parameters)}
     for key, table in (("h", sleigh.series.coefficients), ("reduced_field", sleigh.series.reduced_field)):
         for texts, row in zip(content[key], table):

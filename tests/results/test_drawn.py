@@ -13,14 +13,14 @@ from gsp.charts.style import mathematics
 from gsp.errors import DeclarationError
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.report.sections import _is_decimal
-from gsp.scenes.placement import place
+from gsp.scenes.study import study_of
 from gsp.singular.mixed_modes import MixedMode
 
 
 def phenomenon(name: str):
-    placement = place(models.load(name))
-    found = classify(placement.branch, region=placement.region, epsilon=placement.scene.epsilon)
-    return analysis._phenomenon(placement, boundary_of(placement, found))
+    study = study_of(models.load(name))
+    found = classify(study.branch, region=study.region, epsilon=study.scene.epsilon)
+    return analysis._phenomenon(study, boundary_of(study, found))
 
 
 def test_van_der_pol_is_followed_over_both_folds_again_and_again():

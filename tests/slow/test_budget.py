@@ -2,11 +2,11 @@
 
 import pytest
 import sympy as sp
+from gsp.scenes.placement import place
 
 from gsp.algebra import ring
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BudgetError
-from gsp.scenes.placement import place
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 from tests.random_systems import random_scene

@@ -36,7 +36,7 @@ class Case:
     @property
     def on(self) -> tuple[np.ndarray, np.ndarray]:
         """Points x (m, n_slow) of the run and y (m, n_fast) on the slow manifold over them."""
-        system = self.outlook.placement.system
+        system = self.outlook.study.system
         x, y = (np.stack([self.run[s.name] for s in part], axis=1) for part in (system.x, system.y))
         return x, y
 
@@ -65,7 +65,7 @@ def test_a_solved_manifold_is_no_further_off_than_it_says(seed: int) -> None:
     box = {s.name: (low, high) for s, low, high in zip(found.scene.system.x, x.min(axis=0), x.max(axis=0))}
     for tolerance in (1e-4, 1e-7):
         solved = solve_manifold(
-            found.outlook.placement.branch, region=box, epsilon=found.scene.epsilon, tolerance=tolerance
+            found.outlook.study.branch, region=box, epsilon=found.scene.epsilon, tolerance=tolerance
         )
         if solved.surface is None:
             assert not solved.status.ok
@@ -80,7 +80,7 @@ def test_a_zero_derivative_point_is_little_further_off_than_it_says(seed: int) -
     x, y = found.on
     for tolerance in (1e-4, 1e-7, 1e-10):
         points = zero_derivative(
-            found.outlook.placement.branch, x, epsilon=found.scene.epsilon, tolerance=tolerance, near=y
+            found.outlook.study.branch, x, epsilon=found.scene.epsilon, tolerance=tolerance, near=y
         )
         error = np.linalg.norm(points.y - y, axis=1)
         assert (error <= 3 * points.error + CLEAR).all()

@@ -191,8 +191,8 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
     curve: SeriesManifold,
 ) -> None:
     # What a picture reads off an analysis, of the sheet right up to its fold at y = -2/3.
-    placement = SimpleNamespace(branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0)})
-    analysis = SimpleNamespace(scene=SimpleNamespace(epsilon=0.05), series=curve, placement=placement)
+    study = SimpleNamespace(branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0)})
+    analysis = SimpleNamespace(scene=SimpleNamespace(epsilon=0.05), series=curve, study=study)
     on = slow_curve(analysis)
     drawn = np.isfinite(on[:, 1])
     first = int(np.argmax(drawn))
@@ -206,5 +206,5 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
     slow_line(analysis, axes, on, on_branch(analysis, on[:, :1]))
     assert [line.get_label() for line in axes.lines][1] == "its terms stop falling"
     # Far from the fold there is no end to mark.
-    placement.region = {"y": (0.5, 1.0)}
+    study.region = {"y": (0.5, 1.0)}
     assert slow_ends(analysis) == (True, [])

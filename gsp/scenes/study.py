@@ -1,0 +1,295 @@
+"""A study: a scene made ready, each stage of the theory computed once and kept.
+
+From the splitting to the reduced flows every stage rests on those before it. Verbs hand the study on, so that nothing
+is made twice; what depends on epsilon is kept by its value, and everything else serves a scene asked about at another
+epsilon or tolerance too.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TypeVar
+
+import numpy as np
+
+from gsp.critical.branch import Branch
+from gsp.critical.critical_manifold import CriticalManifold, solve_critical
+from gsp.errors import DeclarationError, SplittingError
+from gsp.fibres.base_points import BasePoint, base_point_of
+from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
+from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.scenes.scene import Scene
+from gsp.slow.expansion import Expansion
+from gsp.slow.series import SeriesManifold, series_of
+from gsp.splitting.splitting import Splitting, split
+from gsp.systems.arguments import check_noun
+from gsp.systems.flow import check_epsilon, check_order
+from gsp.systems.region import Interval
+from gsp.systems.system import SlowFastSystem
+
+# Points per axis of the box that is mapped when a slow coordinate is no multilinear function of raw states.
+IMAGE_POINTS = 7
+# Full runs that are kept: far below the width of a line.
+RTOL, ATOL = 1e-8, 1e-10
+
+T = TypeVar("T")
+
+
+class _Kept:
+    """Values by key, each made once, with the seconds that each took without those it rests on."""
+
+    def __init__(self) -> None:
+        self.values: dict[tuple[Hashable, ...], object] = {}
+        self.seconds: dict[tuple[Hashable, ...], float] = {}
+        self._inner = 0.0
+
+    def once(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
+        if key not in self.values:
+            outer, self._inner = self._inner, 0.0
+            begun = time.perf_counter()
+            try:
+                self.values[key] = make()
+            finally:
+                spent = time.perf_counter() - begun
+                self.seconds[key] = spent - self._inner
+                self._inner = outer + spent
+        return self.values[key]  # pyright: ignore[reportReturnType]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Study:
+    """A scene made ready: its stages are computed when they are first read, and kept.
+
+    `splitting` is None when the scene is declared in standard form. `start` and `region` are those of the scene in the
+    coordinates of `system`; `branch` is the one nearest to the start, its sheet fixed. Reading a stage raises what the
+    stage raises: `SplittingError` where the field stays non-standard, `BranchError` where no branch passes,
+    `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
+
+    >>> from gsp import models, study
+    >>> michaelis = study(models.load("michaelis_menten"))
+    >>> michaelis.series(1).coefficients[0]
+    (s/(kappa + s),)
+    """
+
+    scene: Scene
+    _kept: _Kept = field(default_factory=_Kept)
+
+    @property
+    def splitting(self) -> Splitting | None:
+        """How the field was split into slow and fast, None when it was declared so."""
+        return self._once(("splitting",), self._split)
+
+    @property
+    def system(self) -> SlowFastSystem:
+        """The system in standard form."""
+        if isinstance(self.scene.system, SlowFastSystem):
+            return self.scene.system
+        splitting = self.splitting
+        assert splitting is not None
+        assert splitting.system is not None
+        return splitting.system
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """The scene's start in slow and fast variables."""
+        return self._once(("start",), self._start)
+
+    @property
+    def region(self) -> Mapping[str, Interval]:
+        """The scene's region in slow and fast variables."""
+        return self._once(("region",), self._region)
+
+    @property
+    def critical(self) -> CriticalManifold:
+        """The critical manifold, all branches of it."""
+        return self._once(("critical",), lambda: solve_critical(self.system))
+
+    @property
+    def branch(self) -> Branch:
+        """The branch nearest to the start, its sheet fixed."""
+        return self._once(("branch",), lambda: self.critical.nearest(self.start))
+
+    @property
+    def hyperbolicity(self) -> Hyperbolicity:
+        """The verdict over the region, with the conditions at the scene's epsilon."""
+        epsilon = self.scene.epsilon
+        return self._once(
+            ("hyperbolicity", epsilon), lambda: classify(self.branch, region=self.region, epsilon=epsilon)
+        )
+
+    def series(self, order: int, *, symbolic: bool = True) -> SeriesManifold:
+        """The slow manifold through `order` as `expand` gives it; one expansion grows with the orders asked for."""
+        check_order(order)
+        kind = "series" if symbolic else "numeric series"
+
+        def expansion() -> Expansion:
+            whole = self._once(("expansion",), lambda: Expansion(self.branch))
+            return whole if symbolic else whole.numeric
+
+        return self._once((kind, order), lambda: series_of(expansion(), order))
+
+    def reduced(self, order: int, *, reconstructed: bool = True, sheet: bool = True) -> ReducedFlow:
+        """The reduced flow of `order`, with what the scene reconstructs unless told not to.
+
+        Without `sheet` it is that over all sheets of the branch: a start chooses its own.
+        """
+        driven = self.scene.reconstruction if reconstructed else {}
+        branch = self.branch if sheet else self.free_branch
+
+        def make() -> ReducedFlow:
+            series = self.series(order, symbolic=False).over(branch)
+            return restrict(series, order=order, reconstruction=driven)
+
+        return self._once(("reduced", order, bool(driven), branch.seed is None), make)
+
+    @property
+    def free_branch(self) -> Branch:
+        """The branch with all its sheets."""
+        return replace(self.branch, seed=None)
+
+    def full(self, epsilon: float) -> Trajectory:
+        """The full run from the scene's start over its span, reconstruction included, to the width of a line."""
+        value = check_epsilon(epsilon)
+        scene = self.scene
+        return self._once(
+            ("full", value),
+            lambda: trajectory_of(
+                scene.full_flow, start=scene.full_start, span=scene.span, epsilon=value, rtol=RTOL, atol=ATOL
+            ),
+        )
+
+    def inner(self, order: int) -> InnerExpansion:
+        """The initial layer from the start through `order`, its fast part through one order less."""
+
+        def make() -> InnerExpansion:
+            return expand_inner(
+                self.branch,
+                {**self.start, **self.scene.reconstruction_start},
+                order=order,
+                fast_order=max(order - 1, 0),
+                reconstruction=self.scene.reconstruction,
+            )
+
+        return self._once(("inner", order), make)
+
+    def base_point(self, order: int) -> BasePoint:
+        """The base point through epsilon^order of the fast fibre through the start, at the scene's epsilon."""
+        check_order(order)
+        epsilon = self.scene.epsilon
+        return self._once(
+            ("base point", order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
+        )
+
+    @property
+    def base_points(self) -> Mapping[int, BasePoint]:
+        """The base points that were asked for so far, by order, at the scene's epsilon."""
+        found = {
+            key[1]: value
+            for key, value in self._kept.values.items()
+            if key[0] == "base point" and key[2] == self.scene.epsilon
+        }
+        return MappingProxyType(found)  # pyright: ignore[reportReturnType]
+
+    def spent(self, *key: Hashable) -> float:
+        """Seconds that the stages took whose key begins so, without those they rest on."""
+        return sum(s for k, s in self._kept.seconds.items() if k[: len(key)] == key)
+
+    def asking(self, *, epsilon: float | None = None, tolerance: float | None = None) -> Study:
+        """The study of the same scene at another epsilon or tolerance; what does not depend on them is shared."""
+        scene = self.scene
+        if epsilon is None and tolerance is None:
+            return self
+        asked = replace(
+            scene,
+            epsilon=scene.epsilon if epsilon is None else epsilon,
+            tolerance=scene.tolerance if tolerance is None else tolerance,
+        )
+        return replace(self, scene=asked)
+
+    def __repr__(self) -> str:
+        return f"Study({self.scene.name or self.scene.system.name or 'unnamed'}: {self._made()})"
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        for key, value in self._kept.values.items():
+            name = " ".join(map(str, key[:2] if key[0] != "hyperbolicity" else key[:1]))
+            if value is not None and key[0] not in ("start", "region", "expansion"):
+                lines.append(f"  {name:<18} {value!r}")
+        return "\n".join(lines)
+
+    def _made(self) -> str:
+        stages = dict.fromkeys(str(key[0]) for key in self._kept.values if key[0] != "expansion")
+        return ", ".join(stages) if stages else "nothing computed yet"
+
+    def _once(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
+        return self._kept.once(key, make)
+
+    def _split(self) -> Splitting | None:
+        scene = self.scene
+        if isinstance(scene.system, SlowFastSystem):
+            return None
+        splitting = split(scene.system)
+        if splitting.system is None:
+            raise SplittingError(
+                f"the field of {scene.name or 'this scene'} has no standard form: {splitting.explain()} "
+                "Declare it in slow and fast variables, or use split(field).reduced_field for the leading order."
+            )
+        return splitting
+
+    def _start(self) -> Mapping[str, float]:
+        splitting, start = self.splitting, self.scene.start
+        return MappingProxyType(dict(start) if splitting is None else splitting.to_new(start))
+
+    def _region(self) -> Mapping[str, Interval]:
+        scene, splitting = self.scene, self.splitting
+        region = dict(scene.region) if splitting is None else _image(scene, splitting, self.system)
+        return MappingProxyType(region)
+
+
+def study(scene: Scene) -> Study:
+    """The scene made ready: every stage is computed when it is first needed, and kept.
+
+    Raises `DeclarationError` for anything but a `Scene`; a study is handed back as it is.
+    """
+    return study_of(scene, verb="study")
+
+
+def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
+    """What a verb works with: the study it was given, or a new one of the scene it was given."""
+    if isinstance(scene, Study):
+        return scene
+    check_noun(scene, Scene, verb=verb)
+    return Study(scene)
+
+
+def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> dict[str, Interval]:
+    """The box of the slow coordinates that contains the image of the raw region; fast bounds are kept."""
+    region: dict[str, Interval] = {}
+    for symbol, expression in splitting.coordinates.items():
+        used = [z for z in scene.system.states if expression.has(z)]
+        missing = [z.name for z in used if z.name not in scene.region]
+        if missing and symbol in system.y:
+            continue
+        if missing:
+            raise DeclarationError(
+                f"the region gives no interval for {', '.join(missing)}, which the slow coordinate "
+                f"{symbol} = {expression} is made of. Bound {', '.join(missing)} too."
+            )
+        box = [scene.region[z.name] for z in used]
+        # A multilinear function takes its extremes at the corners; others are sampled as well.
+        linear = all(expression.is_polynomial(z) and expression.diff(z, 2) == 0 for z in used)
+        axes = [np.linspace(low, high, 2 if linear else IMAGE_POINTS) for low, high in box]
+        points = np.array(list(itertools.product(*axes)))
+        function = compile_function(
+            (expression,), arguments=tuple(used), epsilon=None, parameters=tuple(scene.system.parameters)
+        )
+        values = function(points, compile_flow(scene.system).constants)
+        region[symbol.name] = (float(values.min()), float(values.max()))
+    return region
