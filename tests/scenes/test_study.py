@@ -1,14 +1,29 @@
-"""A scene placed in standard form: its start, region and branch in slow and fast coordinates."""
+"""A study: a scene in standard form, each stage computed once and kept, through every verb and a whole report."""
 
+import sys
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 
 import pytest
 import sympy as sp
+from click.testing import CliRunner
 
+import gsp
+import gsp.cli
 from gsp import models
+from gsp.algebra.power_series import SeriesProgram
+from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError, DeclarationError, SplittingError
+from gsp.fibres.base_points import base_point_of
+from gsp.fibres.inner_expansion import expand_inner
+from gsp.hyperbolicity.hyperbolicity import classify
+from gsp.integration.reduced_flow import restrict
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
+from gsp.slow.expansion import Expansion
+from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, eps = sp.symbols("x y z epsilon")
@@ -59,7 +74,7 @@ def test_a_nonlinear_slow_coordinate_gets_the_hull_of_sampled_points() -> None:
 def test_a_raw_state_without_an_interval_is_named() -> None:
     field = VectorField({x: (y - x) / eps, y: (x - y) / eps - y}, epsilon=eps)
     with pytest.raises(DeclarationError, match=r"no interval for x.*p = x \+ y"):
-        study_of(scene(field, region={"y": (-2, 2)}))
+        _ = study_of(scene(field, region={"y": (-2, 2)})).region
 
 
 def test_a_field_that_stays_non_standard_is_refused_with_its_leading_order() -> None:
@@ -69,10 +84,130 @@ def test_a_field_that_stays_non_standard_is_refused_with_its_leading_order() -> 
         epsilon=eps,
     )
     with pytest.raises(SplittingError, match="no standard form"):
-        study_of(scene(field))
+        _ = study_of(scene(field)).system
 
 
 def test_a_branch_that_has_vanished_is_refused() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: y**2 + x**2 + 1}, epsilon=eps)
     with pytest.raises(BranchError, match="no real"):
-        study_of(scene(system))
+        _ = study_of(scene(system)).branch
+
+
+def _everywhere(monkeypatch: pytest.MonkeyPatch, function: Callable, counted: Callable) -> None:
+    """Put `counted` in place of `function` in every module of the package that imported it."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith("gsp.") and isinstance(module, ModuleType):
+            for attribute, value in list(vars(module).items()):
+                if value is function:
+                    monkeypatch.setattr(module, attribute, counted)
+
+
+@pytest.fixture
+def counts(monkeypatch: pytest.MonkeyPatch) -> Counter:
+    """How often each stage was computed, by its name and by what it was computed of."""
+    found: Counter = Counter()
+    keys: dict[Callable, Callable] = {
+        split: lambda field, **_: (),
+        solve_critical: lambda system, **_: (),
+        classify: lambda branch, region, **_: (branch, tuple(sorted(region.items()))),
+        restrict: lambda series, order=None, reconstruction=None: (
+            series.branch,
+            series.order if order is None else order,
+            bool(reconstruction),
+        ),
+        expand_inner: lambda branch, start, order, **_: (branch, tuple(sorted(start.items())), order),
+        base_point_of: lambda inner, epsilon, order: (epsilon, order),
+    }
+    _ = gsp.analyse, gsp.simulate, gsp.write_report
+    for stage, key in keys.items():
+
+        def counted(*args, _stage=stage, _key=key, **kwargs):
+            found[_stage.__name__, *_key(*args, **kwargs)] += 1
+            return _stage(*args, **kwargs)
+
+        _everywhere(monkeypatch, stage, counted)
+    own = Expansion._next
+
+    def step(expansion: Expansion) -> None:
+        branch = replace(expansion.branch, seed=None)
+        found["expansion", branch, expansion.symbolic, (expansion._known or 0) + 1] += 1
+        own(expansion)
+
+    monkeypatch.setattr(Expansion, "_next", step)
+    return found
+
+
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
+def test_a_whole_report_computes_every_stage_once(name: str, counts: Counter, tmp_path) -> None:
+    result = CliRunner().invoke(gsp.cli.cli, ["report", name, "-o", str(tmp_path), "--order", "2"])
+    assert result.exit_code == 0, result.output
+    stages = {key[0] for key in counts}
+    assert {"solve_critical", "classify", "restrict", "expand_inner", "expansion", "base_point_of"} <= stages
+    assert ("split" in stages) == (name == "chaplygin_sleigh")
+    assert not {key: n for key, n in counts.items() if n > 1}
+
+
+def test_verbs_take_a_study_and_hand_it_on(counts: Counter) -> None:
+    whole = gsp.study(models.load("michaelis_menten"))
+    found = gsp.compare(whole, orders=(0, 1))
+    choice = gsp.choose(whole, orders=(0, 1), tolerance=1e-3)
+    assert gsp.simulate(whole, choice=choice).choice is choice
+    assert found.scene is whole.scene
+    assert choice.tolerance == 1e-3
+    assert not {key: n for key, n in counts.items() if n > 1}
+    assert counts["solve_critical",] == 1
+
+
+def test_the_series_grows_by_the_orders_that_it_lacks(counts: Counter) -> None:
+    whole = gsp.study(models.load("michaelis_menten"))
+    orders = [whole.series(order).order for order in (1, 4, 2)]
+    assert orders == [1, 4, 2]
+    assert whole.series(4).coefficients == gsp.expand(whole.branch, order=4).coefficients
+    steps = [key[3] for key, n in counts.items() if key[0] == "expansion" and key[2] for _ in range(n)]
+    # Four of the study's, and four of the comparison's own.
+    assert sorted(steps) == sorted([1, 2, 3, 4] * 2)
+
+
+def test_an_interrupted_expansion_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = gsp.study(models.load("michaelis_menten"))
+    known = whole.series(1).coefficients
+    own = SeriesProgram.extend
+    calls = iter([False, True])
+
+    def interrupted(self, k: int) -> None:
+        if next(calls):
+            raise KeyboardInterrupt
+        own(self, k)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(SeriesProgram, "extend", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            whole.series(2)
+    expected = gsp.expand(whole.branch, order=2)
+    assert whole.series(2).coefficients == expected.coefficients
+    assert whole.series(2).reduced_field == expected.reduced_field
+    assert whole.series(1).coefficients == known
+
+
+def test_another_epsilon_shares_what_does_not_depend_on_it() -> None:
+    whole = gsp.study(models.load("michaelis_menten"))
+    other = whole.asking(epsilon=0.5 * whole.scene.epsilon)
+    assert other.branch is whole.branch
+    assert other.series(2) is whole.series(2)
+    assert other.base_point(1)["s"] != whole.base_point(1)["s"]
+    assert list(other.base_points) == [1]
+    assert whole.base_points[1] is whole.base_point(1)
+    assert whole.full(0.1) is other.full(0.1)
+
+
+def test_a_study_tells_what_it_knows() -> None:
+    whole = gsp.study(models.load("michaelis_menten"))
+    assert repr(whole) == "Study(michaelis_menten: nothing computed yet)"
+    whole.series(1)
+    assert "branch, series" in repr(whole)
+    assert "series 1" in str(whole)
+
+
+def test_what_is_no_scene_is_refused() -> None:
+    with pytest.raises(DeclarationError, match=r"study takes a Scene\. Got"):
+        gsp.study(models.load("michaelis_menten").system)  # pyright: ignore[reportArgumentType]
