@@ -94,7 +94,7 @@ def test_a_region_without_slow_bounds_has_a_reason_in_place_of_a_map() -> None:
     s, x, eps = sp.symbols("s x epsilon")
     system = SlowFastSystem(slow={s: -s}, fast={x: -x + s}, epsilon=eps)
     scene = Scene(system, {"s": (0.1, 1)}, {"s": 0.5, "x": 0}, (0, 0.1), 0.01, (0.02, 0.01), 1e-6)
-    study = replace(study_of(scene), region={"x": (0, 1)})
+    study = study_of(replace(scene, region={"x": (0, 1)}))
     found, reason = _failures(study, lambda share: None)
     assert found is None
     assert "no slow variable" in reason

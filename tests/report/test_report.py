@@ -185,7 +185,9 @@ def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
     comparison = dataclasses.replace(
         sleigh.comparison, claims={HOSTILE: (0.1, 0.05, 0.025, 0.0125)}, claim_slopes={HOSTILE: 1.0}
     )
-    hostile = dataclasses.replace(sleigh, scene=scene, comparison=comparison)
+    hostile = dataclasses.replace(
+        sleigh, study=dataclasses.replace(sleigh.study, scene=scene), comparison=comparison
+    )
     text = write_report(hostile, tmp_path / "r").read_text(encoding="utf-8")
     assert "<img src=x" not in text
     charts.png(charts.error_against_epsilon(comparison))
