@@ -59,11 +59,11 @@ def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
 
 @pytest.mark.parametrize("name", [name for name, _ in gsp.models.summary()])
 def test_every_built_in_scene_is_proved(name: str) -> None:
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
 
     scene = gsp.models.load(name)
-    placement = place(scene)
-    found = certify(placement.branch, region=placement.region, epsilon=scene.epsilon)
+    study = study_of(scene)
+    found = certify(study.branch, region=study.region, epsilon=scene.epsilon)
     assert found.verdict is PROVED, found.reason
     assert found.rate_ratio >= 1.0
     assert found.tried < 50

@@ -236,10 +236,10 @@ def test_two_fast_variables_are_checked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [name for name, _ in gsp.models.summary()])
 def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path) -> None:
-    from gsp.scenes.placement import place
+    from gsp.scenes.study import study_of
 
-    placement = place(gsp.models.load(name))
-    found = module.certify(placement.branch, region=placement.region)
+    study = study_of(gsp.models.load(name))
+    found = module.certify(study.branch, region=study.region)
     found.save(tmp_path / "proof.json")
     checked = check(tmp_path / "proof.json")
     assert (checked.stable, checked.unstable) == (found.stable, found.unstable)

@@ -2,11 +2,11 @@
 
 import pytest
 import sympy as sp
-from gsp.scenes.placement import place
 
 from gsp.algebra import ring
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BudgetError
+from gsp.scenes.study import study_of
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 from tests.random_systems import random_scene
@@ -65,7 +65,7 @@ def test_a_series_that_cannot_be_looked_ahead_of_is_evaluated_with_the_orders_it
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_systems_of_two_kinds_of_functions_expand_or_are_refused_by_name(seed):
-    branch = place(random_scene(seed)).branch
+    branch = study_of(random_scene(seed)).branch
     try:
         outcome = f"was reached through order {expand(branch, order=4, symbolic=False).order}"
     except BudgetError as error:
