@@ -38,7 +38,8 @@ def share(
     halt = np.zeros(1, dtype=np.int64)
     finished: SimpleQueue[int] = SimpleQueue()
     lock = threading.Lock()
-    begun = 0
+    left_off = threading.Condition()
+    begun = inside = 0
 
     def take() -> tuple[int, int]:
         nonlocal begun
@@ -48,6 +49,9 @@ def share(
             return low, begun
 
     def run() -> None:
+        nonlocal inside
+        with left_off:
+            inside += 1
         try:
             work = worker()
             low, high = take()
@@ -60,6 +64,16 @@ def share(
             raise
         finally:
             finished.put(0)
+            with left_off:
+                inside -= 1
+                left_off.notify_all()
+
+    def stop() -> None:
+        """End the work: who has begun is waited for, who begins later finds `halt`."""
+        halt[0] = 1
+        # The pool does not wait for a thread in whose start an interrupt came.
+        with left_off:
+            left_off.wait_for(lambda: inside == 0)
 
     futures = []
     with ThreadPoolExecutor(threads) as pool:
@@ -76,10 +90,10 @@ def share(
                 if new and progress is not None:
                     progress(done / count)
         except KeyboardInterrupt:
-            halt[0] = 1
+            stop()
             return False
         except BaseException:
-            halt[0] = 1
+            stop()
             raise
     for future in futures:
         future.result()

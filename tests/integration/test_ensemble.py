@@ -411,3 +411,25 @@ def test_a_wrong_call_says_what_is_wrong(options, message):
 def test_a_wrong_sweep_says_which_member(options, message):
     with pytest.raises(DeclarationError, match=message):
         integrate_many(ENZYME, {"s": [1, 2], "c": 0}, **{"span": (0, 1), "epsilon": 0.1, **options})
+
+
+def test_no_worker_outlives_an_interrupt_while_threads_are_started(monkeypatch):
+    working, start = threading.Event(), threading.Thread.start
+    ended = []
+
+    def interrupted_start(thread):
+        # Ctrl-C after the thread has begun and before the pool has noted it, which then does not wait for it.
+        start(thread)
+        working.wait()
+        raise KeyboardInterrupt
+
+    def work(low, high, halt):
+        working.set()
+        while not halt[0]:
+            time.sleep(0.001)
+        time.sleep(0.05)
+        ended.append(low)
+
+    monkeypatch.setattr(threading.Thread, "start", interrupted_start)
+    assert parallel.share(lambda: work, 1, threads=1) is False
+    assert ended == [0]
