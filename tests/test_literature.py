@@ -111,7 +111,7 @@ def first_correction(name, share):
 
 # The series is beyond the budget even with numbers (channel rates to the fourth power), or the slow coordinates
 # that `split` finds are not derived by hand yet.
-AWAITED = {"chay", "plant", "sirs"}
+AWAITED = {"chay", "plant"}
 
 
 SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
