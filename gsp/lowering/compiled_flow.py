@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from threading import RLock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -35,12 +35,16 @@ MOST_KEPT = 96
 _MAKING = RLock()
 
 
-class _made_once(cached_property):
-    """A cached property that is made once, whatever the threads that ask for it first."""
+if TYPE_CHECKING:
+    _made_once = cached_property
+else:
 
-    def __get__(self, instance, owner=None):
-        with _MAKING:
-            return super().__get__(instance, owner)
+    class _made_once(cached_property):
+        """A cached property that is made once, whatever the threads that ask for it first."""
+
+        def __get__(self, instance, owner=None):
+            with _MAKING:
+                return super().__get__(instance, owner)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
