@@ -212,7 +212,7 @@ class _Atoms:
             return reduce(self._sum, map(self.read, expression.args))
         if expression.is_Mul:
             parts = [self.read(part) for part in expression.args]
-            return tuple(reduce(_product, column) for column in zip(*parts))
+            return tuple(reduce(_product, column) for column in zip(*parts))  # pyright: ignore[reportReturnType]
         if expression.is_Pow and expression.exp.is_Integer:
             top, bottom = self.read(expression.base)
             exponent = int(expression.exp)

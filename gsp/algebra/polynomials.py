@@ -18,8 +18,8 @@ def rational(value: flint.fmpq) -> sp.Rational:
 def characteristic_roots(matrix: np.ndarray) -> np.ndarray:
     """Eigenvalues (n,), complex, of a matrix of finite floats taken as exact numbers, multiple ones repeated."""
     entries = [flint.fmpq(*float(value).as_integer_ratio()) for value in matrix.ravel()]
-    roots = flint.fmpq_mat(*matrix.shape, entries).charpoly().complex_roots()
-    return np.array([complex(root) for root, times in roots for _ in range(times)])
+    roots = flint.fmpq_mat(*matrix.shape, entries).charpoly().complex_roots()  # pyright: ignore[reportCallIssue]
+    return np.array([complex(root) for root, times in roots for _ in range(times)])  # pyright: ignore[reportGeneralTypeIssues]
 
 
 def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:

@@ -105,7 +105,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
         axes.plot(on[:, 0], leading[:, 0], color=INK, lw=1.1, label="critical manifold")
     slow_line(analysis, axes, on, leading)
     run = dense_run(analysis.full)
-    orbit(axes, *(reading(analysis, run, name) for name in names), VERMILION, "full run")
+    orbit(axes, *(reading(analysis, run, name) for name in names), VERMILION, "full run")  # pyright: ignore[reportCallIssue]
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     name_axes(axes, *names)

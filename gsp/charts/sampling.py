@@ -181,8 +181,8 @@ def ends_of(on: np.ndarray, leading: np.ndarray) -> np.ndarray:
     there = np.isfinite(on).all(axis=1)
     left_out = ~there & np.isfinite(leading).all(axis=1)
     beside = np.zeros(len(on), dtype=bool)
-    beside[1:] |= left_out[:-1]
-    beside[:-1] |= left_out[1:]
+    beside[1:] |= left_out[:-1]  # pyright: ignore[reportIndexIssue]
+    beside[:-1] |= left_out[1:]  # pyright: ignore[reportIndexIssue]
     return np.flatnonzero(there & beside)
 
 

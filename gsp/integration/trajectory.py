@@ -288,11 +288,11 @@ def trajectory_of(
     if asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(compiled, rtol)
         stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
-        state = np.array(y)
+        state = np.array(y)  # pyright: ignore[reportAssignmentType]
         if flow.is_reduced:
-            ending = _ending(flow, stepper, (first, last), state, stops_of(grid, first, last))
-            begun = ending.at_start(first, state)
-        search = _search(asked, ending, stepper, (first, last), state)
+            ending = _ending(flow, stepper, (first, last), state, stops_of(grid, first, last))  # pyright: ignore[reportArgumentType]
+            begun = ending.at_start(first, state)  # pyright: ignore[reportArgumentType]
+        search = _search(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
     if begun is not None:
         record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
     else:

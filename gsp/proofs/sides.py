@@ -31,5 +31,5 @@ def _fraction(value: object) -> Fraction | None:
     if isinstance(value, (Rational, Decimal)):
         return Fraction(value)
     if isinstance(value, sp.Rational):
-        return Fraction(int(value.p), int(value.q))
+        return Fraction(int(value.p), int(value.q))  # pyright: ignore[reportAttributeAccessIssue]
     return None

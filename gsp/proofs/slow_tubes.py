@@ -140,7 +140,7 @@ def certify_tube(
         check_epsilon(epsilon)
     system = branch.system
     slow = [s.name for s in system.x]
-    checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
+    checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)  # pyright: ignore[reportArgumentType]
     given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     box = {name: rounded(given[name], ends)[0] for name, ends in checked.items()}
     with flint.ctx.workprec(balls.PRECISION):

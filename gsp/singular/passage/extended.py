@@ -118,7 +118,7 @@ def follow(
             continue
         if not isinstance(e, sp.Expr):
             raise DeclarationError(f"{what} is a SymPy expression in the states. Got {shown(e)}.")
-        unknown = e.free_symbols - {*system.states, *system.parameters}
+        unknown = e.free_symbols - {*system.states, *system.parameters}  # pyright: ignore[reportOptionalMemberAccess]
         if unknown:
             raise DeclarationError(
                 f"{what} contains {', '.join(map(str, unknown))}, which is no state. Got {e}."
