@@ -94,7 +94,7 @@ def certify(
     system = branch.system
     parameters = [p.name for p in system.parameters]
     checked = check_region(
-        region,
+        region,  # pyright: ignore[reportArgumentType]
         [*(s.name for s in system.states), *parameters],
         required=[s.name for s in system.x],  # pyright: ignore[reportArgumentType]
     )
