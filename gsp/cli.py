@@ -22,7 +22,8 @@ import click
 
 from gsp import __version__
 from gsp.errors import DeclarationError, GspError, OutputError, printable
-from gsp.results.interrupts import noticing
+from gsp.results.files import write_file
+from gsp.results.interrupts import noticing, undisturbed
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -442,12 +443,15 @@ def chart(
                 if orders is None
                 else work_precision(scene, orders=orders, progress=advance)
             )
-    drawn = charts.failure_map(found) if failures else charts.work_precision(found)
+    axes = charts.failure_map(found) if failures else charts.work_precision(found)
+    picture = charts.drawn(axes, target.suffix[1:].lower())
     _check_interrupt()
-    charts.save(drawn, target)
-    _wrote(target)
-    if table is not None:
-        found.write_csv(table)
+    with undisturbed():
+        # Both files or neither.
+        write_file(picture, target)
+        _wrote(target)
+        if table is not None:
+            found.write_csv(table)
     if as_json:
         from gsp.report import plain
 

@@ -232,7 +232,7 @@ def test_a_defect_has_a_status_of_its_own_and_one_line(monkeypatch: pytest.Monke
     def broken(*_args, **_options):
         raise RuntimeError("no spare\n  generator")
 
-    monkeypatch.setattr("gsp.hyperbolicity.hyperbolicity.classify", broken)
+    monkeypatch.setattr("gsp.scenes.study.classify", broken)
     assert exit_status(monkeypatch, "check", "linear") == 70
     said = capsys.readouterr().err
     assert said.count("\n") == 1

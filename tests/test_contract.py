@@ -243,6 +243,17 @@ CONTRACTS = {
     ),
     "solve_manifold": Contract(("Branch",), branch, lambda: {"region": BOX, "epsilon": 0.01}),
     "expand": Contract(("Branch",), branch, dict),
+    "certify": Contract(
+        ("Branch", "SeriesManifold"), branch, lambda: {"region": BOX}, {"most_boxes": LIMIT}
+    ),
+    "carry_back": Contract(
+        ("SeriesManifold",), series, lambda: {"splitting": gsp.split(models.load("michaelis_menten").system)},
+        {"splitting": kind()},
+    ),
+    "bound_reduction": Contract(
+        ("SeriesManifold",), series, lambda: {"start": {"s": 1.0}, "span": (0.0, 1.0), "epsilon": 0.01},
+        {"reduced_start": POINT, "steps": COUNT},
+    ),
     "restrict": Contract(("SeriesManifold",), series, dict),
     "integrate": Contract(
         (*FLOWS, "Scene"), systems.michaelis_menten,
@@ -279,7 +290,7 @@ CONTRACTS = {
         ("SeriesManifold", "Branch"), series, lambda: {"start": ENZYME, "span": (0.0, 1.0), "epsilon": 0.01}
     ),
     "method_table": Contract(
-        ("Scene",), michaelis, dict,
+        ("Scene", "Study"), michaelis, dict,
         {"points": kind("-1", "0.5", "an array", "an array of one"), "refinements": ORDERS_OR_NONE,
          "iterates": ORDERS_OR_NONE, "orders": ORDERS_OR_NONE},
     ),
@@ -299,17 +310,17 @@ CONTRACTS = {
         {"until": kind("an expression"), "after": NUMBER,
          "watch": kind(inside=kind("an expression"))},
     ),
-    "compare": Contract(("Scene",), michaelis, dict),
+    "compare": Contract(("Scene", "Study"), michaelis, dict),
     "work_precision": Contract(
-        ("Scene",), michaelis, dict,
-        {"rtols": LADDER, "methods": kind(), "peers": kind("[]"), "orders": ORDERS_OR_NONE},
+        ("Scene", "Study"), michaelis, dict,
+        {"rtols": LADDER, "methods": kind("[]"), "peers": kind("[]"), "orders": ORDERS_OR_NONE},
     ),
     "failure_map": Contract(
-        ("Scene",), michaelis, dict,
+        ("Scene", "Study"), michaelis, dict,
         {"axis": NAME, "positions": TIMES, "tolerances": LADDER},
     ),
-    "choose": Contract(("Scene",), michaelis, dict),
-    "simulate": Contract(("Scene",), michaelis, dict, {"choice": kind()}),
+    "choose": Contract(("Scene", "Study"), michaelis, dict),
+    "simulate": Contract(("Scene", "Study"), michaelis, dict, {"choice": kind()}),
     "singular_orbit": Contract(("Branch",), branch, lambda: {"start": ENZYME}),
     "mixed_mode": Contract(
         FLOWS, van_der_pol,
@@ -317,7 +328,8 @@ CONTRACTS = {
         {"settle": POSITIVE, "name": NAME},
     ),
     "load": Contract((), lambda: "no such file.toml", dict),
-    "analyse": Contract(("Scene",), michaelis, dict),
+    "study": Contract(("Scene", "Study"), michaelis, dict),
+    "analyse": Contract(("Scene", "Study"), michaelis, dict),
     "write_report": Contract(
         ("Analysis",), lambda: blank(gsp.Analysis), lambda: {"folder": "report"}, {"folder": FOLDER}
     ),

@@ -26,7 +26,7 @@ from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
 from gsp.charts.runs import periodic_orbit, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
-from gsp.charts.style import check_chart_name, png, save
+from gsp.charts.style import check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
 from gsp.charts.work_curves import work_precision
 from gsp.choice.simulation import Simulation
@@ -57,6 +57,7 @@ __all__ = [
     "delayed_exit",
     "distance",
     "draw",
+    "drawn",
     "eigenvalues",
     "error_against_epsilon",
     "failure_map",

@@ -93,10 +93,11 @@ FORMATS: Mapping[str, Mapping[str, None]] = {
 
 def png(axes: Axes) -> bytes:
     """The figure of `axes` as a PNG file, at 200 dots per inch."""
-    return _drawn(axes, "png")
+    return drawn(axes, "png")
 
 
-def _drawn(axes: Axes, kind: str) -> bytes:
+def drawn(axes: Axes, kind: str) -> bytes:
+    """The figure of `axes` as a file of the `kind` png, pdf or svg."""
     buffer = io.BytesIO()
     # SVG names its parts by random numbers unless they are salted.
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "gsp"}):
@@ -110,7 +111,7 @@ def save(axes: Axes, path: str | Path) -> Path:
     Raises `OutputError` for any other ending, and when the file cannot be written; none is left half written.
     """
     target = check_chart_name(path)
-    content = _drawn(axes, target.suffix[1:].lower())
+    content = drawn(axes, target.suffix[1:].lower())
     write_file(content, target)
     return target
 

@@ -218,8 +218,8 @@ def _ladder(rtols: Sequence[float]) -> tuple[float, ...]:
 def _methods(methods: Sequence[Method]) -> list[Method]:
     """The methods asked for, each as `integrate` takes it."""
     found = check_each(methods, check_method, what="methods", be="a sequence of methods")
-    if not found or None in found:
-        raise DeclarationError(f"methods is a sequence of methods, one or more. Got {shown(methods)}.")
+    if None in found:
+        raise DeclarationError(f"methods is a sequence of methods. Got {shown(methods)}.")
     return [method for method in found if method is not None]
 
 

@@ -13,7 +13,6 @@ from flint import arb
 
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
-from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
@@ -24,6 +23,7 @@ from gsp.proofs.refutation import refute
 from gsp.proofs.sides import rounded
 from gsp.proofs.tubes import Box, middle_of
 from gsp.slow.series import SeriesManifold
+from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
 
@@ -83,13 +83,9 @@ def certify(
         from gsp.proofs.slow_tubes import certify_tube
 
         return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
-    if not isinstance(branch, Branch):
-        raise DeclarationError(
-            f"certify takes a Branch or a SeriesManifold. Got {type(branch).__name__}. "
-            "Use solve_critical(system).branches, or expand(branch)."
-        )
-    if isinstance(most_boxes, bool) or not isinstance(most_boxes, int) or most_boxes < 1:
-        raise DeclarationError(f"most_boxes is a positive integer. Got {most_boxes!r}.")
+    check_noun(branch, (Branch, SeriesManifold), verb="certify")
+    most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
+    check_progress(progress)
     small = None if epsilon is None else check_epsilon(epsilon)
     system = branch.system
     parameters = [p.name for p in system.parameters]

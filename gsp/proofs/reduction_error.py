@@ -37,10 +37,14 @@ from gsp.proofs.isolation import norm
 from gsp.proofs.spectrum import least_eigenvalue
 from gsp.proofs.validated_flow import Step, log_norm, solution_steps
 from gsp.slow.series import SeriesManifold
+from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.flow import check_epsilon, named
+from gsp.systems.region import check_interval
 
 # Steps of the error over the span; the bound exceeds the error by about a hundredth for 500 over ten slow times.
 STEPS = 500
+# A million steps take hours.
+MOST_STEPS = 1_000_000
 # In the layer a step is this share of the time since the start and of epsilon.
 GRADED = 0.1
 # A box that does not hold what follows is widened so often, by this factor.
@@ -98,18 +102,16 @@ def bound_reduction(
     >>> bound_reduction(series, start={"y": 1}, span=(0, 1), epsilon=0.125).verdict.name
     'PROVED'
     """
+    check_noun(series, SeriesManifold, verb="bound_reduction")
     branch, system = series.branch, series.branch.system
     if not branch.is_explicit:
         raise DeclarationError(
             f"the error is bounded about an explicit series. Got the implicit branch {branch}. "
             "Solve for the fast variables."
         )
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
-        raise DeclarationError(f"steps is a positive integer. Got {steps!r}.")
+    steps = check_whole(steps, what="steps", least=1, most=MOST_STEPS)
     small = check_epsilon(epsilon)
-    first, last = (float(v) for v in span)
-    if not (math.isfinite(first) and math.isfinite(last) and first < last):
-        raise DeclarationError(f"span is (t0, t1) with t0 < t1. Got {span!r}.")
+    first, last = check_interval(span, what="span", remedy="Give (t0, t1) with t0 < t1.")
     slow, fast = [s.name for s in system.x], [s.name for s in system.y]
     full = named(start, what="start")
     reduced = named(reduced_start, what="reduced_start") if reduced_start is not None else full

@@ -28,6 +28,7 @@ from gsp.proofs.isolation import Tally, norm
 from gsp.proofs.sides import rounded
 from gsp.proofs.tube_search import ProvedTube, TubeSearch, supremum
 from gsp.slow.series import SeriesManifold, expand
+from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
 
@@ -134,8 +135,7 @@ def certify_tube(
             f"a tube is proved about an explicit series. Got the implicit branch {branch}. "
             "Solve for the fast variables, or prove normal hyperbolicity with certify(branch)."
         )
-    if isinstance(most_boxes, bool) or not isinstance(most_boxes, int) or most_boxes < 1:
-        raise DeclarationError(f"most_boxes is a positive integer. Got {most_boxes!r}.")
+    most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     if epsilon is not None:
         check_epsilon(epsilon)
     system = branch.system

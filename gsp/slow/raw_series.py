@@ -15,10 +15,11 @@ from gsp.algebra.functions import are_rational
 from gsp.algebra.inversion import solve_for
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import Element, LocalisedRing, read
-from gsp.errors import HyperbolicityError
+from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.slow.coordinates import dot, invert
 from gsp.slow.series import Components, SeriesManifold
 from gsp.splitting.splitting import Splitting
+from gsp.systems.arguments import check_noun, shown
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,9 @@ def carry_back(series: SeriesManifold, splitting: Splitting) -> RawManifold | No
     None when the slow variables on M0 cannot be solved for explicitly, as on an implicit branch of a field whose
     slow coordinates are new. When no coordinate is new this is the series itself.
     """
+    check_noun(series, SeriesManifold, verb="carry_back")
+    if not isinstance(splitting, Splitting):
+        raise DeclarationError(f"splitting is what split(field) gives. Got {shown(splitting)}.")
     system = series.branch.system
     chart = tuple(z for z in splitting.field.states if z not in system.y)
     if set(chart) == set(system.x):

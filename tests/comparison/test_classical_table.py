@@ -224,5 +224,5 @@ def test_bad_calls_are_named() -> None:
 
 
 def test_orders_are_a_sequence() -> None:
-    with pytest.raises(DeclarationError, match="iterates is a sequence"):
+    with pytest.raises(DeclarationError, match="iterates are a sequence"):
         method_table(models.load("linear"), iterates=1)

@@ -15,6 +15,7 @@ from gsp.analysis.attempts import Missing, attempt, made
 from gsp.errors import DefectWarning, GspError, MissingPartError
 from gsp.report import write_report
 from gsp.report.sections import Page
+from gsp.scenes import study
 
 COMBINATIONS = """
 [parameters]
@@ -120,12 +121,12 @@ def test_a_run_that_ends_where_it_starts_is_drawn_as_its_start(combined):
         assert charts.png(draw(stopped)).startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("stage", ["boundary_of", "expand", "compare", "choose", "_ladder", "_landing"])
+@pytest.mark.parametrize("stage", ["boundary_of", "Expansion", "compare", "choose", "_ladder", "_landing"])
 def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatch, tmp_path):
     def fail(*arguments, **keywords):
         raise GspError("the <stage> fails. Got this. Try that.")
 
-    monkeypatch.setattr(analysis, stage, fail)
+    monkeypatch.setattr(study if stage == "Expansion" else analysis, stage, fail)
     found = analyse(combined.scene)
     assert "the <stage> fails. Got this. Try that." in found.lost.values()
     assert "not made: " in str(found)
