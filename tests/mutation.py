@@ -1,6 +1,10 @@
 """Deliberate faults: how many of a random sample of one-token changes the tests of a module see.
 
-    python tests/mutation.py gsp/comparison/comparison.py --tests tests/comparison/test_comparison.py --sample 20
+    python tests/mutation.py gsp/comparison/comparison.py --sample 20
+    python tests/mutation.py gsp/kernels/radau.py --tests tests/kernels/test_integrators.py
+    python tests/mutation.py --sample 200
+
+The second names the tests, the third samples every module that has a test file of its own name.
 
 Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed, `if`
 negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or
@@ -112,39 +116,77 @@ def is_caught(copy: Path, tests: list[str], limit: float) -> bool:
         return True
 
 
+class Copy:
+    """A copy of the repository in which one module at a time is changed."""
+
+    def __init__(self, folder: Path, limit: float) -> None:
+        self.folder, self.limit = folder, limit
+        ignored = shutil.ignore_patterns(".git", "build", "*.egg-info", ".hypothesis")
+        shutil.copytree(ROOT, folder, ignore=ignored)
+
+    def survives(self, module: str, mutant: Mutant, tests: list[str]) -> bool:
+        """Whether the tests pass with `mutant` in `module`; says where it is when they do."""
+        source = (ROOT / module).read_bytes()
+        changed = self.folder / module
+        self._forget_kernels(module)
+        changed.write_bytes(applied(source, mutant))
+        try:
+            if is_caught(self.folder, tests, self.limit):
+                return False
+        finally:
+            changed.write_bytes(source)
+            self._forget_kernels(module)
+        line = source.splitlines()[mutant.line - 1].decode().strip()
+        print(f"survives: {module}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
+        return True
+
+    def _forget_kernels(self, module: str) -> None:
+        if "kernels" in module:
+            for cached in (self.folder / "gsp").rglob("*.nb?"):
+                cached.unlink()
+
+
+def mirrored() -> dict[str, list[str]]:
+    """Every module that has a test file of its own name, and that file."""
+    found = {}
+    for path in sorted((ROOT / "gsp").rglob("*.py")):
+        inside = path.relative_to(ROOT / "gsp")
+        test = Path("tests", *inside.parts[:-1], f"test_{inside.name}")
+        if (ROOT / test).is_file():
+            found[str(path.relative_to(ROOT))] = [str(test)]
+    return found
+
+
 def main() -> None:
-    """Measure one module, print what survives and the share that was caught."""
+    """Measure one module, or a sample over all that have a test file; print what survives and the share caught."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("module")
-    parser.add_argument("--tests", nargs="+", required=True)
+    parser.add_argument("module", nargs="?")
+    parser.add_argument("--tests", nargs="+")
     parser.add_argument("--sample", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=float, default=300.0)
     asked = parser.parse_args()
-    source = (ROOT / asked.module).read_bytes()
-    everything = sorted(set(mutants(ast.parse(source))))
+    modules = mirrored()
+    if asked.module is not None:
+        tests = asked.tests or modules.get(asked.module)
+        if tests is None:
+            parser.error(f"{asked.module} has no test file of its own name. Name some with --tests.")
+        modules = {asked.module: tests}
+    everything = [
+        (module, mutant)
+        for module in modules
+        for mutant in sorted(set(mutants(ast.parse((ROOT / module).read_bytes()))))
+    ]
     chosen = random.Random(asked.seed).sample(everything, min(asked.sample, len(everything)))
     with tempfile.TemporaryDirectory() as scratch:
-        copy = Path(scratch, "copy")
-        ignored = shutil.ignore_patterns(".git", "build", "*.egg-info", ".hypothesis")
-        shutil.copytree(ROOT, copy, ignore=ignored)
-        if "kernels" in asked.module:
-            for cached in (copy / "gsp").rglob("*.nb?"):
-                cached.unlink()
-        if is_caught(copy, asked.tests, asked.limit):
+        copy = Copy(Path(scratch, "copy"), asked.limit)
+        used = {tuple(modules[module]) for module, _ in chosen}
+        if any(is_caught(copy.folder, list(tests), asked.limit) for tests in sorted(used)):
             sys.exit("the tests fail, or do not end, without any mutant")
         caught = 0
-        for mutant in chosen:
-            (copy / asked.module).write_bytes(applied(source, mutant))
-            seen = is_caught(copy, asked.tests, asked.limit)
-            caught += seen
-            if not seen:
-                line = source.splitlines()[mutant.line - 1].decode().strip()
-                print(f"survives: {asked.module}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
-            if "kernels" in asked.module:
-                for cached in (copy / "gsp").rglob("*.nb?"):
-                    cached.unlink()
-    print(f"{asked.module}: {caught} of {len(chosen)} caught, of {len(everything)} mutants there are")
+        for tried, (module, mutant) in enumerate(chosen, start=1):
+            caught += not copy.survives(module, mutant, modules[module])
+            print(f"{caught} of {tried} caught, of {len(everything)} mutants there are", flush=True)
 
 
 if __name__ == "__main__":
