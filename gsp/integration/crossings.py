@@ -21,15 +21,14 @@ from gsp.integration.methods import Method
 from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import CompiledFlow
+from gsp.roots import least, root
 
 # Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
 # dip between two points shows at the points beside it.
 SUBDIVISIONS = 8
 # A dip below the neighbouring points is about an eighth of their second difference; a factor of 8 for safety.
 DIP = 1.0
-GOLDEN = 0.3819660112501051
-DIP_ROUNDS = 40
-ROOT_ROUNDS = 200
+TINY = 1e-300
 # Secant steps with the method's own result: two or three are taken.
 REFINEMENTS = 8
 # Width of the difference quotient on the dense output that starts them, as a share of the step.
@@ -194,20 +193,19 @@ class Search:
         crossings = []
         for column in range(len(self.watched)):
             for a, b, sense in self._brackets(column, t, g[:, column], piece):
-                root = _root(lambda s, column=column: self._value(column, s, piece), a, b, sense)
-                crossings.append((root, sense, column))
+                crossings.append((self._crossed(column, a, b, sense, piece), sense, column))
         backward = bool(piece.times[-1] < piece.times[0])
         wanted = [found for found in crossings if self.watched[found[2]].direction in (0, found[1])]
         wanted.sort(reverse=backward)
-        for i, (root, _, column) in enumerate(wanted):
+        for i, (at, _, column) in enumerate(wanted):
             one = self.watched[column]
-            settled = one.settle(self, column, root, piece)
+            settled = one.settle(self, column, at, piece)
             if settled is None:
                 continue
             self.found[column].append(settled)
             if one.limit and len(self.found[column]) >= one.limit:
-                self._record_with_end(settled, root, wanted[i + 1 :], piece)
-                rows = seen.rows + piece.step(root) if settled.row is None else settled.row
+                self._record_with_end(settled, at, wanted[i + 1 :], piece)
+                rows = seen.rows + piece.step(at) if settled.row is None else settled.row
                 self._seen = seen._replace(rows=rows, end=settled)
                 return True
         self._pass(times, states)
@@ -342,6 +340,20 @@ class Search:
         self._signs[column] = 0.0 if len(known) == 0 or np.isnan(sign[known[-1]]) else sign[known[-1]]
         return result
 
+    def _crossed(self, column: int, a: float, b: float, sense: int, piece: Piece) -> float:
+        """The change of sign between `a`, where the sign is -sense, and `b`, to rounding."""
+
+        def value(t: float) -> float:
+            found = sense * self._value(column, t, piece)
+            # What is not a number lies beyond the crossing.
+            return np.inf if np.isnan(found) else found
+
+        # A value that rounding has left without its sign has it still.
+        ends = min(value(a), -TINY), max(value(b), TINY)
+        found = root(value, a, b, ends=ends)
+        assert found is not None
+        return found
+
     def _dip(self, column, i, j, sign, t, g, bend, piece):
         """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
         near = min(abs(g[i]), abs(g[j]))
@@ -354,8 +366,8 @@ class Search:
         if j == i + 1 and not (falls and rises):
             return []
         a, b = float(t[i]), float(t[j])
-        lowest = _lowest(lambda s: sign * self._value(column, s, piece), a, b)
-        if lowest is None:
+        lowest, value = least(lambda s: sign * self._value(column, s, piece), a, b, below=0.0)
+        if not value < 0.0:
             return []
         return [(a, lowest, -int(sign)), (lowest, b, int(sign))]
 
@@ -370,59 +382,3 @@ def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled
     if settled.is_pole:
         return None
     return replace(settled, note=f"event {search.watched[column].name}")
-
-
-def _root(g: Callable[[float], float], a: float, b: float, sense: int) -> float:
-    """The sign change of `g` between `a`, where the sign is -sense, and `b`, to rounding.
-
-    Secant steps with the Illinois weight, and a bisection whenever three of them have not halved the interval.
-    """
-    low, high = -1.0, 1.0
-    value = g(a) * sense
-    low = value if value < 0.0 else -1e-300
-    value = g(b) * sense
-    high = value if value > 0.0 else 1e-300
-    side, width, patience = 0, abs(b - a), 0
-    for _ in range(ROOT_ROUNDS):
-        middle = 0.5 * (a + b)
-        if middle in (a, b):
-            break
-        t = a - low * (b - a) / (high - low) if np.isfinite(high - low) else middle
-        if patience >= 3 or not min(a, b) < t < max(a, b):
-            t = middle
-        value = g(t) * sense
-        if value == 0.0:
-            return t
-        if value < 0.0:
-            a, low = t, value
-            high *= 0.5 if side < 0 else 1.0
-            side = -1
-        else:
-            # What is not a number lies beyond the crossing.
-            b, high = t, value if value > 0.0 else np.inf
-            low *= 0.5 if side > 0 else 1.0
-            side = 1
-        patience += 1
-        if abs(b - a) <= 0.5 * width:
-            width, patience = abs(b - a), 0
-    return a if abs(low) < abs(high) else b
-
-
-def _lowest(g: Callable[[float], float], a: float, b: float) -> float | None:
-    """A point between `a` and `b` where `g` is negative, by golden section; None when its minimum is not."""
-    left, right = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
-    at_left, at_right = g(left), g(right)
-    for _ in range(DIP_ROUNDS):
-        if at_left < 0.0:
-            return left
-        if at_right < 0.0:
-            return right
-        if at_left <= at_right:
-            b, right, at_right = right, left, at_left
-            left = a + GOLDEN * (b - a)
-            at_left = g(left)
-        else:
-            a, left, at_left = left, right, at_right
-            right = b - GOLDEN * (b - a)
-            at_right = g(right)
-    return None

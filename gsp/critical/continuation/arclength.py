@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from gsp.critical.continuation.ending import Ending
+from gsp.roots import root
 
 # Corrections of a step: at most this many, and this many aimed at.
 CORRECTIONS = 8
@@ -28,8 +29,6 @@ LONGEST_CORRECTION = 0.3
 SMALLEST = 1e-8
 # A change of orientation within a step this short, as a share of the largest, is a branch point of higher order.
 UNRESOLVED = 1e-6
-# Evaluations of a test function that locate its zero; a simple zero takes about ten.
-ROOT_STEPS = 60
 # A variable without bounds takes its present size as scale when that is this many times the old one.
 OUTGROWN = 2.0
 # The curve is closed when it comes this near its start, in scaled units.
@@ -180,36 +179,18 @@ class Tracer:
         return None if found is None else found[0]
 
     def root(self, a: np.ndarray, b: np.ndarray, test: Callable[[np.ndarray], float]) -> np.ndarray | None:
-        """Where `test` changes its sign between a and b: the Illinois method along the chord."""
-        low, high = (0.0, test(a)), (1.0, test(b))
-        if not (np.isfinite(low[1]) and np.isfinite(high[1])) or low[1] * high[1] > 0.0:
-            return None
-        best = a if abs(low[1]) < abs(high[1]) else b
-        side = 0
-        for k in range(ROOT_STEPS):
-            if low[1] == high[1]:
-                break
-            share = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
-            # Every fourth step a bisection: a multiple zero holds the secant back.
-            if k % 4 == 3:
-                share = 0.5 * (low[0] + high[0])
+        """Where `test` changes its sign between a and b, along the chord; None where Newton fails on the way."""
+        met = {0.0: a, 1.0: b}
+
+        def value(share: float) -> float:
             u = self.between(a, b, share)
             if u is None:
-                return None
-            best, value = u, test(u)
-            if value == 0.0 or not np.isfinite(value) or high[0] - low[0] < 1e-15:
-                break
-            if value * high[1] > 0.0:
-                moved, high = high[0] - share, (share, value)
-                low = (low[0], 0.5 * low[1]) if side > 0 else low
-                side = 1
-            else:
-                moved, low = share - low[0], (share, value)
-                high = (high[0], 0.5 * high[1]) if side < 0 else high
-                side = -1
-            if moved < 1e-15:
-                break
-        return best
+                return float("nan")
+            met[share] = u
+            return test(u)
+
+        share = root(value, 0.0, 1.0, ends=(test(a), test(b)))
+        return None if share is None else met[share]
 
     # -- the whole curve ---------------------------------------------------------------------------
 

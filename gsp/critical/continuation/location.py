@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gsp import roots
 from gsp.critical.continuation.arclength import Trace, Tracer
 from gsp.critical.continuation.special_points import (
     NONE,
@@ -38,8 +39,6 @@ HERMITE = np.stack(
 OFFSET = 1e-5
 # A test that turns back has touched zero when it is below this share of its values at the rows beside.
 TOUCH = 1e-7
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-GOLDEN_STEPS = 44
 # Rows on either side of a fold that show how large second derivatives are.
 AROUND = 8
 # Points nearer than this, in scaled units, are one.
@@ -202,7 +201,7 @@ class _Search:
     def _least(self, a: int, b: int, test: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, float]:
         """Where `test`, of one sign at rows a and b, is least in size between them, and its size there.
 
-        Golden section; it ends at the first point of the other sign, with a negative size.
+        It ends at the first point of the other sign, with a negative size.
         """
         self.tracer.scales = self.scales[a]
         self.tracer.counters.located += 1
@@ -211,7 +210,6 @@ class _Search:
         sign = np.sign(at_rows[0])
         least = int(np.argmin(sign * at_rows))
         best = (self.points[a + least], float(sign * at_rows[least]))
-        low, high = 0.0, 1.0
 
         def size(share: float) -> float:
             u = self.tracer.between(first, last, share)
@@ -223,19 +221,8 @@ class _Search:
                 best = (u, value)
             return value
 
-        inner = [1.0 - GOLDEN, GOLDEN]
-        values = [size(share) for share in inner]
-        for _ in range(GOLDEN_STEPS):
-            if best[1] < 0.0:
-                break
-            if values[0] < values[1]:
-                high, inner, values = inner[1], [0.0, inner[0]], [0.0, values[0]]
-                inner[0] = high - GOLDEN * (high - low)
-                values[0] = size(inner[0])
-            else:
-                low, inner, values = inner[0], [inner[1], 0.0], [values[1], 0.0]
-                inner[1] = low + GOLDEN * (high - low)
-                values[1] = size(inner[1])
+        if best[1] >= 0.0:
+            roots.least(size, 0.0, 1.0, below=0.0)
         return best
 
     def _add_fold(self, a: int, b: int, u: np.ndarray) -> None:

@@ -21,6 +21,7 @@ from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.hyperbolicity.losses.naming import named
 from gsp.hyperbolicity.losses.zeros import zero
+from gsp.roots import root
 
 # In units of the region: nearer samples are linked as they are; branch points, which Newton's method does not isolate,
 # are linked up to the second.
@@ -29,7 +30,6 @@ NEAR_BRANCH_POINTS = 0.35
 # Nearer losses of one kind are one: multiple zeros are located to the root of rounding only.
 SAME_KIND = 1e-4
 HALVINGS = 3
-SECANTS = 60
 
 FOLDS = (LossKind.FOLD, LossKind.CUSP, LossKind.BOGDANOV_TAKENS)
 Chain = list[np.ndarray]
@@ -91,7 +91,7 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
     kind = losses[0].kind
     of = bialternate if losses[0].crossing == kinds.PAIR else identity
     isolated = kind in FOLDS or kind is LossKind.HOPF
-    parts = list(range(len(z)))
+    joined: list[tuple[int, int]] = []
     special: list[Loss] = []
     for i, j, distance in _spanning_tree(z / scales):
         if isolated:
@@ -102,11 +102,9 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
                 special += _special_points(diagnosis, [z[i], *chain, z[j]], scales)
         elif distance > NEAR_BRANCH_POINTS:
             continue
-        old, new = parts[j], parts[i]
-        parts = [new if part == old else part for part in parts]
+        joined.append((i, j))
     result = []
-    for part in sorted(set(parts), key=parts.index):
-        members = [i for i in range(len(z)) if parts[i] == part]
+    for members in _parts(joined, len(z)):
         result.append(_represented(diagnosis, [losses[i] for i in members], z[members] / scales))
     own = [loss for loss in losses if isolated and loss.kind not in (LossKind.FOLD, LossKind.HOPF)]
     kept = [loss for loss in _distinct(diagnosis, [*own, *special]) if loss.kind is not result[0].kind]
@@ -149,17 +147,25 @@ def _scales(diagnosis: Diagnosis, z: np.ndarray) -> np.ndarray:
     return np.append(diagnosis.widths, np.where(spans > 0.0, spans, float(spans.max()) or 1.0))
 
 
+def _parts(edges: list[tuple[int, int]], count: int) -> list[list[int]]:
+    """What the edges join of `count` places, in the order of the first of each part."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ends = np.array(edges, dtype=int).reshape(-1, 2).T
+    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    return [np.flatnonzero(labels == label).tolist() for label in dict.fromkeys(labels.tolist())]
+
+
 def _spanning_tree(points: np.ndarray) -> list[tuple[int, int, float]]:
-    """Edges (i, j, length) of the shortest tree through `points` (Prim)."""
-    inside, edges = [0], []
+    """Edges (i, j, length) of the shortest tree through `points` (m, d)."""
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
     distances = np.linalg.norm(points[:, None, :] - points[None, :, :], axis=2)
-    while len(inside) < len(points):
-        outside = [k for k in range(len(points)) if k not in inside]
-        block = distances[np.ix_(inside, outside)]
-        a, b = np.unravel_index(int(np.argmin(block)), block.shape)
-        edges.append((inside[a], outside[b], float(block[a, b])))
-        inside.append(outside[b])
-    return edges
+    # SciPy takes 0 for no edge; one more for each leaves the tree what it is.
+    tree = minimum_spanning_tree(distances + 1.0).tocoo()
+    return [(int(i), int(j), float(distances[i, j])) for i, j in zip(tree.row, tree.col)]
 
 
 def _singular_point(
@@ -223,20 +229,15 @@ def _changed(
     values: tuple[float, float],
     scales: np.ndarray,
 ) -> np.ndarray | None:
-    """Where the test changes its sign between p and q, by false position with halved ends (Illinois)."""
-    low, high, (f_low, f_high) = 0.0, 1.0, values
-    z = p
-    for _ in range(SECANTS):
-        share = (low * f_high - high * f_low) / (f_high - f_low)
+    """Where the test changes its sign between p and q; None where no singular point is found on the way."""
+    met: dict[float, np.ndarray] = {}
+
+    def value(share: float) -> float:
         found = _singular_point(diagnosis, identity, p + share * (q - p), scales)
         if found is None:
-            return None
-        z, value = found, _tests(diagnosis, found, p)[which]
-        if value == 0.0 or abs(high - low) <= 1e-14 or abs(value) <= 1e-14 * max(map(abs, values)):
-            break
-        if value * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = share, value
-    return z
+            return float("nan")
+        met[share] = found
+        return _tests(diagnosis, found, p)[which]
+
+    share = root(value, 0.0, 1.0, ends=values)
+    return None if share is None else met[share]

@@ -17,6 +17,7 @@ import numpy as np
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, joined
 from gsp.orbits.canard_orbits.frame import Frame, Plane
 from gsp.orbits.canard_orbits.sheet import Sheet
+from gsp.roots import root
 from gsp.systems.flow import Flow
 
 # Meshes on which a canard is solved one after another, each adapted to the orbit before.
@@ -240,12 +241,14 @@ def section_crossing(orbit: OrbitSegment, section: Plane, near: float) -> tuple[
     if not change.size:
         return None
     k = int(change[np.argmin(np.abs(sigma[change] - near))])
-    low, high = float(sigma[k]), float(sigma[k + 1])
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        here = orbit.at(np.array([middle]))[0, section.index] - section.value
-        low, high = (middle, high) if here * values[k] > 0.0 else (low, middle)
-    return high, orbit.at(np.array([high]))[0]
+    found = root(
+        lambda share: float(orbit.at(np.array([share]))[0, section.index] - section.value),
+        float(sigma[k]),
+        float(sigma[k + 1]),
+        ends=(float(values[k]), float(values[k + 1])),
+    )
+    assert found is not None
+    return found, orbit.at(np.array([found]))[0]
 
 
 def half_turns(

@@ -21,6 +21,7 @@ from gsp.orbits.canard_orbits.canard import (
     section_crossing,
 )
 from gsp.orbits.canard_orbits.collocation import Conditions, OrbitSegment, Step
+from gsp.roots import root
 from gsp.systems.arguments import check_each, check_noun, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
@@ -31,8 +32,8 @@ FIRST, LONGEST, SHORTEST = 0.02, 0.4, 1e-7
 INSIDE = 4.0
 # Largest angle between tangents, and Newton steps above which the next step is shorter.
 LARGEST_ANGLE, MANY = 0.4, 5
-# Longest step across a fold in epsilon, and bisections that locate it there.
-ACROSS, LOCATING = 0.05, 40
+# Longest step across a fold in epsilon, and the share of it to which the fold is located there.
+ACROSS, LOCATED = 0.05, 1e-6
 
 
 class FamilyEnd(StrEnum):
@@ -191,7 +192,7 @@ class _Follower:
                 step *= 0.5
                 continue
             if turns:
-                trace.folds.append(self._fold(here, along, step))
+                trace.folds.append(self._fold(here, along, new, step))
             low, high = self.bounds
             if not low < found.epsilon < high:
                 found = self._at(here, found, low if found.epsilon <= low else high) or found
@@ -308,18 +309,22 @@ class _Follower:
         elements = int(np.clip(found.elements_for(PRECISION), FEWEST, MOST))
         return self.solver.solve(found.adapted(elements), problem)
 
-    def _fold(self, here: OrbitSegment, along: _Direction, step: float) -> float:
-        """Epsilon where it turns, on the curve between `here` and one step on: its tangent's component is 0."""
-        low, high = 0.0, step
-        best = here.epsilon
-        for _ in range(LOCATING):
-            middle = 0.5 * (low + high)
-            found, _ = self._advance(here, along, middle)
+    def _fold(self, here: OrbitSegment, along: _Direction, new: _Direction, step: float) -> float:
+        """Epsilon where it turns, on the curve between `here` and one step on: its tangent's component is 0.
+
+        Where the curve cannot be followed in between, the last epsilon that was reached on the way.
+        """
+        best = float(here.epsilon)
+
+        def component(length: float) -> float:
+            nonlocal best
+            found, _ = self._advance(here, along, length)
             tangent = None if found is None else self._tangent(found, along)
             if found is None or tangent is None:
-                break
-            best = found.epsilon
-            low, high = (middle, high) if tangent.ends[7] * along.ends[7] > 0.0 else (low, middle)
-            if high - low < 1e-6 * step:
-                break
-        return float(best)
+                return float("nan")
+            best = float(found.epsilon)
+            return float(tangent.ends[7])
+
+        ends = float(along.ends[7]), float(new.ends[7])
+        root(component, 0.0, step, ends=ends, apart=LOCATED * step)
+        return best

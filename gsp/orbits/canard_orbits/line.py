@@ -9,6 +9,7 @@ import numpy as np
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.canard_orbits.frame import DEPARTURE, Frame, Plane
+from gsp.roots import root
 
 # How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of these at
 # which the slow flow runs to the node from beside the strong canard too.
@@ -144,12 +145,14 @@ def crossing_times(path: Trajectory, plane: Plane) -> Iterator[tuple[int, float]
     """The times at which a path crosses a plane, each with the row of `path.t` before it."""
     values = path.y[plane.index] - plane.value
     for k in np.flatnonzero(values[:-1] * values[1:] <= 0.0):
-        low, high = float(path.t[k]), float(path.t[k + 1])
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            here = path.at(middle)[plane.index] - plane.value
-            low, high = (middle, high) if here * values[k] > 0.0 else (low, middle)
-        yield int(k), high
+        found = root(
+            lambda t: float(path.at(t)[plane.index] - plane.value),
+            float(path.t[k]),
+            float(path.t[k + 1]),
+            ends=(float(values[k]), float(values[k + 1])),
+        )
+        assert found is not None
+        yield int(k), found
 
 
 def _crossing(path: Trajectory, plane: Plane) -> float | None:

@@ -14,6 +14,7 @@ from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.periodic.collocation import Cycle
 from gsp.results.drawn import Drawn
+from gsp.roots import roots
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Flow
 
@@ -116,14 +117,11 @@ class PeriodicOrbit(Drawn):
             np.linspace(0.0, 1.0, len(self.phases)),
             self.phases,
         )
-        above = self.values(key, s) > level
+        values = self.values(key, s) - level
+        above = values > 0.0
         places = np.flatnonzero(above[1:] != above[:-1])
-        low, high = s[places], s[places + 1]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            same = (self.values(key, middle) > level) == above[places]
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        return 0.5 * (low + high)
+        ends = values[places], values[places + 1]
+        return roots(lambda at: self.values(key, at) - level, s[places], s[places + 1], ends=ends)
 
     @cached_property
     def minimum(self) -> Mapping[str, float]:

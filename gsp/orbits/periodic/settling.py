@@ -17,6 +17,7 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.orbits.periodic.collocation import Cycle, gauss
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
+from gsp.roots import roots
 from gsp.systems.flow import Flow, Point
 
 # A lap is a guess when it closes within this share of its amplitude.
@@ -167,12 +168,8 @@ def _lap_in_section(run: Trajectory, times, states, k: int, level: float, closes
     places = np.flatnonzero(above[1:] & ~above[:-1])
     if len(places) < 2:
         return None
-    # Both ends of each crossing are halved until they meet.
-    a, b = times[places], times[places + 1]
-    for _ in range(52):
-        middle = 0.5 * (a + b)
-        high = run.at(middle)[k] > level
-        a, b = np.where(high, a, middle), np.where(high, middle, b)
+    ends = states[k, places] - level, states[k, places + 1] - level
+    b = roots(lambda t: run.at(t)[k] - level, times[places], times[places + 1], ends=ends)
     points = run.at(b)
     for laps in range(1, min(MOST_CROSSINGS, len(places) - 1) + 1):
         during = states[:, (times - b[-1 - laps]) * (times - b[-1]) <= 0.0]

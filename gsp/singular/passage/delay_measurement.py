@@ -11,6 +11,7 @@ import sympy as sp
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.roots import root
 from gsp.singular.passage.delay import DelayedExit, ExitKind
 from gsp.singular.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.singular.passage.failure import PassageError
@@ -191,13 +192,12 @@ def measure_delay(
     if inside and beyond.any():
         i = int(np.argmax(beyond))
         low, high = max(float(double.t[i - 1]), loss), float(double.t[i])
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            if _distances(delayed, double.sample([middle]))[0] < radius:
-                low = middle
-            else:
-                high = middle
-        early = 0.5 * (low + high)
+
+        def apart(t: float) -> float:
+            distance = float(_distances(delayed, double.sample([t]))[0])
+            return (distance if np.isfinite(distance) else np.inf) - radius
+
+        early = root(apart, low, high, ends=(min(apart(low), 0.0), max(apart(high), 0.0)))
     return MeasuredDelay(
         delayed,
         small,

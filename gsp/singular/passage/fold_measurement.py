@@ -14,6 +14,7 @@ from gsp.integration.loop import check_tolerances
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
+from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.folds import FoldPassage, omega0
 from gsp.systems.arguments import check_noun
@@ -311,19 +312,15 @@ def _crossing(passage: FoldPassage, run: Trajectory, column: int, value: float) 
 def _located(
     run: Trajectory, step: int, column: int, value: float, epsilon: float, rtol: float, atol: float
 ) -> tuple[float, np.ndarray]:
-    """Time and state in the section: bisection in the dense output, then Newton's method on orbits of full order."""
+    """Time and state in the section: on the dense output, then by Newton's method on orbits of full order."""
     low, high = float(run.t[step - 1]), float(run.t[step])
-    side = np.sign(run.y[column, step - 1] - value)
     first, y = low, run.y[:, step - 1]
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if np.sign(run.at(middle)[column] - value) == side:
-            low = middle
-        else:
-            high = middle
+    ends = float(y[column] - value), float(run.y[column, step] - value)
+    found = root(lambda t: float(run.at(t)[column] - value), low, high, ends=ends)
+    assert found is not None
     compiled, p = compile_flow(run.flow), parameter_vector(run.flow, epsilon)
     start = {s.name: float(v) for s, v in zip(run.flow.states, y)}
-    t, z = 0.5 * (low + high), run.at(0.5 * (low + high))
+    t, z = found, run.at(found)
     for _ in range(4):
         if t > first:
             short = trajectory_of(

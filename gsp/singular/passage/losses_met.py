@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -31,6 +30,7 @@ from gsp.critical.continuation import SpecialKind
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import GspError
 from gsp.lowering.compiled_flow import compile_flow
+from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
 from gsp.singular.passage.slow_orbit import SlowOrbit
 from gsp.slow.series import expand
@@ -92,7 +92,6 @@ class PassedLoss:
 
 def first_zero(value: float) -> float | None:
     """The first zero of D_((value - 1)/2)(-sqrt(2) z), None when it is beyond rounding."""
-    from scipy.optimize import brentq
     from scipy.special import pbdv
 
     order = 0.5 * (value - 1.0)
@@ -102,8 +101,7 @@ def first_zero(value: float) -> float | None:
     if not change.size:
         return None
     i = int(change[0])
-    found: Any = brentq(lambda s: pbdv(order, -np.sqrt(2.0) * s)[0], z[i], z[i + 1], xtol=1e-14)
-    return float(found)
+    return root(lambda s: float(pbdv(order, -np.sqrt(2.0) * s)[0]), float(z[i]), float(z[i + 1]))
 
 
 def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool) -> PassedLoss:

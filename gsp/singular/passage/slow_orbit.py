@@ -21,6 +21,7 @@ from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.system import VectorField
 
@@ -242,13 +243,11 @@ def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray
 
 
 def crossing(t: np.ndarray, values: np.ndarray, level: float, i: int) -> float:
-    """The time between nodes i - 1 and i where the interpolant of `values` meets `level`, by bisection."""
-    low, high = float(t[i - 1]), float(t[i])
-    side = values[i - 1] < level
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if (interpolate(t, values, np.array([middle]))[0] < level) == side:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    """The time between nodes i - 1 and i where the interpolant of `values` meets `level`; node i if both are beyond."""
+    found = root(
+        lambda s: float(interpolate(t, values, np.array([s]))[0]) - level,
+        float(t[i - 1]),
+        float(t[i]),
+        ends=(float(values[i - 1]) - level, float(values[i]) - level),
+    )
+    return float(t[i]) if found is None else found

@@ -10,13 +10,13 @@ import sympy as sp
 
 from gsp.hyperbolicity.losses import gauss_newton
 from gsp.lowering.compiled_flow import compile_function
+from gsp.roots import roots
 
 # Sizes of the states at which folds are looked for, and how many a decade: along M0, and in the plane where M0 is not
 # solved for the slow variable.
 DECADES = (-4, 4)
 ALONG = 64
 IN_PLANE = 1
-BISECTIONS = 40
 
 
 def fold_starts(
@@ -44,12 +44,8 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
     rows = _sizes(ALONG)
     signs = np.sign(function(rows[:, None], [0.0])[:, 1])
     changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-    low, high = rows[changed], rows[changed + 1]
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        same = np.sign(function(middle[:, None], [0.0])[:, 1]) == signs[changed]
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    for v, u in zip(low, function(low[:, None], [0.0])[:, 0]):
+    found = roots(lambda v: function(v[:, None], [0.0])[:, 1], rows[changed], rows[changed + 1])
+    for v, u in zip(found, function(found[:, None], [0.0])[:, 0]):
         if np.isfinite(u):
             yield float(u), float(v)
 
