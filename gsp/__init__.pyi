@@ -61,10 +61,6 @@ from .orbits.periodic import periodic_orbit as periodic_orbit
 from .orbits.periodic import shoot as shoot
 from .proofs.certificate import Certificate as Certificate
 from .proofs.certificate import ProofVerdict as ProofVerdict
-from .proofs.certify import certify as certify
-from .proofs.reduction_error import ReductionBound as ReductionBound
-from .proofs.reduction_error import bound_reduction as bound_reduction
-from .proofs.slow_tubes import SlowTube as SlowTube
 from .readers import load as load
 from .report import write_report as write_report
 from .scenes.scene import Scene as Scene
@@ -94,6 +90,10 @@ from .slow.slow_points import SlowPoints as SlowPoints
 from .slow.slow_points import zero_derivative as zero_derivative
 from .slow.solved_manifold import SampledManifold as SampledManifold
 from .slow.solved_manifold import solve_manifold as solve_manifold
+from .slow_tubes.certify import certify as certify
+from .slow_tubes.reduction_error import ReductionBound as ReductionBound
+from .slow_tubes.reduction_error import bound_reduction as bound_reduction
+from .slow_tubes.slow_tubes import SlowTube as SlowTube
 from .splitting.splitting import Splitting as Splitting
 from .splitting.splitting import split as split
 from .systems.system import SlowFastSystem as SlowFastSystem

@@ -284,7 +284,7 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
         raise DeclarationError("-o writes a proof, and samples are none. Add --prove, or leave -o out.")
     study = study_of(scene)
     if prove:
-        from gsp.proofs.certify import certify
+        from gsp.slow_tubes.certify import certify
 
         with _progress("boxes") as advance:
             certificate = certify(study.branch, region=study.region, epsilon=scene.epsilon, progress=advance)

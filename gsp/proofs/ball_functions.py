@@ -106,7 +106,7 @@ class BallFunction:
             negative = term.could_extract_minus_sign()
             place = self._written(-term if negative else term)
             if total is None:
-                total = self._operation(operator.neg, place) if negative else place  # pyright: ignore[reportArgumentType]
+                total = self._operation(balls.negative, place) if negative else place
             else:
                 total = self._operation(operator.sub if negative else operator.add, total, place)
         assert total is not None
@@ -118,7 +118,7 @@ class BallFunction:
             return self._operation(balls.quotient, self._written(above), self._written(below))
         coefficient, rest = expression.as_coeff_Mul()
         if coefficient == -1:
-            return self._operation(operator.neg, self._written(rest))  # pyright: ignore[reportArgumentType]
+            return self._operation(balls.negative, self._written(rest))
         places = [self._written(factor) for factor in expression.args]
         product = places[0]
         for place in places[1:]:

@@ -59,6 +59,11 @@ def rising(function: Callable[[arb], arb], ball: arb) -> arb:
     return function(ball.lower()).union(function(ball.upper()))
 
 
+def negative(ball: arb) -> arb:
+    """-ball."""
+    return -ball
+
+
 def product(one: arb, two: arb) -> arb:
     """one * two; of wide balls that keep their signs from their ends, for a midpoint and a radius lose the sign."""
     if min(one.rel_accuracy_bits(), two.rel_accuracy_bits()) > NARROW:

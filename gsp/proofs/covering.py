@@ -63,12 +63,12 @@ class Part:
 
     def nodes(self) -> Iterator[Part]:
         """Every part: this one, then the lower half's and the upper half's."""
-        stack = [self]
+        stack: list[Part] = [self]
         while stack:
             part = stack.pop()
             yield part
             if part.halves is not None:
-                stack += part.halves[::-1]  # pyright: ignore[reportOperatorIssue]
+                stack += reversed(part.halves)
 
     def holding(self, x: np.ndarray, *, upper: bool) -> Part:
         """The leaf that holds a point; on a cut the one above or below it."""

@@ -10,6 +10,8 @@ import sympy as sp
 from flint import arb
 
 from gsp.algebra.differentiation import jacobian
+from gsp.algebra.laurent import laurent
+from gsp.critical.branch import Branch
 from gsp.lowering.compiled_flow import CompiledFunction, compile_function
 from gsp.proofs.ball_functions import BallFunction
 
@@ -153,6 +155,19 @@ class Equations:
 
     def _orientation(self, x: np.ndarray, y: np.ndarray) -> float:
         return float(np.linalg.slogdet(self.nearby(x[None], y[None])[0][0])[0])
+
+
+def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[Equations, list[sp.Expr]]:
+    """g = 0 and the slow rates f, on epsilon = 0, over the slow variables and the parameters in `names`."""
+    system = branch.system
+    x = [*system.x, *(p for p in system.parameters if p.name in names)]
+    values = {p: v for p, v in system.parameters.items() if p not in x}
+    zero = sp.Integer(0)
+    g, f = (
+        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
+        for rates in (system.g, system.f)
+    )
+    return Equations(x, system.y, g), [without_decimals(e) for e in f]
 
 
 _NO_PARAMETERS = np.array([np.nan])

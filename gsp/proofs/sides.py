@@ -6,6 +6,7 @@ import math
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
+from typing import Any
 
 import sympy as sp
 
@@ -27,9 +28,9 @@ def _up(nearest: float, exact: Fraction | None) -> float:
     return math.nextafter(nearest, math.inf) if exact is not None and Fraction(nearest) < exact else nearest
 
 
-def _fraction(value: object) -> Fraction | None:
+def _fraction(value: Any) -> Fraction | None:
     if isinstance(value, (Rational, Decimal)):
         return Fraction(value)
     if isinstance(value, sp.Rational):
-        return Fraction(int(value.p), int(value.q))  # pyright: ignore[reportAttributeAccessIssue]
+        return Fraction(int(value.p), int(value.q))
     return None

@@ -77,7 +77,7 @@ def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     basis, signs = _real_eigenbasis(values, vectors)
     if basis.shape == near.shape and np.linalg.cond(basis) < WORST_CONDITION:
         yield basis, signs
-    sides = np.sign(values.real)  # pyright: ignore[reportAttributeAccessIssue]
+    sides = np.sign(np.real(values))
     if (sides == sides[0]).all() and sides[0] != 0.0:
         # Q with M^T Q + Q M = 2 sides Q-positive: z^T Q z grows or falls along every direction.
         with warnings.catch_warnings():
@@ -96,13 +96,13 @@ def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 def _real_eigenbasis(values: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A real basis (m, m): eigenvectors, and real and imaginary parts of pairs; signs (m,) of their real parts."""
     columns, signs = [], []
-    for i in np.argsort(values.real, kind="stable"):  # pyright: ignore[reportAttributeAccessIssue]
-        side = 1 if values[i].real > 0.0 else -1  # pyright: ignore[reportAttributeAccessIssue]
-        if abs(values[i].imag) <= IMAGINARY * abs(values[i]):  # pyright: ignore[reportAttributeAccessIssue]
-            columns.append(vectors[:, i].real)  # pyright: ignore[reportAttributeAccessIssue]
+    for i in np.argsort(np.real(values), kind="stable"):
+        side = 1 if np.real(values[i]) > 0.0 else -1
+        if abs(np.imag(values[i])) <= IMAGINARY * abs(values[i]):
+            columns.append(np.real(vectors[:, i]))
             signs.append(side)
-        elif values[i].imag > 0.0:  # pyright: ignore[reportAttributeAccessIssue]
-            columns += [vectors[:, i].real, vectors[:, i].imag]  # pyright: ignore[reportAttributeAccessIssue]
+        elif np.imag(values[i]) > 0.0:
+            columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])]
             signs += [side, side]
     return np.array(columns).T, np.array(signs)
 

@@ -15,7 +15,7 @@ from gsp.systems.flow import LARGEST, named
 Interval = tuple[float, float]
 
 
-def check_interval(bounds: Iterable[float], *, what: str, remedy: str) -> Interval:
+def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
     be = "are" if what == "bounds" else "is"
     if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
@@ -32,7 +32,7 @@ def check_interval(bounds: Iterable[float], *, what: str, remedy: str) -> Interv
 
 
 def check_region(
-    region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval],
+    region: Mapping[str, object] | Mapping[sp.Symbol, object],
     names: Sequence[str],
     *,
     required: Sequence[str] = (),

@@ -10,9 +10,9 @@ import sympy as sp
 
 import gsp
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
-from gsp.proofs import certify as module
+from gsp.proofs import certification as module
 from gsp.proofs.certificate import ProofVerdict
-from gsp.proofs.certify import certify
+from gsp.slow_tubes.certify import certify
 
 x, y, z, w, c, eps = sp.symbols("x y z w c epsilon")
 PROVED, REFUTED, UNDECIDED = ProofVerdict.PROVED, ProofVerdict.REFUTED, ProofVerdict.UNDECIDED

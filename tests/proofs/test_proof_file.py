@@ -10,15 +10,15 @@ import sympy as sp
 
 import gsp
 from gsp.errors import GspError, OutputError
-from gsp.proofs import certify as module
 from gsp.proofs.checker import Rejected, check
+from gsp.slow_tubes.certify import certify
 from tests.proofs.test_certify import branch, van_der_pol
 
 x, y, z = sp.symbols("x y z")
 
 
 def written(found_branch, region: dict, path: Path) -> dict:
-    module.certify(found_branch, region=region).save(path)
+    certify(found_branch, region=region).save(path)
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -239,7 +239,7 @@ def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path
     from gsp.scenes.study import study_of
 
     study = study_of(gsp.models.load(name))
-    found = module.certify(study.branch, region=study.region)
+    found = certify(study.branch, region=study.region)
     found.save(tmp_path / "proof.json")
     checked = check(tmp_path / "proof.json")
     assert (checked.stable, checked.unstable) == (found.stable, found.unstable)
@@ -247,9 +247,9 @@ def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path
 
 
 def test_only_proofs_are_saved_and_only_to_files(tmp_path: Path) -> None:
-    refuted = module.certify(van_der_pol(), region={"x": (-1, 1)})
+    refuted = certify(van_der_pol(), region={"x": (-1, 1)})
     with pytest.raises(GspError, match="only a proof"):
         refuted.save(tmp_path / "proof.json")
     with pytest.raises(OutputError):
-        module.certify(van_der_pol(), region={"x": (0, 1)}).save(tmp_path / "none" / "proof.json")
+        certify(van_der_pol(), region={"x": (0, 1)}).save(tmp_path / "none" / "proof.json")
     assert not list(tmp_path.iterdir())

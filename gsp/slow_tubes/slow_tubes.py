@@ -18,16 +18,16 @@ from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
-from gsp.proofs.adapted_basis import adapted_bases
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.certificate import ProofVerdict
-from gsp.proofs.certify import MOST_BOXES
+from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.invariance import Invariance, NotInvariantError
-from gsp.proofs.isolation import Tally, norm
 from gsp.proofs.sides import rounded
-from gsp.proofs.tube_search import ProvedTube, TubeSearch, supremum
 from gsp.slow.series import SeriesManifold, expand
+from gsp.slow_tubes.adapted_basis import adapted_bases
+from gsp.slow_tubes.invariance import Invariance, NotInvariantError
+from gsp.slow_tubes.isolation import Tally, norm
+from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
@@ -140,7 +140,7 @@ def certify_tube(
         check_epsilon(epsilon)
     system = branch.system
     slow = [s.name for s in system.x]
-    checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)  # pyright: ignore[reportArgumentType]
+    checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
     given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     box = {name: rounded(given[name], ends)[0] for name, ends in checked.items()}
     with flint.ctx.workprec(balls.PRECISION):

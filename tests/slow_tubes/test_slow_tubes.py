@@ -11,8 +11,8 @@ from sympy import Rational as R
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.proofs.certificate import ProofVerdict
-from gsp.proofs.certify import certify
 from gsp.slow.series import expand
+from gsp.slow_tubes.certify import certify
 from gsp.systems.system import SlowFastSystem
 
 epsilon, s, c, v, p, w, x, y, a = sp.symbols("epsilon s c v p w x y a")
@@ -199,7 +199,7 @@ def test_a_spent_budget_is_said() -> None:
 
 
 def test_an_interruption_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gsp.proofs.tube_search import TubeSearch
+    from gsp.slow_tubes.tube_search import TubeSearch
 
     within, calls = TubeSearch.within, []
 

@@ -29,14 +29,14 @@ from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
-from gsp.proofs.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.invariance import Invariance, NotInvariantError
-from gsp.proofs.isolation import norm
 from gsp.proofs.spectrum import least_eigenvalue
-from gsp.proofs.validated_flow import Step, log_norm, solution_steps
 from gsp.slow.series import SeriesManifold
+from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
+from gsp.slow_tubes.invariance import Invariance, NotInvariantError
+from gsp.slow_tubes.isolation import norm
+from gsp.slow_tubes.validated_flow import Step, log_norm, solution_steps
 from gsp.systems.arguments import check_noun, check_whole
 from gsp.systems.flow import check_epsilon, named
 from gsp.systems.region import check_interval

@@ -10,9 +10,9 @@ from sympy import Rational as R
 
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.proofs.certificate import ProofVerdict
-from gsp.proofs.reduction_error import bound_reduction
-from gsp.proofs.validated_flow import solution_steps
-from tests.proofs.test_slow_tubes import a, epsilon, michaelis_menten, s, saddle, series, sleigh, x, y
+from gsp.slow_tubes.reduction_error import bound_reduction
+from gsp.slow_tubes.validated_flow import solution_steps
+from tests.slow_tubes.test_slow_tubes import a, epsilon, michaelis_menten, s, saddle, series, sleigh, x, y
 
 
 def error_of(manifold, start, end, value):

@@ -19,7 +19,7 @@ from gsp.algebra.differentiation import jacobian
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.proofs.isolation import norm
+from gsp.slow_tubes.isolation import norm
 
 # Coefficients of a step, the last of them for the rest.
 ORDER = 14

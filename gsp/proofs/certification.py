@@ -1,34 +1,28 @@
-"""`certify`: normal hyperbolicity over a box, proved, refuted or left undecided."""
+"""Normal hyperbolicity of a branch over a box: proved, refuted or left undecided."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, overload
 
 import flint
 import numpy as np
 import sympy as sp
 from flint import arb
 
-from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
 from gsp.proofs.certificate import Certificate, ProofVerdict
 from gsp.proofs.covering import Covering, cover, glue, share_of
-from gsp.proofs.equations import Equations, without_decimals
+from gsp.proofs.equations import Equations, limit_equations, without_decimals
 from gsp.proofs.refutation import refute
 from gsp.proofs.sides import rounded
 from gsp.proofs.tubes import Box, middle_of
-from gsp.slow.series import SeriesManifold
-from gsp.systems.arguments import check_noun, check_progress, check_whole
+from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
-
-if TYPE_CHECKING:
-    from gsp.proofs.slow_tubes import SlowTube
 
 # Boxes that are tried unless told otherwise: seconds.
 MOST_BOXES = 20_000
@@ -36,63 +30,25 @@ MOST_BOXES = 20_000
 SUSPECTS = 8
 
 
-@overload
-def certify(
+def certify_branch(
     branch: Branch,
     *,
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
     progress: Callable[[float], object] | None = None,
-) -> Certificate: ...
-@overload
-def certify(
-    branch: SeriesManifold,
-    *,
-    region: Mapping[str, object],
-    epsilon: float | None = None,
-    most_boxes: int = MOST_BOXES,
-) -> SlowTube: ...
-def certify(
-    branch: Branch | SeriesManifold,
-    *,
-    region: Mapping[str, object],
-    epsilon: float | None = None,
-    most_boxes: int = MOST_BOXES,
-    progress: Callable[[float], object] | None = None,
-) -> Certificate | SlowTube:
-    """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`.
+) -> Certificate:
+    """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`: `certify` of a branch.
 
-    For a series it is proved that the slow manifold lies in a tube about it; see `slow_tubes.certify_tube`.
-
-    `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other
-    parameters keep the values of the system. Bounds on fast variables choose a sheet. Ends that are no doubles, such
-    as Fraction(1, 3), are rounded outwards. With `epsilon` the condition of r-normal hyperbolicity is asked for as
-    well. Ctrl-C returns what is proved by then.
-
-    The method is that of `tubes`, `spectrum`, `covering` and `refutation`. Raises `DeclarationError` for a region
-    that is not one, `BranchError` when the branch has no point in it, `UnsupportedFunctionError` for a function
-    without an enclosure.
-
-    >>> y, x, eps = sp.symbols("y x epsilon")
-    >>> system = SlowFastSystem(slow={y: -y}, fast={x: y - 2*x}, epsilon=eps)
-    >>> certify(solve_critical(system).branches[0], region={"y": (0, 1)}).verdict.name
-    'PROVED'
+    The method is that of `tubes`, `spectrum`, `covering` and `refutation`.
     """
-    if isinstance(branch, SeriesManifold):
-        from gsp.proofs.slow_tubes import certify_tube
-
-        return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
-    check_noun(branch, (Branch, SeriesManifold), verb="certify")
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     check_progress(progress)
     small = None if epsilon is None else check_epsilon(epsilon)
     system = branch.system
     parameters = [p.name for p in system.parameters]
     checked = check_region(
-        region,  # pyright: ignore[reportArgumentType]
-        [*(s.name for s in system.states), *parameters],
-        required=[s.name for s in system.x],  # pyright: ignore[reportArgumentType]
+        region, [*(s.name for s in system.states), *parameters], required=[s.name for s in system.x]
     )
     given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     names = [s.name for s in system.x] + [p for p in parameters if p in checked]
@@ -100,7 +56,7 @@ def certify(
     box: Box = tuple(outer for outer, _ in sides)
     fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
     with flint.ctx.workprec(balls.PRECISION):
-        equations, slow = _equations(branch, names)
+        equations, slow = limit_equations(branch, names)
         start = point_over(branch, equations, box, fast)
         covering = _covered(equations, box, start, most_boxes, progress)
         problem = _Problem(
@@ -128,19 +84,6 @@ class _Problem:
     within: Box
     start: tuple[np.ndarray, np.ndarray]
     epsilon: float | None
-
-
-def _equations(branch: Branch, names: list[str]) -> tuple[Equations, list[sp.Expr]]:
-    """g = 0 and the slow rates f, on epsilon = 0, over the symbols of the intervals."""
-    system = branch.system
-    x = [*system.x, *(p for p in system.parameters if p.name in names)]
-    values = {p: v for p, v in system.parameters.items() if p not in x}
-    zero = sp.Integer(0)
-    g, f = (
-        [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
-        for rates in (system.g, system.f)
-    )
-    return Equations(x, system.y, g), [without_decimals(e) for e in f]
 
 
 def _graph(branch: Branch, equations: Equations) -> tuple[sp.Expr, ...] | None:

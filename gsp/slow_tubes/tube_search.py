@@ -12,10 +12,10 @@ import numpy as np
 from flint import arb
 
 from gsp.proofs import balls
-from gsp.proofs.adapted_basis import AdaptedBasis
-from gsp.proofs.invariance import Invariance
-from gsp.proofs.isolation import Isolation, Tally, norm
 from gsp.proofs.tubes import Box
+from gsp.slow_tubes.adapted_basis import AdaptedBasis
+from gsp.slow_tubes.invariance import Invariance
+from gsp.slow_tubes.isolation import Isolation, Tally, norm
 
 # Bisection ends at this relative width.
 WIDTH_RESOLUTION = 0.005

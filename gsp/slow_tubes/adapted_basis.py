@@ -78,17 +78,18 @@ def _eigenvectors(
 
 
 def _constant(at: np.ndarray) -> AdaptedBasis:
-    eigenvalues, vectors = np.linalg.eig(at)
+    found, vectors = np.linalg.eig(at)
+    eigenvalues = [complex(value) for value in found]
     columns: list[np.ndarray] = []
     blocks, signs = [], []
-    for i in np.argsort(eigenvalues.real, kind="stable"):  # pyright: ignore[reportAttributeAccessIssue]
-        paired = abs(eigenvalues[i].imag) > IMAGINARY * abs(eigenvalues[i])  # pyright: ignore[reportAttributeAccessIssue]
-        if paired and eigenvalues[i].imag < 0.0:  # pyright: ignore[reportAttributeAccessIssue]
+    for i in np.argsort(np.real(found), kind="stable"):
+        paired = abs(eigenvalues[i].imag) > IMAGINARY * abs(eigenvalues[i])
+        if paired and eigenvalues[i].imag < 0.0:
             continue
         first = len(columns)
-        columns += [vectors[:, i].real, vectors[:, i].imag] if paired else [vectors[:, i].real]  # pyright: ignore[reportAttributeAccessIssue]
+        columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])] if paired else [np.real(vectors[:, i])]
         blocks.append(tuple(range(first, len(columns))))
-        signs.append(1 if eigenvalues[i].real > 0.0 else -1)  # pyright: ignore[reportAttributeAccessIssue]
+        signs.append(1 if eigenvalues[i].real > 0.0 else -1)
     scale = 2**BITS
     rounded = sp.Matrix(len(at), len(at), lambda i, j: sp.Rational(round(columns[j][i] * scale), scale))
     return AdaptedBasis(rounded, tuple(blocks), tuple(signs))

@@ -31,10 +31,10 @@ import numpy as np
 from flint import arb
 
 from gsp.proofs import balls
-from gsp.proofs.adapted_basis import AdaptedBasis
-from gsp.proofs.invariance import Invariance
 from gsp.proofs.spectrum import least_eigenvalue
 from gsp.proofs.tubes import Box
+from gsp.slow_tubes.adapted_basis import AdaptedBasis
+from gsp.slow_tubes.invariance import Invariance
 
 Widths = Sequence[float] | np.ndarray
 # A part is not halved below this share of the region's side: what fails there fails.
