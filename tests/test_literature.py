@@ -34,6 +34,11 @@ COORDINATES = {
         {"PN": "p - P2"},
         ["P2"],
     ),
+    "sirs": (
+        {"p1": "s + i + r", "p2": "s*exp(2*r)"},
+        {"s": "p2*exp(-2*r)", "i": "p1 - r - p2*exp(-2*r)"},
+        ["r"],
+    ),
 }
 
 
@@ -89,7 +94,7 @@ def first_correction(name, share):
     functions = [sp.lambdify([*x, *y], part.subs(at_zero), "mpmath") for part in parts]
     region = tomllib.loads((FOLDER / f"{name}.toml").read_text())["region"]
     with mpmath.workdps(40):
-        first = [mpmath.mpf(sp.Rational(start[s.name]).p) / sp.Rational(start[s.name]).q for s in x]
+        first = [mpmath.mpf(str(sp.N(start[s.name], 40))) for s in x]
         last = [
             sum(mpmath.mpf(v) for v in region[s.name]) / 2 if s.name in region else value
             for s, value in zip(x, first)
@@ -109,8 +114,7 @@ def first_correction(name, share):
         return [float(v) for v in point], [float(v) for v in root], [float(v) for v in h1]
 
 
-# The series is beyond the budget even with numbers (channel rates to the fourth power), or the slow coordinates
-# that `split` finds are not derived by hand yet.
+# The series is beyond the budget even with numbers (channel rates to the fourth power).
 AWAITED = {"chay", "plant"}
 
 

@@ -34,6 +34,20 @@ END_TOLERANCE = 1e-13
 TRIALS = 600
 
 
+class Allowance:
+    """Continuation steps that a search may still take along a sheet; `spent` when it was denied some."""
+
+    def __init__(self, steps: int) -> None:
+        self.left = steps
+        self.spent = False
+
+    def take(self, steps: int) -> bool:
+        """Whether `steps` more may be taken."""
+        self.spent = self.spent or steps > self.left
+        self.left -= 0 if self.spent else steps
+        return not self.spent
+
+
 @dataclass(frozen=True)
 class Branch:
     """One branch of the critical manifold of `system`.
@@ -137,14 +151,18 @@ class Branch:
         return replace(self, seed=(tuple(x[0]), tuple(corrected[0])))
 
     def follow(
-        self, x: np.ndarray, *, start: tuple[np.ndarray, np.ndarray] | None = None
+        self,
+        x: np.ndarray,
+        *,
+        start: tuple[np.ndarray, np.ndarray] | None = None,
+        allowance: Allowance | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """The sheet through `start` over `x` (m, n_slow): y (m, n_fast), and which points it reaches.
 
         `start` is (x, y), one point (n,) or one for each row (m, n), on the branch; the seed unless given. Euler
         steps and Newton corrections along straight lines in x; a step is halved when its correction is so long that
         it may have landed on another sheet, or det g_y has changed its sign. A point is given up where the steps
-        vanish.
+        vanish, or when `allowance` has none left.
         """
         n = len(self.system.y)
         if len(x) == 0:
@@ -160,6 +178,8 @@ class Branch:
             y = y0[pending].copy()
             alive = np.ones(len(pending), dtype=bool)
             step = (x[pending] - x0[pending]) / pieces
+            if allowance is not None and not allowance.take(pieces * len(pending)):
+                break
             for k in range(pieces):
                 y, good = self._continued(x0[pending] + k * step, y, step)
                 alive &= good
@@ -168,21 +188,23 @@ class Branch:
             pending = pending[~alive]
             if len(pending) == 0:
                 break
-        y, share = self._walked(x0[pending], y0[pending], x[pending])
+        y, share = self._walked(x0[pending], y0[pending], x[pending], allowance)
         arrived = share == 1.0
         result[pending[arrived]] = y[arrived]
         good = np.ones(len(x), dtype=bool)
         good[pending[~arrived]] = False
         return result, good
 
-    def _walked(self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _walked(
+        self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray, allowance: Allowance | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Sheets through (x0, y0) towards `target` (m, n_slow) as far as they go: y there, and the share of the way."""
         y, way = np.array(y0), target - x0
         share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
         orientation = self._orientation(x0, y0)
         active = np.arange(len(x0))
         for _ in range(TRIALS):
-            if len(active) == 0:
+            if len(active) == 0 or (allowance is not None and not allowance.take(len(active))):
                 break
             here, reach = share[active], np.minimum(length[active], 1.0 - share[active])
             start = x0[active] + here[:, None] * way[active]

@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.algebra.laurent import laurent
-from gsp.critical.branch import Branch
+from gsp.critical.branch import Allowance, Branch
 from gsp.critical.spectrum import eigenvalues
 from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
 from gsp.systems.region import Interval
@@ -66,8 +66,13 @@ class Sampler:
                 good &= ~((z[:, i] < low - slack) | (z[:, i] > high + slack))
         return good
 
-    def over(self, x: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """y (m, n_fast) over `x` on the sheets through `start` (m, n), and where there is a real point."""
+    def over(
+        self, x: np.ndarray, start: np.ndarray | None, *, allowance: Allowance | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """y (m, n_fast) over `x` on the sheets through `start` (m, n), and where there is a real point.
+
+        Sheets are followed within `allowance`, when one is given.
+        """
         if self.branch.is_explicit:
             y = self.branch.graph_values(x, allow_complex=True)
             return y, finite_rows(y)
@@ -75,8 +80,8 @@ class Sampler:
         # Newton's method may throw a point so far that its length overflows; the point is given up then.
         with np.errstate(over="ignore", invalid="ignore"):
             if start is None:
-                return self.branch.follow(x)
-            return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]))
+                return self.branch.follow(x, allowance=allowance)
+            return self.branch.follow(x, start=(start[:, :nx], start[:, nx:]), allowance=allowance)
 
     def links(self, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (a, b), each (m, n), of points on one sheet over neighbouring rows of `x`."""

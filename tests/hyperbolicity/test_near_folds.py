@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
+from gsp import load, models
 from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed
+from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses import LossKind
+from gsp.hyperbolicity.losses.locator import REFINED, SEARCH_STEPS, Locator
+from gsp.hyperbolicity.losses.shrinking import largest_sub_region
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
@@ -151,3 +156,50 @@ def test_a_graph_never_folds_when_it_has_no_root_and_no_inverse(g, never) -> Non
 
 def test_a_graph_without_roots_is_not_followed() -> None:
     assert "no folds" in not_followed(study_of(models.load("michaelis_menten")))
+
+
+def fast_epidemics():
+    """The sheet of fast infections r(p1, p2), which folds along a curve that leaves the box through three sides."""
+    study = study_of(load(Path(__file__).parents[1] / "systems" / "sirs.toml"))
+    return study.branch, study.region
+
+
+def counted_steps(monkeypatch) -> list[int]:
+    steps, continued = [], Branch._continued
+
+    def counting(self, x, y, step):
+        steps.append(len(x))
+        return continued(self, x, y, step)
+
+    monkeypatch.setattr(Branch, "_continued", counting)
+    return steps
+
+
+def test_searches_next_to_the_end_of_a_sheet_stop_when_their_steps_are_spent(monkeypatch) -> None:
+    branch, region = fast_epidemics()
+    part = {**region, "p1": (0.35, 0.8)}
+    steps, refine = counted_steps(monkeypatch), Locator.refine
+    taken = []
+
+    def refined(self, worst):
+        before = len(steps)
+        result = refine(self, worst)
+        taken.append(sum(steps[before:]))
+        return result
+
+    monkeypatch.setattr(Locator, "refine", refined)
+    found = classify(branch, region=part)
+    assert taken
+    assert taken[0] <= REFINED * SEARCH_STEPS
+    assert any(f"ended after {SEARCH_STEPS} steps along the sheet" in note for note in found.notes)
+    assert found.kind is Kind.LOST
+
+
+def test_parts_over_which_the_sheet_ends_are_not_judged(monkeypatch) -> None:
+    branch, region = fast_epidemics()
+    found = classify(branch, region=region)
+    assert {loss.kind for loss in found.losses} == {LossKind.FOLD}
+    judged = []
+    part = largest_sub_region(branch, region, found.losses, judge=lambda *a, **k: judged.append(k) or found)
+    assert part is None
+    assert not judged

@@ -80,7 +80,7 @@ def examine(
         diagnosis,
         tuple(losses),
         tuple(neutral),
-        (*notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
+        (*locator.notes, *notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
         gap,
         ZERO_TOLERANCE * usual,
     )

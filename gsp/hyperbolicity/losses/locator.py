@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
+from gsp.critical.branch import Allowance
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.diagnosis import Found
@@ -44,6 +45,9 @@ JUMPED = 1e-3
 TOWARDS = 0.01
 # Share of the region that one search for the least gap covers.
 SEARCHED = 0.02
+# Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
+# beyond a fold about 80, because the sheet is followed up to the fold each time.
+SEARCH_STEPS = 1250
 # Neutral saddles that are looked at.
 SUMS = 6
 
@@ -60,6 +64,7 @@ class Locator:
         self.scale = scale
         self.usual = scale if usual is None else usual
         self.found: list[Found] = []
+        self.notes: list[str] = []
 
     def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
         """Note a place `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
@@ -206,22 +211,24 @@ class Locator:
         """The least distance of an eigenvalue from the axis near the samples `worst`, by simplex searches in x.
 
         The distance is negative where the type is another than at the sample: then the change is located too.
+        A search ends when it has taken `SEARCH_STEPS` along the sheet, which is noted.
         """
         from scipy.optimize import minimize
 
         sampler, nx = self.sampler, len(self.sampler.system.x)
         bounds = [self.box[s.name] for s in sampler.system.x]
         widths = np.array([high - low for low, high in bounds])
-        best, searched = float("inf"), []
+        best, searched, cut = float("inf"), [], False
         for z in worst:
             # One search for samples next to one another.
             if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
                 continue
             searched.append(z[:nx])
+            allowance = Allowance(SEARCH_STEPS)
             count = unstable(sampler.eigenvalues(z[None, :]))[0]
 
-            def distance(x: np.ndarray, z: np.ndarray = z, count: int = count) -> float:
-                y, good = sampler.over(x[None, :], z[None, :])
+            def distance(x: np.ndarray, z=z, count=count, allowance=allowance) -> float:
+                y, good = sampler.over(x[None, :], z[None, :], allowance=allowance)
                 point = np.hstack([x[None, :], y])
                 if not good[0] or not sampler.inside(point, self.box)[0]:
                     return float("inf")
@@ -234,6 +241,7 @@ class Locator:
                 bounds=bounds,
                 options={"maxfev": 60 * nx, "xatol": 1e-10},
             )
+            cut = cut or allowance.spent
             if not np.isfinite(found.fun):
                 continue
             if found.fun < 0:
@@ -242,6 +250,11 @@ class Locator:
             if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
                 self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
             best = min(best, max(float(found.fun), 0.0))
+        if cut:
+            self.notes.append(
+                f"searches for the least gap ended after {SEARCH_STEPS} steps along the sheet, most of them next to "
+                "its end: between the samples the gap may be smaller"
+            )
         return best
 
     def touching(self, z: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import Sampler
+from gsp.critical.sampling import Sampler, grid
 from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.systems.region import Interval
@@ -18,6 +18,8 @@ from gsp.systems.region import Interval
 MARGIN = 0.02
 TRIED = 6
 LEAST = 0.02
+# Every so many points of the grid over a part are followed before the part is judged.
+STRIDE = 8
 PREFERRED = "attracting"
 
 
@@ -57,6 +59,8 @@ def largest_sub_region(
         part = {**region, axis: interval}
         try:
             for candidate, through in _sheets(branch, part):
+                if not _is_graph(candidate, part):
+                    continue
                 verdict = judge(candidate, region=part)
                 if not verdict.holds:
                     continue
@@ -69,6 +73,16 @@ def largest_sub_region(
         except BranchError:
             continue
     return best
+
+
+def _is_graph(branch: Branch, part: Mapping[str, Interval]) -> bool:
+    """Whether the branch has a real point over each of some points of the grid, at all of which `classify` needs one.
+
+    A fold may pass through a part in a direction along which no part is cut: then the searches of a whole judgement,
+    most of them beyond the fold, come to nothing.
+    """
+    x = grid(np.array([part[s.name] for s in branch.system.x]))[::STRIDE]
+    return bool(Sampler(branch).over(x, None)[1].all())
 
 
 def _parts(
