@@ -68,67 +68,114 @@ class UnknownNameError(GspError, KeyError):
     __str__ = Exception.__str__
 
 
-class Status(Enum):
-    """How a computation ended. The value is (meaning, remedy); both are shown to the user."""
+class EndKind(Enum):
+    """What an ending says, whatever was computed."""
 
-    SUCCESS = ("reached the end", "")
-    STEP_TOO_SMALL = (
-        "the step size fell below rounding",
-        "loosen rtol, or look for a singularity or a fold near the last point",
+    REACHED = "all that was asked for was reached"
+    STOPPED = "it stopped where it was asked to"
+    ENDS = "the mathematics ends here"
+    FAILED = "the computation failed"
+
+
+class Status(Enum):
+    """How a run, a continuation or a family ended. The value is (kind, meaning, remedy); all are shown to the user."""
+
+    SUCCESS = (EndKind.REACHED, "reached the end", "")
+    BOUND_REACHED = (EndKind.REACHED, "a bound was reached", "")
+    CLOSED = (EndKind.REACHED, "the curve closed on itself", "")
+    COMPLETE = (EndKind.REACHED, "the whole connected piece within the bounds was found", "")
+    EVENT_REACHED = (
+        EndKind.STOPPED,
+        "a terminal event was reached",
+        "the run was asked to end there; start again from its end to go on",
     )
-    TOO_MANY_STEPS = (
-        "the allowed number of steps was used up",
-        "raise max_steps, loosen rtol, or use a stiff method",
+    REGION_LEFT = (EndKind.STOPPED, "the trajectory left the region", "enlarge the region or shorten the span")
+    INTERRUPTED = (
+        EndKind.STOPPED,
+        "interrupted by the user",
+        "what was computed before is kept; call again to go on",
     )
-    NON_FINITE = (
-        "the field is not finite beyond the last point",
-        "the solution blows up or leaves the domain of the field; shorten the span or move the start",
-    )
-    SINGULAR_JACOBIAN = (
-        "the Jacobian is singular",
-        "two solutions meet here: look for a fold or a branch point",
-    )
-    NOT_CONVERGED = (
-        "Newton's method did not converge",
-        "start nearer to the solution, or check that one exists",
-    )
+    EQUILIBRIUM_REACHED = (EndKind.ENDS, "the cycles shrink to an equilibrium", "")
     FOLD_REACHED = (
+        EndKind.ENDS,
         "a fold of the critical manifold was reached",
         "the reduction ends here; integrate the full system across the fold",
     )
     HYPERBOLICITY_LOST = (
+        EndKind.ENDS,
         "normal hyperbolicity is lost",
         "lower epsilon, or shrink the region to where the fast eigenvalues keep their type",
     )
     HISTORY_ENDS = (
+        EndKind.ENDS,
         "the orbits that fix the slow manifold begin too near to where it ends",
         "move the region downstream, or lower epsilon; the error estimate counts what is missing",
     )
-    EVENT_REACHED = (
-        "a terminal event was reached",
-        "the run was asked to end there; start again from its end to go on",
+    RUNS_AWAY = (
+        EndKind.ENDS,
+        "the curve leaves for infinity",
+        "this may be all of it; bound the variables to stop sooner",
+    )
+    PERIOD_GROWS = (
+        EndKind.ENDS,
+        "the period exceeds the largest one allowed",
+        "a homoclinic orbit is near, or an equilibrium on the orbit; raise max_period to come nearer",
+    )
+    NON_FINITE = (
+        EndKind.FAILED,
+        "the field is not finite beyond the last point",
+        "the solution blows up or leaves the domain of the field; shorten the span or move the start",
+    )
+    STEP_TOO_SMALL = (
+        EndKind.FAILED,
+        "the smallest step failed",
+        "loosen rtol, or look for a singularity or a fold near the last point",
+    )
+    TOO_MANY_STEPS = (
+        EndKind.FAILED,
+        "the allowed number of steps was used up",
+        "raise max_steps, loosen rtol, or use a stiff method",
+    )
+    TOO_MANY_POINTS = (
+        EndKind.FAILED,
+        "the allowed number of points was used up",
+        "raise max_points, take larger steps, or bound the variables",
+    )
+    SINGULAR_JACOBIAN = (
+        EndKind.FAILED,
+        "the Jacobian is singular",
+        "two solutions meet here: look for a fold or a branch point",
+    )
+    NOT_CONVERGED = (
+        EndKind.FAILED,
+        "Newton's method did not converge",
+        "start nearer to the solution, or check that one exists",
     )
     MESH_LIMIT = (
+        EndKind.FAILED,
         "the allowed number of mesh intervals does not reach the tolerance",
         "raise max_intervals, or loosen tolerance",
     )
-    REGION_LEFT = ("the trajectory left the region", "enlarge the region or shorten the span")
-    INTERRUPTED = ("interrupted by the user", "what was computed before is kept; call again to go on")
+
+    @property
+    def kind(self) -> EndKind:
+        """What the ending says, whatever was computed."""
+        return self.value[0]
 
     @property
     def meaning(self) -> str:
         """One clause that says what happened."""
-        return self.value[0]
-
-    @property
-    def remedy(self) -> str:
-        """One clause that says what to do; empty for `SUCCESS`."""
         return self.value[1]
 
     @property
+    def remedy(self) -> str:
+        """One clause that says what to do; empty where there is nothing to mend."""
+        return self.value[2]
+
+    @property
     def ok(self) -> bool:
-        """True for `SUCCESS` only."""
-        return self is Status.SUCCESS
+        """Whether all that was asked for is there: the span, or all there is within the bounds."""
+        return self.kind is EndKind.REACHED or self is Status.EQUILIBRIUM_REACHED
 
     def __str__(self) -> str:
         return f"{self.name}: {self.meaning}" + (f"; {self.remedy}" if self.remedy else "")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.systems.system import SlowFastSystem
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem, VectorField
 
 epsilon = sp.Symbol("epsilon")
 x, y, z = sp.symbols("x y z")
@@ -70,4 +71,37 @@ def transcendental() -> SlowFastSystem:
         slow={x: sp.sin(x) + y},
         fast={y: sp.exp(-x) - sp.tanh(y) - y + epsilon * sp.cos(x * y)},
         epsilon=epsilon,
+    )
+
+
+def oscillator() -> VectorField:
+    """The harmonic oscillator with its energy E."""
+    return VectorField({x: y, y: -x}, epsilon=None, observables={sp.Symbol("E"): (x**2 + y**2) / 2})
+
+
+def enzyme() -> SlowFastSystem:
+    """A reaction of Michaelis and Menten with one parameter and an observable E."""
+    s, c, a = sp.symbols("s c a")
+    return SlowFastSystem(
+        slow={s: -s + (s + a) * c},
+        fast={c: s - (s + 1) * c},
+        epsilon=epsilon,
+        parameters={a: "0.5"},
+        observables={sp.Symbol("E"): s + epsilon * a * c},
+    )
+
+
+def saddle_scene(**words: str) -> Scene:
+    """A scene with one attracting and one repelling fast direction, and what is to be written about it."""
+    s = sp.Symbol("s")
+    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
+    return Scene(
+        system,
+        region={"s": (0.1, 2)},
+        start={"s": 1, "x": -1, "y": -1},
+        span=(0, 0.5),
+        epsilon=0.02,
+        epsilons=(0.04, 0.02),
+        tolerance=1e-4,
+        **words,
     )

@@ -314,3 +314,11 @@ class TaylorRing:
         """The series value + slope t."""
         items = [value] if not slope else [value, self.scalars.number(sp.Rational(slope))]
         return Taylor(self, self.scalars.polynomial(items[: self.length]), self.length)
+
+
+def midpoint_sum(coefficients: list[Any], t: Any) -> Any:
+    """The middle of sum_k coefficients[k] t^k, lowest first, by Horner's rule in balls."""
+    total = flint.arb(0)
+    for coefficient in reversed(coefficients):
+        total = total * t + coefficient
+    return total.mid()

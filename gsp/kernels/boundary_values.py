@@ -17,67 +17,9 @@ from __future__ import annotations
 
 from numpy import empty, int64, zeros
 
-from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
+from gsp.kernels.gauss_element import eliminate
 from gsp.kernels.linear_algebra import factorise, solve
-
-
-@kernel
-def _eliminate(
-    field, jacobian, sensitivity, p, time, width, A, b, start, stages, end, free, share,
-    rate, slopes, drift, matrix, pivots, columns, relation,
-):  # fmt: skip
-    """Condense one element: relation (n, n + free + 1) = [B | C | r], and what the stages change by.
-
-    `columns` (n + free + 1, s n) gives dZ = columns[:n] dz_i + columns[n:n + free] dq + columns[n + free].
-    """
-    s, n = stages.shape
-    h = time * width
-    last = n + free
-    for j in range(s):
-        call(field, 0.0, stages[j], p, rate[j])
-        call(jacobian, 0.0, stages[j], p, slopes[j])
-        if free > 1:
-            call(sensitivity, 0.0, stages[j], p, drift[j])
-    for j in range(s):
-        for i in range(n):
-            row = j * n + i
-            for k in range(s):
-                for c in range(n):
-                    matrix[row, k * n + c] = -h * A[j, k] * slopes[k, i, c]
-            matrix[row, row] += 1.0
-            total, moved, grown = start[i] - stages[j, i], 0.0, 0.0
-            for k in range(s):
-                total += h * A[j, k] * rate[k, i]
-                moved += width * A[j, k] * rate[k, i]
-                if free > 1:
-                    grown += h * A[j, k] * drift[k, i]
-            columns[last, row] = share * total
-            columns[n, row] = moved
-            if free > 1:
-                columns[n + 1, row] = grown
-            for c in range(n):
-                columns[c, row] = 1.0 if c == i else 0.0
-    if not factorise(matrix, pivots):
-        return False
-    for c in range(last + 1):
-        solve(matrix, pivots, columns[c])
-    for i in range(n):
-        for c in range(last + 1):
-            total = 0.0
-            for k in range(s):
-                for q in range(n):
-                    total += h * b[k] * slopes[k, i, q] * columns[c, k * n + q]
-            relation[i, c] = total
-        relation[i, i] += 1.0
-        rest = start[i] - end[i]
-        for k in range(s):
-            rest += h * b[k] * rate[k, i]
-            relation[i, n] += width * b[k] * rate[k, i]
-            if free > 1:
-                relation[i, n + 1] += h * b[k] * drift[k, i]
-        relation[i, last] += share * rest
-    return True
 
 
 @kernel
@@ -107,7 +49,7 @@ def newton_step(
     # What the inner weights of the last condition become over (dz_0, dz_i, dz_(i+1), dq, 1).
     spread = zeros(wide)
     for e in range(m):
-        if not _eliminate(
+        if not eliminate(
             field, jacobian, sensitivity, p, q[0], mesh[e + 1] - mesh[e], A, b, z[e], stages[e], z[e + 1], free, share,
             rate, slopes, drift, local, pivots, columns[e], relation,
         ):  # fmt: skip

@@ -15,7 +15,7 @@ from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
-from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in DOP853: safety 0.9, change between 1/3 and 6.
 SAFETY = 0.9
@@ -126,20 +126,11 @@ def dop853(
         return ledger.NON_FINITE
     recorded = 0
     while True:
-        if recorded == times.shape[0]:
-            return ledger.RECORD_FULL
-        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
-            return ledger.TOO_MANY_STEPS
-        t = memory[ledger.TIME]
-        stop = stops[counters[ledger.NEXT_STOP]]
-        step = step_towards(stop, t, memory[ledger.STEP])
-        clipped = abs(step) < abs(memory[ledger.STEP])
-        lands = step == stop - t
-        t_new = stop if lands else t + step
-        # What t really advances by, so that the record of times alone tells the steps.
-        step = t_new - t
-        if step == 0.0:
-            return ledger.STEP_TOO_SMALL
+        code, t, step, t_new, clipped, lands = next_step(
+            stops, max_steps, recorded, times.shape[0], memory, counters
+        )
+        if code != ledger.GOING_ON:
+            return code
 
         for i in range(n):
             k[0, i] = rate[i]

@@ -30,6 +30,8 @@ STEP_TOO_SMALL = 2
 TOO_MANY_STEPS = 3
 NON_FINITE = 4
 SINGULAR_JACOBIAN = 5
+# None of them: the call goes on.
+GOING_ON = -1
 
 # memory: time, the step proposed next, and the last unclipped accepted step with (its error)^(-exponent).
 TIME = 0

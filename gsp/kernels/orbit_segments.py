@@ -15,9 +15,8 @@ import math
 
 import numpy as np
 
-from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.gauss_element import eliminate
 
 CONVERGED = 0
 NOT_CONVERGED = 1
@@ -31,51 +30,6 @@ LAST = 1e-8
 # A step may be this much longer than the one before, so many times, before the iteration is given up.
 GROWTH = 2.0
 SETBACKS = 3
-
-
-@kernel
-def _eliminate(
-    field, jacobian, p, h, A, b, start, stages, end, rate, slopes, matrix, pivots, columns, block, rest
-):
-    """Condense one element: block (n, n) and rest (n,) with dz_(i+1) = block dz_i + rest.
-
-    `columns` (n + 1, s n) is left with what the stages change by: dZ = columns[:n] dz_i + columns[n].
-    """
-    s, n = stages.shape
-    for j in range(s):
-        call(field, 0.0, stages[j], p, rate[j])
-        call(jacobian, 0.0, stages[j], p, slopes[j])
-    for j in range(s):
-        for i in range(n):
-            row = j * n + i
-            for k in range(s):
-                for c in range(n):
-                    matrix[row, k * n + c] = -h * A[j, k] * slopes[k, i, c]
-            matrix[row, row] += 1.0
-            total = start[i] - stages[j, i]
-            for k in range(s):
-                total += h * A[j, k] * rate[k, i]
-            columns[n, row] = total
-            for c in range(n):
-                columns[c, row] = 1.0 if c == i else 0.0
-    if not factorise(matrix, pivots):
-        return False
-    for c in range(n + 1):
-        solve(matrix, pivots, columns[c])
-    for i in range(n):
-        total = start[i] - end[i]
-        for k in range(s):
-            total += h * b[k] * rate[k, i]
-            for q in range(n):
-                total += h * b[k] * slopes[k, i, q] * columns[n, k * n + q]
-        rest[i] = total
-        for c in range(n):
-            total = 1.0 if c == i else 0.0
-            for k in range(s):
-                for q in range(n):
-                    total += h * b[k] * slopes[k, i, q] * columns[c, k * n + q]
-            block[i, c] = total
-    return True
 
 
 @kernel
@@ -129,8 +83,7 @@ def _segment(field, jacobian, p, A, b, h, middle, x, left, at_left, right, at_ri
     local = np.empty((s * n, s * n))
     pivots = np.empty(s * n, dtype=np.int64)
     columns = np.empty((m, n + 1, s * n))
-    block = np.empty((n, n))
-    rest = np.empty(n)
+    relation = np.empty((n, n + 1))
     matrix = np.empty((size, size))
     unknown = np.empty((size, 1 + lefts + rights))
     previous = math.inf
@@ -158,16 +111,16 @@ def _segment(field, jacobian, p, A, b, h, middle, x, left, at_left, right, at_ri
                     row += 1
             if e == m:
                 break
-            if not _eliminate(
-                field, jacobian, p, h[e], A, b, z[e], stages[e], z[e + 1],
-                rate, slopes, local, pivots, columns[e], block, rest,
+            if not eliminate(
+                field, jacobian, 0, p, 1.0, h[e], A, b, z[e], stages[e], z[e + 1], 0, 1.0,
+                rate, slopes, rate, local, pivots, columns[e], relation,
             ):  # fmt: skip
                 return SINGULAR, iteration
             for i in range(n):
                 for j in range(n):
-                    matrix[row, e * n + j] = -block[i, j]
+                    matrix[row, e * n + j] = -relation[i, j]
                 matrix[row, (e + 1) * n + i] = 1.0
-                unknown[row, 0] = rest[i]
+                unknown[row, 0] = relation[i, n]
                 row += 1
         for i in range(rights):
             total = at_right[i]

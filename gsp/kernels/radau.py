@@ -43,7 +43,7 @@ from gsp.kernels.radau_iteration import (
     opening,
 )
 from gsp.kernels.radau_loops import attempt_by_loops
-from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in RADAU: change between 1/5 and 8, estimate of local order stages + 1. Its safety is 0.9: with
 # 0.75 fewer steps are rejected, and on the stiff problems of `benchmarks` an error takes 1 to 8 % less work.
@@ -153,20 +153,11 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     recorded = 0
     have_jacobian = False
     while True:
-        if recorded == times.shape[0]:
-            return ledger.RECORD_FULL
-        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
-            return ledger.TOO_MANY_STEPS
-        t = memory[ledger.TIME]
-        stop = stops[counters[ledger.NEXT_STOP]]
-        step = step_towards(stop, t, memory[ledger.STEP])
-        clipped = abs(step) < abs(memory[ledger.STEP])
-        lands = step == stop - t
-        t_new = stop if lands else t + step
-        # What t really advances by, so that the record of times alone tells the steps.
-        step = t_new - t
-        if step == 0.0:
-            return ledger.STEP_TOO_SMALL
+        code, t, step, t_new, clipped, lands = next_step(
+            stops, max_steps, recorded, times.shape[0], memory, counters
+        )
+        if code != ledger.GOING_ON:
+            return code
 
         counters[ledger.DECOMPOSITIONS] += 1
         twice = counters[ledger.STEPS] == 0 or counters[ledger.JUST_REJECTED] == 1

@@ -15,7 +15,7 @@ from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, NODES, STAGES, A, C
-from gsp.kernels.step_control import accept, all_finite, begin, reject, step_towards
+from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in RODAS (Hairer, Wanner II, section IV.7): safety 0.9, change between 1/5 and 6.
 SAFETY = 0.9
@@ -147,22 +147,10 @@ def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters,
     recorded = 0
     have_jacobian = False
     while True:
-        if recorded == times.shape[0]:
-            code = ledger.RECORD_FULL
-            break
-        if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
-            code = ledger.TOO_MANY_STEPS
-            break
-        t = memory[ledger.TIME]
-        stop = stops[counters[ledger.NEXT_STOP]]
-        step = step_towards(stop, t, memory[ledger.STEP])
-        clipped = abs(step) < abs(memory[ledger.STEP])
-        lands = step == stop - t
-        t_new = stop if lands else t + step
-        # What t really advances by, so that the record of times alone tells the steps.
-        step = t_new - t
-        if step == 0.0:
-            code = ledger.STEP_TOO_SMALL
+        code, t, step, t_new, clipped, lands = next_step(
+            stops, max_steps, recorded, times.shape[0], memory, counters
+        )
+        if code != ledger.GOING_ON:
             break
 
         counters[ledger.DECOMPOSITIONS] += 1

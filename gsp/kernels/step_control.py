@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inlined_kernel, kernel
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
 SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
@@ -46,6 +46,33 @@ def step_towards(stop, t, h):
     if 2.0 * abs(h) > abs(remaining):
         return 0.5 * remaining
     return h
+
+
+@inlined_kernel
+def next_step(stops, max_steps, recorded, room, memory, counters):
+    """(code, t, step, its end, clipped, lands) of the step that comes next; a code but GOING_ON ends the call."""
+    t = memory[ledger.TIME]
+    if recorded == room:
+        return ledger.RECORD_FULL, t, 0.0, t, False, False
+    if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
+        return ledger.TOO_MANY_STEPS, t, 0.0, t, False, False
+    proposal = memory[ledger.STEP]
+    step, t_new, clipped, lands = step_ahead(stops, t, proposal, counters)
+    if step == 0.0:
+        return ledger.STEP_TOO_SMALL, t, step, t_new, clipped, lands
+    return ledger.GOING_ON, t, step, t_new, clipped, lands
+
+
+@inlined_kernel
+def step_ahead(stops, t, proposal, counters):
+    """(step, its end, clipped, lands) from `t`, for a step that is proposed; 0 where it is lost in rounding."""
+    stop = stops[counters[ledger.NEXT_STOP]]
+    step = step_towards(stop, t, proposal)
+    clipped = abs(step) < abs(proposal)
+    lands = step == stop - t
+    t_new = stop if lands else t + step
+    # What t really advances by, so that the record of times alone tells the steps.
+    return t_new - t, t_new, clipped, lands
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.step_control import accept, all_finite, begin, reject, smallest_step, step_towards
+from gsp.kernels.step_control import accept, all_finite, begin, reject, smallest_step, step_ahead
 
 # Places of the program behind the field's and the Jacobian's.
 EXPAND = ledger.CODE
@@ -164,13 +164,7 @@ def taylor(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
                 proposal = min(proposal, abs(memory[ledger.STEP]))
             proposal = math.copysign(min(proposal, abs(stops[-1] - t)), scale)
             memory[ledger.STEP] = proposal
-            stop = stops[counters[ledger.NEXT_STOP]]
-            step = step_towards(stop, t, proposal)
-            clipped = abs(step) < abs(proposal)
-            lands = step == stop - t
-            t_new = stop if lands else t + step
-            # What t really advances by, so that the record of times alone tells the steps.
-            step = t_new - t
+            step, t_new, clipped, lands = step_ahead(stops, t, proposal, counters)
             if step == 0.0:
                 counters[ledger.FIELD_CALLS] += 1
                 return _why_no_step(program[ledger.FIELD], p, t, y, rate, scale, point[:n], work)

@@ -16,7 +16,7 @@ from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, entries, numbers
 from gsp.mechanics.distribution import Flag, flag
 from gsp.mechanics.frame import MovingFrame, moving_frame
-from gsp.mechanics.hamel import HamelEquations, hamel, split_positions
+from gsp.mechanics.hamel import HamelEquations, clocked, extended, hamel, split_positions
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import read_constraints
 from gsp.systems.flow import Values
@@ -100,14 +100,7 @@ class ConstrainedSystem:
     def reduced(self) -> VectorField:
         """Hamel's equations on D: u', and the rates of the positions that matter to them; time last."""
         matter, _, rates = self._split
-        matter = dict(matter)
-        clock = {t: matter.pop(t) for t in self.system.clock if t in matter}
-        return VectorField(
-            {**matter, **dict(zip(self.frame.along, rates)), **clock},
-            epsilon=None,
-            parameters=self.system.values,
-            name=self.system.name,
-        )
+        return clocked(self.system, matter, dict(zip(self.frame.along, rates)), epsilon=None)
 
     @cached_property
     def reconstruction(self) -> Values:
@@ -117,12 +110,7 @@ class ConstrainedSystem:
     @property
     def full_field(self) -> VectorField:
         """`reduced` with the reconstruction variables behind its states."""
-        return VectorField(
-            {**self.reduced.equations, **self.reconstruction},
-            epsilon=None,
-            parameters=self.system.values,
-            name=self.system.name,
-        )
+        return extended(self.reduced, self.reconstruction)
 
     @cached_property
     def reduced_multipliers(self) -> tuple[sp.Expr, ...]:
@@ -138,11 +126,7 @@ class ConstrainedSystem:
     @property
     def velocities(self) -> Values:
         """qdot in terms of (q, u), on D."""
-        rates = self.hamel.positions(on_distribution=True)
-        write = self.hamel.algebra.write
-        return MappingProxyType(
-            {v: write(rates[q]) for q, v in zip(self.system.coordinates, self.system.velocities)}
-        )
+        return self.hamel.raw_velocities(on_distribution=True)
 
     @cached_property
     def _split(self) -> tuple[dict, dict, list[sp.Expr]]:

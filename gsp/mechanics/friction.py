@@ -20,7 +20,7 @@ from gsp.mechanics.constraints import ConstrainedSystem, Constraints
 from gsp.mechanics.damping import Damping, read_damping
 from gsp.mechanics.frame import MovingFrame, moving_frame
 from gsp.mechanics.frame_starts import frame_values, new_region
-from gsp.mechanics.hamel import HamelEquations, hamel, split_positions
+from gsp.mechanics.hamel import HamelEquations, clocked, extended, hamel, split_positions
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.slow_momenta import SlowMomenta, geometric_splitting, slow_momenta
 from gsp.mechanics.velocity_forms import read_constraints
@@ -66,23 +66,13 @@ class FrictionSystem:
     @property
     def velocities(self) -> Values:
         """qdot in terms of (q, u, w)."""
-        rates, write = self._equations.positions(), self._equations.algebra.write
-        return MappingProxyType(
-            {v: write(rates[q]) for q, v in zip(self.system.coordinates, self.system.velocities)}
-        )
+        return self._equations.raw_velocities()
 
     @cached_property
     def field(self) -> VectorField:
         """q', u', w' for the positions that matter, time last; the poles are those of the friction."""
         matter, _, rates = self._split
-        matter = dict(matter)
-        clock = {t: matter.pop(t) for t in self.system.clock if t in matter}
-        return VectorField(
-            {**matter, **rates, **clock},
-            epsilon=self.epsilon,
-            parameters=self.system.values,
-            name=self.system.name,
-        )
+        return clocked(self.system, matter, rates, epsilon=self.epsilon)
 
     @cached_property
     def reconstruction(self) -> Values:
@@ -92,12 +82,7 @@ class FrictionSystem:
     @property
     def full_field(self) -> VectorField:
         """`field` with the reconstruction variables behind its states."""
-        return VectorField(
-            {**self.field.equations, **self.reconstruction},
-            epsilon=self.epsilon,
-            parameters=self.system.values,
-            name=self.system.name,
-        )
+        return extended(self.field, self.reconstruction)
 
     @cached_property
     def splitting(self) -> Splitting:

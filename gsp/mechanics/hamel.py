@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import sympy as sp
 
@@ -17,6 +18,8 @@ from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, transpose
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.systems.flow import Values
+from gsp.systems.system import VectorField
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +98,12 @@ class HamelEquations:
         put = (lambda e: self.algebra.put(e, self.zeros)) if on_distribution else (lambda e: e)
         rates = {q: put(v) for q, v in zip(self.system.coordinates, self.velocities)}
         return rates | dict.fromkeys(self.system.clock, self.algebra.ring.one)
+
+    def raw_velocities(self, *, on_distribution: bool = False) -> Values:
+        """qdot in terms of (q, u, w); with w = 0 on request."""
+        rates = self.positions(on_distribution=on_distribution)
+        pairs = zip(self.system.coordinates, self.system.velocities)
+        return MappingProxyType({v: self.algebra.write(rates[q]) for q, v in pairs})
 
     @cached_property
     def energy(self) -> Element:
@@ -179,3 +188,24 @@ def split_positions(
         if t in driven and not any(rate.has(t) for q, rate in driven.items() if q != t):
             del driven[t]
     return matter, driven
+
+
+def clocked(
+    system: LagrangianSystem, matter: Values, rates: Values, *, epsilon: sp.Symbol | None
+) -> VectorField:
+    """The field of the positions that matter and of the quasi-velocities, time last when it matters."""
+    positions = dict(matter)
+    clock = {t: positions.pop(t) for t in system.clock if t in positions}
+    return VectorField(
+        {**positions, **rates, **clock}, epsilon=epsilon, parameters=system.values, name=system.name
+    )
+
+
+def extended(field: VectorField, reconstruction: Values) -> VectorField:
+    """`field` with the reconstruction variables behind its states."""
+    return VectorField(
+        {**field.equations, **reconstruction},
+        epsilon=field.epsilon,
+        parameters=field.parameters,
+        name=field.name,
+    )

@@ -31,7 +31,39 @@ _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
 KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS)) + ", sqrt, tan and powers"
 
 
-class BallFunction:
+class Program:
+    """Expressions as operations on registers, each value written once; what there is to write is the subclass's."""
+
+    def __init__(self, arguments: Sequence[sp.Symbol], shared: tuple[list[tuple[Any, Any]], list[Any]]) -> None:
+        self.arguments = tuple(arguments)
+        self._registers: list[arb | None] = [None] * len(self.arguments)
+        self._code: list[tuple[int, Callable[..., Any], int, int]] = []
+        self._places: dict[Any, int] = {symbol: i for i, symbol in enumerate(self.arguments)}
+        replaced, reduced = shared
+        for symbol, expression in replaced:
+            self._places[symbol] = self._written(expression)
+        self._outputs = [self._written(expression) for expression in reduced]
+
+    def _written(self, expression: Any) -> int:
+        place = self._places.get(expression)
+        if place is None:
+            place = self._places[expression] = self._new(expression)
+        return place
+
+    def _new(self, expression: Any) -> int:
+        raise NotImplementedError
+
+    def _register(self, value: arb | None) -> int:
+        self._registers.append(value)
+        return len(self._registers) - 1
+
+    def _operation(self, function: Callable[..., Any], one: int, two: int = -1) -> int:
+        out = self._register(None)
+        self._code.append((out, function, one, two))
+        return out
+
+
+class BallFunction(Program):
     """A tuple of expressions as a function of balls, by the order of `arguments`.
 
     Calling it with as many balls returns a list of balls, one for each of `outputs`. Raises
@@ -44,14 +76,7 @@ class BallFunction:
     """
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
-        self.arguments = tuple(arguments)
-        self._registers: list[arb | None] = [None] * len(self.arguments)
-        self._code: list[tuple[int, Callable[..., arb], int, int]] = []
-        self._places: dict[sp.Basic, int] = {symbol: i for i, symbol in enumerate(self.arguments)}
-        replaced, reduced = sp.cse(list(outputs), optimizations="basic", order="none")
-        for symbol, expression in replaced:
-            self._places[symbol] = self._written(expression)
-        self._outputs = [self._written(expression) for expression in reduced]
+        super().__init__(arguments, sp.cse(list(outputs), optimizations="basic", order="none"))
 
     def __call__(self, values: Sequence[arb]) -> list[arb]:
         registers: list[Any] = self._registers.copy()
@@ -62,21 +87,15 @@ class BallFunction:
 
     # -- writing -----------------------------------------------------------------------------------
 
-    def _written(self, expression: Any) -> int:
-        place = self._places.get(expression)
-        if place is None:
-            place = self._places[expression] = self._new(expression)
-        return place
-
     def _new(self, expression: Any) -> int:
         if expression.is_Rational:
-            return self._constant(arb(fmpq(int(expression.p), int(expression.q))))
+            return self._register(arb(fmpq(int(expression.p), int(expression.q))))
         if expression.is_Float:
             # The number that it holds, not the decimal it was made from.
             value = sp.Rational(expression)
-            return self._constant(arb(fmpq(int(value.p), int(value.q))))
+            return self._register(arb(fmpq(int(value.p), int(value.q))))
         if expression in _CONSTANTS:
-            return self._constant(_CONSTANTS[expression]())
+            return self._register(_CONSTANTS[expression]())
         if expression.is_Add:
             return self._sum(expression)
         if expression.is_Mul:
@@ -136,16 +155,6 @@ class BallFunction:
             return self._written(sp.exp(exponent, evaluate=False))
         inside = self._operation(balls.product, self._written(exponent), self._written(sp.log(base)))
         return self._operation(balls.exp, inside)
-
-    def _constant(self, ball: arb) -> int:
-        self._registers.append(ball)
-        return len(self._registers) - 1
-
-    def _operation(self, function: Callable[..., arb], one: int, two: int = -1) -> int:
-        self._registers.append(None)
-        out = len(self._registers) - 1
-        self._code.append((out, function, one, two))
-        return out
 
 
 def undefined_within(

@@ -7,7 +7,7 @@ solution bounds the rest, and the logarithmic norm of D R over the box how far t
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from flint import arb, arb_series, fmpq
 from gsp.algebra.differentiation import jacobian
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.ball_functions import BallFunction
+from gsp.proofs.ball_functions import BallFunction, Program
 from gsp.slow_tubes.isolation import norm
 
 # Coefficients of a step, the last of them for the rest.
@@ -128,18 +128,11 @@ def _horner(coefficients: Sequence[arb], at: arb) -> arb:
     return total
 
 
-class _SeriesFunction:
+class _SeriesFunction(Program):
     """Rational expressions of x over power series in time."""
 
     def __init__(self, x: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
-        self.n = len(x)
-        self._places: dict[Any, int] = {s: i for i, s in enumerate(x)}
-        self._constants: list[arb | None] = [None] * self.n
-        self._code: list[tuple[int, Callable[..., Any], int, int]] = []
-        replaced, reduced = sp.cse(list(outputs), order="none")
-        for symbol, expression in replaced:
-            self._places[symbol] = self._written(expression)
-        self._outputs = [self._written(e) for e in reduced]
+        super().__init__(x, sp.cse(list(outputs), order="none"))
 
     def solution(self, point: Sequence[arb], order: int) -> list[list[arb]]:
         """Taylor coefficients (n, order + 1) in time of the solution through `point`."""
@@ -156,17 +149,11 @@ class _SeriesFunction:
         return coefficients
 
     def _over(self, x: list[Any], length: int) -> list[Any]:
-        registers: list[Any] = [None if c is None else arb_series([c], length) for c in self._constants]
-        registers[: self.n] = x
+        registers: list[Any] = [None if c is None else arb_series([c], length) for c in self._registers]
+        registers[: len(x)] = x
         for out, function, one, two in self._code:
             registers[out] = function(registers[one], registers[two])
         return [registers[place] for place in self._outputs]
-
-    def _written(self, expression: Any) -> int:
-        place = self._places.get(expression)
-        if place is None:
-            place = self._places[expression] = self._new(expression)
-        return place
 
     def _new(self, expression: Any) -> int:
         if expression.is_Rational:
@@ -195,12 +182,3 @@ class _SeriesFunction:
             f"a reduced flow is enclosed where its rates are rational. Got {expression}. "
             "Bound the tube with certify(series), which asks for less."
         )
-
-    def _register(self, value: arb | None) -> int:
-        self._constants.append(value)
-        return len(self._constants) - 1
-
-    def _operation(self, function: Callable[..., Any], one: int, two: int) -> int:
-        out = self._register(None)
-        self._code.append((out, function, one, two))
-        return out

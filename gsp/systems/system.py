@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import ClassVar
 
 import sympy as sp
 
@@ -20,8 +21,32 @@ from gsp.systems.declaration import checked_parameters, equations_of, updated_pa
 from gsp.systems.flow import Flow, Values
 
 
+class _Declared(Flow):
+    """A flow that was written down: two of one kind are equal when everything that was declared is, in its order."""
+
+    _given: ClassVar[tuple[str, ...]]
+    """Names of the attributes that hold the equations as they were given."""
+    name: str
+
+    @cached_property
+    def _key(self) -> tuple:
+        equations = tuple(tuple(getattr(self, part).items()) for part in self._given)
+        values = tuple(self.parameters.items()), tuple(self.observables.items())
+        return (equations, self.epsilon, *values, self.name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Declared) and type(self) is type(other) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((type(self).__name__, self._key))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class SlowFastSystem(Flow):
+class SlowFastSystem(_Declared):
     """A system in standard form, x' = f(x, y, epsilon), epsilon y' = g(x, y, epsilon).
 
     `slow` maps each slow symbol to f, `fast` each fast symbol to g (without the factor 1/epsilon);
@@ -35,6 +60,7 @@ class SlowFastSystem(Flow):
     SlowFastSystem(slow=[s], fast=[c], epsilon=epsilon, parameters={kappa: 1})
     """
 
+    _given = ("slow", "fast")
     slow: Mapping[sp.Symbol, sp.Expr]
     fast: Mapping[sp.Symbol, sp.Expr]
     epsilon: sp.Symbol
@@ -125,30 +151,9 @@ class SlowFastSystem(Flow):
         rows += [(rf"{sp.latex(self.epsilon)}\,\dot {sp.latex(s)}", e) for s, e in self.fast.items()]
         return _aligned(rows)
 
-    def _key(self) -> tuple:
-        return (
-            "SlowFastSystem",
-            tuple(self.slow.items()),
-            tuple(self.fast.items()),
-            self.epsilon,
-            tuple(self.parameters.items()),
-            tuple(self.observables.items()),
-            self.name,
-        )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SlowFastSystem) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> int:
-        return hash(self._key())
-
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class VectorField(Flow):
+class VectorField(_Declared):
     """A field z' = F(z, epsilon); F may have poles in epsilon, and `epsilon=None` says that it has none.
 
     A field without epsilon can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
@@ -159,6 +164,7 @@ class VectorField(Flow):
     VectorField(states=[v, w], epsilon=epsilon, parameters={})
     """
 
+    _given = ("equations",)
     equations: Mapping[sp.Symbol, sp.Expr]
     epsilon: sp.Symbol | None
     parameters: Values
@@ -220,26 +226,6 @@ class VectorField(Flow):
 
     def _repr_latex_(self) -> str:
         return _aligned([(rf"\dot {sp.latex(s)}", e) for s, e in self.equations.items()])
-
-    def _key(self) -> tuple:
-        return (
-            "VectorField",
-            tuple(self.equations.items()),
-            self.epsilon,
-            tuple(self.parameters.items()),
-            tuple(self.observables.items()),
-            self.name,
-        )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, VectorField) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> int:
-        return hash(self._key())
 
 
 def _freeze(target: object, **mappings: Mapping) -> None:

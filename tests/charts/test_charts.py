@@ -19,6 +19,7 @@ from gsp.comparison.classical_table import method_table
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene
+from tests.example_systems import saddle_scene
 
 
 @pytest.fixture(scope="module")
@@ -28,18 +29,7 @@ def analyses():
 
 @pytest.fixture(scope="module")
 def saddle():
-    s, x, y, epsilon = sp.symbols("s x y epsilon")
-    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
-    scene = Scene(
-        system,
-        region={"s": (0.1, 2)},
-        start={"s": 1, "x": -1, "y": -1},
-        span=(0, 0.5),
-        epsilon=0.02,
-        epsilons=(0.04, 0.02),
-        tolerance=1e-4,
-    )
-    return analyse(scene)
+    return analyse(saddle_scene())
 
 
 @pytest.mark.parametrize("name", models.names())

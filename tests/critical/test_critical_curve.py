@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.critical import continuation
 from gsp.critical.continuation import continue_critical, switch_branch
-from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.curve import REMEDIES
 from gsp.critical.continuation.special_points import SpecialKind
-from gsp.errors import BranchError, DeclarationError
+from gsp.errors import BranchError, DeclarationError, EndKind, Status
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
 
@@ -67,7 +68,7 @@ def test_the_folds_of_van_der_pol_are_where_they_are_known_to_be() -> None:
         ("repelling", 1),
         ("attracting", 0),
     ]
-    assert curve.status is Ending.BOUND_REACHED
+    assert curve.status is Status.BOUND_REACHED
     assert curve["x"][[0, -1]].tolist() in ([3, -3], [-3, 3])
 
 
@@ -252,7 +253,7 @@ def test_a_hyperbolic_curve_has_no_special_point(system, start, box) -> None:
     curve = continue_critical(system, start=start, bounds=box)
     assert curve.special == ()
     assert len(curve.segments) == 1
-    assert curve.status is Ending.BOUND_REACHED
+    assert curve.status is Status.BOUND_REACHED
     assert np.ptp(curve.unstable) == 0
 
 
@@ -358,7 +359,7 @@ ELLIPSE = 1 - x**2 / 4 - y**2 - x * y / 3
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_a_closed_curve_closes(direction: int) -> None:
     curve = continue_critical(one(ELLIPSE), start={"x": 0, "y": 1}, direction=direction)
-    assert curve.status is Ending.CLOSED
+    assert curve.status is Status.CLOSED
     assert curve.is_closed
     assert (curve.points[0] == curve.points[-1]).all()
     assert len(curve.stops) == 1
@@ -483,17 +484,17 @@ def test_a_curve_ends_exactly_on_its_bound() -> None:
 def test_a_start_on_a_bound_goes_inwards_only() -> None:
     curve = continue_critical(one(y - x), start={"x": 0, "y": 0}, bounds={"x": (0, 1)})
     assert curve["x"][[0, -1]].tolist() == [0, 1]
-    assert [stop.ending for stop in curve.stops] == [Ending.BOUND_REACHED] * 2
+    assert [stop.ending for stop in curve.stops] == [Status.BOUND_REACHED] * 2
 
 
 @pytest.mark.parametrize(
     ("g", "start", "ending"),
     [
-        (y - sp.sqrt(x), {"x": 1, "y": 1}, Ending.NON_FINITE),
-        (x - sp.Abs(y), {"x": 1, "y": 1}, Ending.STEP_TOO_SMALL),
-        (y - sp.Heaviside(-x), {"x": 1, "y": 0}, Ending.STEP_TOO_SMALL),
-        (x * y - 1, {"x": 1, "y": 1}, Ending.RUNS_AWAY),
-        (y - sp.sin(1000 * x) / 1000, {"x": 1, "y": 0}, Ending.TOO_MANY_POINTS),
+        (y - sp.sqrt(x), {"x": 1, "y": 1}, Status.NON_FINITE),
+        (x - sp.Abs(y), {"x": 1, "y": 1}, Status.STEP_TOO_SMALL),
+        (y - sp.Heaviside(-x), {"x": 1, "y": 0}, Status.STEP_TOO_SMALL),
+        (x * y - 1, {"x": 1, "y": 1}, Status.RUNS_AWAY),
+        (y - sp.sin(1000 * x) / 1000, {"x": 1, "y": 0}, Status.TOO_MANY_POINTS),
     ],
 )
 def test_each_ending_is_named_with_its_place_and_remedy(g, start, ending) -> None:
@@ -501,7 +502,7 @@ def test_each_ending_is_named_with_its_place_and_remedy(g, start, ending) -> Non
     assert curve.status is ending
     assert not curve.status.ok
     assert f"{ending.name} at x = " in curve.message
-    assert ending.remedy in curve.message
+    assert REMEDIES.get(ending, ending.remedy) in curve.message
     assert "fast eigenvalue" in curve.message
     assert np.isfinite(curve.points).all()
 
@@ -509,17 +510,17 @@ def test_each_ending_is_named_with_its_place_and_remedy(g, start, ending) -> Non
 def test_the_message_names_the_special_point_nearby() -> None:
     g = sp.Piecewise((x - y**2, y > sp.Rational(1, 1000)), (x - y**2 + 1, True))
     curve = continue_critical(one(g), start={"x": 1, "y": 1}, direction=-1)
-    assert curve.status is Ending.STEP_TOO_SMALL
+    assert curve.status is Status.STEP_TOO_SMALL
     bent = sp.Piecewise((x - y**2, y > -sp.Rational(1, 100)), (x - y**2 + 1, True))
     curve = continue_critical(one(bent), start={"x": 1, "y": 1}, direction=-1)
-    assert curve.status is Ending.STEP_TOO_SMALL
+    assert curve.status is Status.STEP_TOO_SMALL
     assert "close to the fold at x = " in curve.message
 
 
 def test_points_are_limited_and_counted() -> None:
     curve = continue_critical(one(y - x), start={"x": 0, "y": 0}, max_points=10)
     assert len(curve) == 19
-    assert curve.status is Ending.TOO_MANY_POINTS
+    assert curve.status is Status.TOO_MANY_POINTS
 
 
 def test_an_interruption_keeps_what_was_computed() -> None:
@@ -531,16 +532,29 @@ def test_an_interruption_keeps_what_was_computed() -> None:
             raise KeyboardInterrupt
 
     curve = continue_critical(one(y - x), start={"x": 0, "y": 0}, progress=progress)
-    assert curve.status is Ending.INTERRUPTED
+    assert curve.status is Status.INTERRUPTED
     assert len(curve) == 9
     assert all(0 < share <= 1 for share in shares)
 
 
-@pytest.mark.parametrize("ending", list(Ending))
-def test_every_ending_has_a_meaning_and_every_failure_a_remedy(ending: Ending) -> None:
+@pytest.mark.parametrize("ending", list(Status))
+def test_every_ending_has_a_meaning_and_every_failure_a_remedy(ending: Status) -> None:
     assert ending.meaning
     assert bool(ending.remedy) is not ending.ok
     assert ending.meaning in str(ending)
+
+
+def test_endings_of_all_computations_are_one_vocabulary_in_four_kinds() -> None:
+    assert continuation.Ending is Status
+    kinds = {kind: [ending for ending in Status if ending.kind is kind] for kind in EndKind}
+    assert all(kinds.values())
+    # What was reached needs no remedy; a fold is knowledge, and a failure never counts as all there is.
+    assert all(ending.ok for ending in kinds[EndKind.REACHED])
+    assert {Status.FOLD_REACHED, Status.HYPERBOLICITY_LOST, Status.EQUILIBRIUM_REACHED} <= set(
+        kinds[EndKind.ENDS]
+    )
+    assert kinds[EndKind.STOPPED] == [Status.EVENT_REACHED, Status.REGION_LEFT, Status.INTERRUPTED]
+    assert not any(ending.ok for ending in (*kinds[EndKind.STOPPED], *kinds[EndKind.FAILED]))
 
 
 def test_a_curve_shows_itself() -> None:

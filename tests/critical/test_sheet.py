@@ -5,11 +5,10 @@ import pytest
 import sympy as sp
 
 from gsp.critical.continuation import continue_critical
-from gsp.critical.continuation.ending import Ending
 from gsp.critical.continuation.fold_curve import continue_folds
 from gsp.critical.continuation.sheet import critical_sheet
 from gsp.critical.continuation.special_points import SpecialKind
-from gsp.errors import BranchError, DeclarationError
+from gsp.errors import BranchError, DeclarationError, Status
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
 
@@ -63,7 +62,7 @@ def test_the_curve_of_folds_of_the_cusp(start) -> None:
     assert [point["a"], point["b"], point["y"]] == pytest.approx([0, 0, 0], abs=1e-12)
     assert point.coefficients["c"] == pytest.approx(1, abs=1e-12)
     assert folds["a"][[0, -1]] == pytest.approx([-3, -3], abs=1e-12)
-    assert folds.status is Ending.BOUND_REACHED
+    assert folds.status is Status.BOUND_REACHED
     assert (np.diff(np.sign(np.delete(folds.coefficient, point.row))) != 0).sum() == 1
     assert (np.diff(folds.arclength) > 0).all()
 
@@ -103,7 +102,7 @@ def test_a_bogdanov_takens_point_is_told_from_a_cusp() -> None:
 
 def test_a_closed_curve_of_folds_closes() -> None:
     folds = continue_folds(over(1 - a**2 - 2 * b**2 - y**2), start={"a": 0.9, "b": 0, "y": 0})
-    assert folds.status is Ending.CLOSED
+    assert folds.status is Status.CLOSED
     assert np.abs(folds["a"] ** 2 + 2 * folds["b"] ** 2 - 1).max() < 1e-12
     assert np.abs(folds["y"]).max() < 1e-12
 
@@ -120,7 +119,7 @@ def test_the_units_of_the_variables_do_not_move_the_folds() -> None:
 
 def test_fewer_points_than_needed_is_an_ending() -> None:
     folds = continue_folds(CUSP, start={"a": -3, "b": 2, "y": 1}, max_points=5)
-    assert folds.status is Ending.TOO_MANY_POINTS
+    assert folds.status is Status.TOO_MANY_POINTS
     assert len(folds) == 9
 
 
@@ -154,7 +153,7 @@ def cusp_sheet():
 
 def test_the_sheet_of_the_cusp_is_on_the_manifold_and_in_the_box(cusp_sheet) -> None:
     sheet = cusp_sheet
-    assert sheet.status is Ending.COMPLETE
+    assert sheet.status is Status.COMPLETE
     assert np.abs(sheet["y"] ** 3 + sheet["a"] * sheet["y"] + sheet["b"]).max() < 1e-13
     assert sheet.residual < 1e-13
     for name, (low, high) in BOX.items():
@@ -256,7 +255,7 @@ def test_a_sheet_over_a_slow_variable_and_a_parameter() -> None:
 
 def test_a_sheet_that_is_too_large_is_a_part() -> None:
     sheet = critical_sheet(CUSP, start={"a": -1, "b": 0, "y": 1}, bounds=BOX, resolution=16, max_points=50)
-    assert sheet.status is Ending.TOO_MANY_POINTS
+    assert sheet.status is Status.TOO_MANY_POINTS
     assert "raise max_points" in sheet.message
     assert 50 <= sheet.stats.cells < 200
 
@@ -264,7 +263,7 @@ def test_a_sheet_that_is_too_large_is_a_part() -> None:
 def test_a_sheet_ends_where_g_is_not_finite() -> None:
     sheet = critical_sheet(over(y - sp.sqrt(a) - b), start={"a": 1, "b": 0, "y": 1}, resolution=8,
                            bounds={"a": (-1, 1), "b": (-1, 1)})  # fmt: skip
-    assert sheet.status is Ending.NON_FINITE
+    assert sheet.status is Status.NON_FINITE
     assert sheet.stats.skipped > 0
     assert np.isfinite(sheet.points).all()
     assert sheet.residual < 1e-12

@@ -22,18 +22,12 @@ from gsp.kernels import ledger
 from gsp.models import load
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.example_systems import enzyme, oscillator
 
 x, y, s, c, a, k, epsilon, energy = sp.symbols("x y s c a k epsilon E")
 EVERY = pytest.mark.parametrize("method", list(Method))
 
-OSCILLATOR = VectorField({x: y, y: -x}, epsilon=None, observables={energy: (x**2 + y**2) / 2})
-ENZYME = SlowFastSystem(
-    slow={s: -s + (s + a) * c},
-    fast={c: s - (s + 1) * c},
-    epsilon=epsilon,
-    parameters={a: "0.5"},
-    observables={energy: s + epsilon * a * c},
-)
+OSCILLATOR, ENZYME = oscillator(), enzyme()
 BLOW_UP = VectorField({x: k * x**2}, epsilon=None, parameters={k: 1})
 CLOUD = np.random.default_rng(0).uniform(0.2, 2, (23, 2))
 

@@ -12,18 +12,12 @@ import sympy as sp
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.example_systems import enzyme, oscillator
 
 x, y, s, c, a, epsilon, energy = sp.symbols("x y s c a epsilon E")
 BOTH = pytest.mark.parametrize("method", list(Method))
 
-OSCILLATOR = VectorField({x: y, y: -x}, epsilon=None, observables={energy: (x**2 + y**2) / 2})
-ENZYME = SlowFastSystem(
-    slow={s: -s + (s + a) * c},
-    fast={c: s - (s + 1) * c},
-    epsilon=epsilon,
-    parameters={a: "0.5"},
-    observables={energy: s + epsilon * a * c},
-)
+OSCILLATOR, ENZYME = oscillator(), enzyme()
 
 
 def oscillate(**options):

@@ -8,8 +8,7 @@ import sympy as sp
 
 import gsp
 from gsp import charts
-from gsp.critical.continuation import Ending
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, Status
 from gsp.orbits.periodic import CycleKind
 
 x, y, z, w, a, mu, eps = sp.symbols("x y z w a mu epsilon")
@@ -88,7 +87,7 @@ def test_a_fold_of_cycles_is_passed_and_located() -> None:
     assert family["mu"] == pytest.approx(squared**2 - squared, abs=1e-8)
     assert (family.unstable[: fold.row] == 1).all()
     assert (family.unstable[fold.row + 1 :] == 0).all()
-    assert family.status is Ending.BOUND_REACHED
+    assert family.status is Status.BOUND_REACHED
     assert family["mu"][-1] == 1
     assert (np.diff(family.arclength) > 0).all()
     # A plain fold is no explosion.
@@ -147,7 +146,7 @@ def test_roesslers_first_period_doubling() -> None:
 
 
 def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> None:
-    assert explosion.status is Ending.BOUND_REACHED
+    assert explosion.status is Status.BOUND_REACHED
     assert explosion["a"][-1] == 0.9
     (found,) = explosion.explosions
     assert found.value == pytest.approx(0.998740451245955573, abs=1e-11)
@@ -192,7 +191,7 @@ def test_the_explosion_is_the_same_from_the_side_of_relaxation(explosion) -> Non
     orbit = gsp.periodic_orbit(van_der_pol(0.9), start={"x": 2, "y": 0}, epsilon=0.01)
     assert orbit.period == pytest.approx(explosion.period[-1], rel=1e-10)
     back = gsp.continue_orbits(orbit, parameter="a", bounds=(0.5, 1.1))
-    assert back.status is Ending.EQUILIBRIUM_REACHED
+    assert back.status is Status.EQUILIBRIUM_REACHED
     assert back["a"][-1] == pytest.approx(1, abs=1e-5)
     assert back.explosions[0].value == pytest.approx(explosion.explosions[0].value, abs=1e-10)
 
@@ -209,7 +208,7 @@ def test_fitzhugh_nagumo_from_hopf_point_to_hopf_point() -> None:
         neuron, start={"v": -1.2, "w": -0.6}, parameter="I", bounds=(-0.5, 3), epsilon=0.05
     )
     family = gsp.continue_orbits(first, bounds=(0, 2))
-    assert family.status is Ending.EQUILIBRIUM_REACHED
+    assert family.status is Status.EQUILIBRIUM_REACHED
     assert family["I"][-1] == pytest.approx(second.value, abs=1e-4)
     # (v, w, I) -> (-v, -w + 7/4, 7/4 - I) is a symmetry.
     lower, upper = (special.orbit.parameters["I"] for special in family.of_kind(CycleKind.FOLD))
@@ -225,7 +224,7 @@ def test_fitzhugh_nagumo_from_hopf_point_to_hopf_point() -> None:
 def test_a_family_in_epsilon_towards_the_singular_limit() -> None:
     orbit = gsp.periodic_orbit(van_der_pol(0), start={"x": 2, "y": 0}, epsilon=0.01)
     family = gsp.continue_orbits(orbit, parameter=eps, bounds=(1e-4, 0.5), direction=-1)
-    assert family.status is Ending.BOUND_REACHED
+    assert family.status is Status.BOUND_REACHED
     assert family["epsilon"][-1] == 1e-4
     assert family.orbits[-1].epsilon == 1e-4
     # mu = 100; in slow time periods are over mu.
@@ -243,7 +242,7 @@ def test_a_homoclinic_orbit_ends_a_family_by_its_period() -> None:
     flow = gsp.VectorField({x: y, y: mu * y + x - x**2 + x * y}, epsilon=None, parameters={mu: -0.95})
     (start,) = gsp.hopf_points(flow, start={"x": 1, "y": 0}, parameter="mu", bounds=(-1.5, -0.5))
     family = gsp.continue_orbits(start, bounds=(-1.5, -0.5), max_period=100)
-    assert family.status is Ending.PERIOD_GROWS
+    assert family.status is Status.PERIOD_GROWS
     assert "homoclinic" in family.message
     # At the end the parameter has converged: exponentially in the period.
     assert abs(np.diff(family["mu"])[-1]) < 1e-10
@@ -251,7 +250,7 @@ def test_a_homoclinic_orbit_ends_a_family_by_its_period() -> None:
 
 def test_points_used_up() -> None:
     family = gsp.continue_orbits(hopf(0.1), bounds=(0.9, 1.1), max_points=5)
-    assert family.status is Ending.TOO_MANY_POINTS
+    assert family.status is Status.TOO_MANY_POINTS
     assert len(family) == 5
     assert "raise max_points" in family.message
 

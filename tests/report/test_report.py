@@ -19,6 +19,7 @@ from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import first_sentence, number, scientific, signed, words
 from gsp.scenes.scene import Scene
+from tests.example_systems import saddle_scene
 
 HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -59,21 +60,7 @@ def written(sleigh, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def saddle():
-    s, x, y, epsilon = sp.symbols("s x y epsilon")
-    system = SlowFastSystem(slow={s: -s}, fast={x: x + s**2, y: -y + x * s}, epsilon=epsilon)
-    scene = Scene(
-        system,
-        region={"s": (0.1, 2)},
-        start={"s": 1, "x": -1, "y": -1},
-        span=(0, 0.5),
-        epsilon=0.02,
-        epsilons=(0.04, 0.02),
-        tolerance=1e-4,
-        title=HOSTILE,
-        description=HOSTILE,
-        source=HOSTILE,
-    )
-    return analyse(scene)
+    return analyse(saddle_scene(title=HOSTILE, description=HOSTILE, source=HOSTILE))
 
 
 @pytest.fixture

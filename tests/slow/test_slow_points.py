@@ -9,19 +9,8 @@ from gsp.errors import BranchError, DeclarationError, Status, UnsupportedFunctio
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.system import SlowFastSystem
-from tests.example_systems import (
-    coupled,
-    epsilon,
-    koper,
-    michaelis_menten,
-    saddle,
-    sleigh,
-    transcendental,
-    van_der_pol,
-    x,
-    y,
-    z,
-)
+from tests import example_systems as systems
+from tests.example_systems import epsilon, x, y, z
 
 # Followed forward from large s, in 40 digits, epsilon = 0.1; s = 1/10, 1/2, 1, 5.
 MICHAELIS_MENTEN = [
@@ -41,14 +30,14 @@ def branch_of(system, point=None):
 
 
 CASES = {
-    "explicit": (branch_of(michaelis_menten()), [[0.3], [1.0], [2.0]]),
-    "two slow": (branch_of(sleigh()), [[0.7, 0.6], [0.2, -0.8]]),
-    "implicit": (branch_of(van_der_pol(), {"x": 2, "y": 0.6}), [[0.7], [1.5]]),
-    "repelling": (branch_of(van_der_pol(), {"x": 0.1, "y": -0.1}), [[0.1], [-0.1]]),
-    "saddle": (branch_of(saddle()), [[0.5], [-0.8]]),
-    "two fast": (branch_of(coupled(), {"x": 0.5, "y": 0.3, "z": 0.2}), [[0.5], [0.8]]),
-    "functions": (branch_of(transcendental(), {"x": 0.5, "y": 0.3}), [[0.5], [0.9]]),
-    "folded": (branch_of(koper(), {"x": 2.4, "y": 0, "z": 0.5}), [[0.0, 0.5], [0.3, 0.2]]),
+    "explicit": (branch_of(systems.michaelis_menten()), [[0.3], [1.0], [2.0]]),
+    "two slow": (branch_of(systems.sleigh()), [[0.7, 0.6], [0.2, -0.8]]),
+    "implicit": (branch_of(systems.van_der_pol(), {"x": 2, "y": 0.6}), [[0.7], [1.5]]),
+    "repelling": (branch_of(systems.van_der_pol(), {"x": 0.1, "y": -0.1}), [[0.1], [-0.1]]),
+    "saddle": (branch_of(systems.saddle()), [[0.5], [-0.8]]),
+    "two fast": (branch_of(systems.coupled(), {"x": 0.5, "y": 0.3, "z": 0.2}), [[0.5], [0.8]]),
+    "functions": (branch_of(systems.transcendental(), {"x": 0.5, "y": 0.3}), [[0.5], [0.9]]),
+    "folded": (branch_of(systems.koper(), {"x": 2.4, "y": 0, "z": 0.5}), [[0.0, 0.5], [0.3, 0.2]]),
 }
 
 
@@ -144,15 +133,15 @@ def test_the_order_is_the_lowest_that_meets_the_tolerance() -> None:
 
 
 def test_the_order_in_which_variables_are_declared_does_not_matter() -> None:
-    system = sleigh()
+    system = systems.sleigh()
     (v, f), (p, g) = system.slow.items()
     swapped = SlowFastSystem(slow={p: g, v: f}, fast=system.fast, epsilon=epsilon, parameters=system.parameters)
     points = {"v": [0.7, 0.2], "p": [0.6, -0.8]}
     one = zero_derivative(branch_of(system), points, epsilon=0.05)
     other = zero_derivative(branch_of(swapped), points, epsilon=0.05)
     np.testing.assert_allclose(one.y, other.y, rtol=0, atol=1e-15)
-    fast = dict(reversed(coupled().fast.items()))
-    turned = SlowFastSystem(slow=coupled().slow, fast=fast, epsilon=epsilon)
+    fast = dict(reversed(systems.coupled().fast.items()))
+    turned = SlowFastSystem(slow=systems.coupled().slow, fast=fast, epsilon=epsilon)
     one = zero_derivative(CASES["two fast"][0], [0.5], epsilon=0.02)
     other = zero_derivative(branch_of(turned, {"x": 0.5, "y": 0.3, "z": 0.2}), [0.5], epsilon=0.02)
     np.testing.assert_allclose(one.y, other.y[:, ::-1], rtol=0, atol=1e-14)
@@ -179,13 +168,13 @@ def test_one_point_loses_the_leading_axis_and_names_are_taken() -> None:
 
 
 def test_near_chooses_the_sheet() -> None:
-    branch = branch_of(van_der_pol())
+    branch = branch_of(systems.van_der_pol())
     sheets = [zero_derivative(branch, [0.0], epsilon=0.01, near=[start]).y[0, 0] for start in (-1.8, 0.1, 1.8)]
     assert sheets[0] < -1 < sheets[1] < 1 < sheets[2]
 
 
 def test_points_beside_a_fold_say_that_they_are_bad() -> None:
-    branch = branch_of(van_der_pol(), {"x": 2, "y": 0.6})
+    branch = branch_of(systems.van_der_pol(), {"x": 2, "y": 0.6})
     found = zero_derivative(branch, [-0.66, 0.5], epsilon=0.05)
     bad = ~np.isfinite(found.y[0]) | (found.error[0] > 1e-3)
     assert bad.all()
@@ -224,12 +213,12 @@ def test_a_wrong_call_raises(change, words) -> None:
 
 def test_a_wrong_branch_and_a_field_without_jets_raise() -> None:
     with pytest.raises(DeclarationError, match="takes a Branch"):
-        zero_derivative(michaelis_menten(), [1.0], epsilon=0.1)  # pyright: ignore[reportArgumentType]
+        zero_derivative(systems.michaelis_menten(), [1.0], epsilon=0.1)  # pyright: ignore[reportArgumentType]
     system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=epsilon)
     with pytest.raises(UnsupportedFunctionError, match="solve_manifold"):
         zero_derivative(branch_of(system), [1.0], epsilon=0.1)
     with pytest.raises(BranchError, match="over y = 0"):
-        zero_derivative(branch_of(van_der_pol()), [0.0], epsilon=0.1)
+        zero_derivative(branch_of(systems.van_der_pol()), [0.0], epsilon=0.1)
 
 
 def test_fast_rates_far_apart_cost_orders_and_are_told() -> None:

@@ -16,19 +16,8 @@ from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
-from tests.example_systems import (
-    coupled,
-    epsilon,
-    koper,
-    michaelis_menten,
-    saddle,
-    sleigh,
-    transcendental,
-    van_der_pol,
-    x,
-    y,
-    z,
-)
+from tests import example_systems as systems
+from tests.example_systems import epsilon, x, y, z
 from tests.slow.test_slow_points import MICHAELIS_MENTEN, SLEIGH, SLEIGH_POINTS
 
 t, u, w = sp.symbols("t u w")
@@ -76,7 +65,7 @@ UPWARDS = SlowFastSystem(slow={u: 1}, fast={w: u - w**2}, epsilon=epsilon)
 DOWNWARDS = SlowFastSystem(slow={u: -1}, fast={w: u - w**2}, epsilon=epsilon)
 
 EXACT = {
-    "saddle": (branch_of(saddle()), {"x": (-1, 2)}, Kind.SADDLE, saddle_exact),
+    "saddle": (branch_of(systems.saddle()), {"x": (-1, 2)}, Kind.SADDLE, saddle_exact),
     "oscillating saddle": (branch_of(OSCILLATING), {"t": (0, 7)}, Kind.SADDLE, oscillating_exact),
     "Davis-Skodje": (branch_of(DAVIS_SKODJE), {"x": (0, 3.5)}, Kind.ATTRACTING, lambda p, e: p / (1 + p)),
     "linear": (branch_of(LINEAR), {"y": (-1, 3)}, Kind.ATTRACTING, lambda p, e: p / (1 - e)),
@@ -118,7 +107,7 @@ def test_the_estimated_error_is_honest(name: str, tolerance: float) -> None:
 
 def test_michaelis_menten_is_followed_forward_from_large_s() -> None:
     manifold = solve_manifold(
-        branch_of(michaelis_menten()), region={"s": (0.1, 5)}, epsilon=0.1, tolerance=TIGHT
+        branch_of(systems.michaelis_menten()), region={"s": (0.1, 5)}, epsilon=0.1, tolerance=TIGHT
     )
     assert manifold.status.ok
     np.testing.assert_allclose(manifold.evaluate([0.1, 0.5, 1, 5]), MICHAELIS_MENTEN, rtol=0, atol=1e-13)
@@ -127,12 +116,12 @@ def test_michaelis_menten_is_followed_forward_from_large_s() -> None:
 
 def test_the_sleigh() -> None:
     region = {"v": (-1.2, 1.2), "p": (-2.2, 1.2)}
-    manifold = solve_manifold(branch_of(sleigh()), region=region, epsilon=0.1, tolerance=TIGHT)
+    manifold = solve_manifold(branch_of(systems.sleigh()), region=region, epsilon=0.1, tolerance=TIGHT)
     assert manifold.status.ok
     np.testing.assert_allclose(manifold.evaluate(SLEIGH_POINTS), SLEIGH, rtol=0, atol=1e-13)
     # v = a/(m epsilon), w = -a omega is an exact solution for every epsilon: 2 and p = J omega + m a w = omega.
     edge = solve_manifold(
-        branch_of(sleigh()), region={"v": (1.5, 2), "p": (0.5, 1)}, epsilon=0.1, tolerance=TIGHT
+        branch_of(systems.sleigh()), region={"v": (1.5, 2), "p": (0.5, 1)}, epsilon=0.1, tolerance=TIGHT
     )
     np.testing.assert_allclose(edge.evaluate([[2, 0.5], [2, 1]]), [[-0.1], [-0.2]], rtol=0, atol=1e-13)
 
@@ -164,13 +153,15 @@ def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
 def test_the_middle_sheet_of_van_der_pol_is_followed_backward() -> None:
     value = 0.01
     region = {"y": (-0.3, 0.1), "x": (-0.9, 0.9)}
-    manifold = solve_manifold(branch_of(van_der_pol()), region=region, epsilon=value, tolerance=1e-12)
+    manifold = solve_manifold(branch_of(systems.van_der_pol()), region=region, epsilon=value, tolerance=1e-12)
     assert manifold.status.ok, manifold.message
     assert manifold.kind is Kind.REPELLING
     # Backward in time the sheet attracts: what starts next to it upwards is on it long before y = 0.1.
-    start = {"y": 0.55, "x": float(branch_of(van_der_pol()).points([0.55], near=[-0.6])[0, 0])}
+    start = {"y": 0.55, "x": float(branch_of(systems.van_der_pol()).points([0.55], near=[-0.6])[0, 0])}
     at = np.linspace(0, -0.9, 181)
-    run = integrate(van_der_pol(), start=start, span=(0, -0.9), epsilon=value, rtol=1e-13, atol=1e-14, at=at)
+    run = integrate(
+        systems.van_der_pol(), start=start, span=(0, -0.9), epsilon=value, rtol=1e-13, atol=1e-14, at=at
+    )
     assert run.status.ok
     on = (run["y"] < 0.1) & (run["y"] > -0.3)
     assert on.sum() > 20
@@ -178,12 +169,12 @@ def test_the_middle_sheet_of_van_der_pol_is_followed_backward() -> None:
 
 
 CASES = {
-    "two slow": (branch_of(sleigh()), {"v": (0.2, 1), "p": (0.2, 1)}),
-    "implicit": (branch_of(van_der_pol()), {"y": (0.4, 1.4), "x": (1.2, 3)}),
-    "seeded": (branch_of(van_der_pol(), {"y": 0.7, "x": 2}), {"y": (0.4, 1.4)}),
-    "two fast": (branch_of(coupled(), {"x": 0.5, "y": 0.3, "z": 0.2}), {"x": (0.3, 0.7)}),
-    "functions": (branch_of(transcendental()), {"x": (0.3, 1.2), "y": (-3, 3)}),
-    "folded": (branch_of(koper()), {"y": (0.0, 0.5), "z": (0.2, 0.8), "x": (1.2, 3)}),
+    "two slow": (branch_of(systems.sleigh()), {"v": (0.2, 1), "p": (0.2, 1)}),
+    "implicit": (branch_of(systems.van_der_pol()), {"y": (0.4, 1.4), "x": (1.2, 3)}),
+    "seeded": (branch_of(systems.van_der_pol(), {"y": 0.7, "x": 2}), {"y": (0.4, 1.4)}),
+    "two fast": (branch_of(systems.coupled(), {"x": 0.5, "y": 0.3, "z": 0.2}), {"x": (0.3, 0.7)}),
+    "functions": (branch_of(systems.transcendental()), {"x": (0.3, 1.2), "y": (-3, 3)}),
+    "folded": (branch_of(systems.koper()), {"y": (0.0, 0.5), "z": (0.2, 0.8), "x": (1.2, 3)}),
 }
 
 
@@ -272,7 +263,7 @@ def test_a_field_without_jets_is_solved_all_the_same() -> None:
 
 
 def test_work_and_shapes() -> None:
-    manifold = solve_manifold(branch_of(saddle()), region={"x": (-1, 1)}, epsilon=0.05)
+    manifold = solve_manifold(branch_of(systems.saddle()), region={"x": (-1, 1)}, epsilon=0.05)
     assert len(manifold.nodes) == 17
     assert manifold.nodes.shape == (17, 1)
     assert manifold.values.shape == (17, 2)
@@ -284,7 +275,7 @@ def test_work_and_shapes() -> None:
     assert manifold.slope(0.3).shape == (2, 1)
     assert manifold.evaluate({"x": [0.1, 0.2]}).shape == (2, 2)
     assert "saddle" in repr(manifold)
-    again = solve_manifold(branch_of(saddle()), region={"x": (-1, 1)}, epsilon=0.05)
+    again = solve_manifold(branch_of(systems.saddle()), region={"x": (-1, 1)}, epsilon=0.05)
     assert np.array_equal(again.values, manifold.values)
 
 
@@ -292,7 +283,7 @@ def test_work_and_shapes() -> None:
 
 
 def test_a_fold_in_the_region_is_told_with_its_place() -> None:
-    branch = branch_of(van_der_pol(), {"y": 0.7, "x": 2})
+    branch = branch_of(systems.van_der_pol(), {"y": 0.7, "x": 2})
     for low in (-0.6666666666666666, -1.0):
         manifold = solve_manifold(branch, region={"y": (low, 1)}, epsilon=0.01)
         assert manifold.status is Status.FOLD_REACHED
@@ -396,7 +387,7 @@ def test_a_wrong_branch_raises() -> None:
     with pytest.raises(DeclarationError, match="takes a Branch"):
         solve_manifold(LINEAR, region={"y": (0, 1)}, epsilon=0.05)  # pyright: ignore[reportArgumentType]
     with pytest.raises(BranchError, match="has 3 points over the centre"):
-        solve_manifold(branch_of(van_der_pol()), region={"y": (-0.1, 0.2)}, epsilon=0.05)
+        solve_manifold(branch_of(systems.van_der_pol()), region={"y": (-0.1, 0.2)}, epsilon=0.05)
     symbols = sp.symbols("q1:5")
     many = SlowFastSystem(slow={q: -q for q in symbols}, fast={y: symbols[0] - y}, epsilon=epsilon)
     with pytest.raises(DeclarationError, match="one to three slow variables"):

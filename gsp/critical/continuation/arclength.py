@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gsp.critical.continuation.ending import Ending
+from gsp.errors import Status
 from gsp.roots import root
 
 # Corrections of a step: at most this many, and this many aimed at.
@@ -75,7 +75,7 @@ class Trace:
     points: list[np.ndarray]
     tangents: list[np.ndarray]
     scales: list[np.ndarray]
-    ending: Ending = Ending.TOO_MANY_POINTS
+    ending: Status = Status.TOO_MANY_POINTS
     bound: str = ""
     crossings: dict[int, object] = field(default_factory=dict)
 
@@ -200,7 +200,7 @@ class Tracer:
         try:
             self._run(trace, at_crossing)
         except KeyboardInterrupt:
-            trace.ending = Ending.INTERRUPTED
+            trace.ending = Status.INTERRUPTED
         return trace
 
     def _run(self, trace: Trace, at_crossing: bool) -> None:
@@ -209,12 +209,12 @@ class Tracer:
         sign = 0 if at_crossing else self.orientation(u, t)
         outside = self._outside(u + 1e-3 * controls.step * self.scales * t)
         if outside is not None and self._on_bound(u, outside):
-            trace.ending, trace.bound = Ending.BOUND_REACHED, self.names[outside]
+            trace.ending, trace.bound = Status.BOUND_REACHED, self.names[outside]
             return
         h = min(controls.step, controls.max_step)
         while len(trace.points) < controls.max_points:
             if h < SMALLEST * controls.max_step:
-                trace.ending = Ending.NON_FINITE if self._saw_non_finite else Ending.STEP_TOO_SMALL
+                trace.ending = Status.NON_FINITE if self._saw_non_finite else Status.STEP_TOO_SMALL
                 return
             self._saw_non_finite = False
             step = self._step(u, t, h)
@@ -229,7 +229,7 @@ class Tracer:
                 if np.abs((reached - u) / self.scales).max() < 1e-9:
                     # The last point was on the bound by itself.
                     trace.ending, trace.bound, trace.points[-1] = (
-                        Ending.BOUND_REACHED,
+                        Status.BOUND_REACHED,
                         self.names[place],
                         reached,
                     )
@@ -244,23 +244,23 @@ class Tracer:
                     continue
                 if at_crossing and self._is_start(trace, crossing[0], t):
                     self._append(trace, trace.points[0], trace.tangents[0])
-                    trace.ending = Ending.CLOSED
+                    trace.ending = Status.CLOSED
                     return
                 trace.crossings[len(trace.points)] = crossing[1]
                 self._append(trace, crossing[0], t)
             if len(trace.points) > 3 and self._closes(trace, u, reached, along):
                 self._append(trace, trace.points[0], trace.tangents[0])
-                trace.ending = Ending.CLOSED
+                trace.ending = Status.CLOSED
                 return
             self._append(trace, reached, along)
             self.counters.steps += 1
             if self.progress is not None:
                 self.progress(len(trace.points) / controls.max_points)
             if stop is not None:
-                trace.ending, trace.bound = Ending.BOUND_REACHED, self.names[place]
+                trace.ending, trace.bound = Status.BOUND_REACHED, self.names[place]
                 return
             if np.abs(reached / self._first_scales).max() > FAR:
-                trace.ending = Ending.RUNS_AWAY
+                trace.ending = Status.RUNS_AWAY
                 return
             u, t, sign = reached, along, now or sign
             growth = min(2.0 ** ((AIM - corrections) / 2.0), AIM_ANGLE / max(angle, 1e-3))
@@ -269,7 +269,7 @@ class Tracer:
             if self.refresh is not None:
                 self.equations = self.refresh(self.equations, u)
                 sign = self.orientation(u, t)
-        trace.ending = Ending.TOO_MANY_POINTS
+        trace.ending = Status.TOO_MANY_POINTS
 
     def _append(self, trace: Trace, u: np.ndarray, t: np.ndarray) -> None:
         trace.points.append(u)

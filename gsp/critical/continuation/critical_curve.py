@@ -9,8 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.continuation.arclength import Controls, Trace, Tracer
-from gsp.critical.continuation.curve import CriticalCurve, Options, Stop, say, stability, total_stats
-from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.curve import CriticalCurve, Options, closing, frozen, oriented, stability
 from gsp.critical.continuation.location import locate
 from gsp.critical.continuation.special_points import VERTICAL, BranchPoints, SpecialPoint
 from gsp.critical.layer_problem import (
@@ -22,7 +21,7 @@ from gsp.critical.layer_problem import (
     layer_problem,
     natural_scales,
 )
-from gsp.errors import BranchError, DeclarationError
+from gsp.errors import BranchError, DeclarationError, Status
 from gsp.systems.arguments import (
     check_flag,
     check_noun,
@@ -100,10 +99,9 @@ def continue_critical(
             f"start is a branch point, where the curve has no one tangent. Got {_shown(problem, u)}. "
             "Start beside it, and switch_branches=True finds the curves that cross there."
         )
-    leading = 0 if abs(tangent[0]) > VERTICAL else int(np.argmax(np.abs(tangent)))
-    tangent = tangent * np.sign(tangent[leading]) * (direction or 1)
+    tangent = oriented(tangent, VERTICAL, direction)
     curve = _continued(problem, options, tracer, u, tangent, both=direction == 0, at_crossing=False)
-    if not switch_branches or curve.status is Ending.INTERRUPTED:
+    if not switch_branches or curve.status is Status.INTERRUPTED:
         return curve
     return replace(curve, others=tuple(_all_branches(curve, progress)))
 
@@ -214,7 +212,7 @@ def traced(tracer: Tracer, u: np.ndarray, tangent: np.ndarray, *, both: bool, at
     """The traces, forward or backward and forward; only forward when the curve closes."""
     scales = tracer.scales.copy()
     forward = tracer.run(u, tangent, at_crossing=at_crossing)
-    if not both or forward.ending in (Ending.CLOSED, Ending.INTERRUPTED):
+    if not both or forward.ending in (Status.CLOSED, Status.INTERRUPTED):
         return [forward]
     tracer.scales, grown = scales, tracer.scales
     backward = tracer.run(u, -tangent, at_crossing=at_crossing)
@@ -256,23 +254,11 @@ def _continued(
         points, special, arclength = locate(problem, tracer, joined(traces), known)
         eigenvalues = problem.eigenvalues(points)
     unstable, segments = stability(eigenvalues, [point.row for point in special])
-    ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
-    rows = problem.rows(points)
-    for array in (rows, eigenvalues, unstable, arclength):
-        array.setflags(write=False)
     return CriticalCurve(
-        problem=problem,
-        options=options,
-        points=rows,
-        eigenvalues=eigenvalues,
-        unstable=unstable,
-        arclength=arclength,
-        scales=dict(zip((s.name for s in problem.unknowns), map(float, tracer.scales))),
-        special=special,
+        **closing(problem, options, tracer, traces, (points, special, arclength)),
+        eigenvalues=frozen(eigenvalues),
+        unstable=frozen(unstable),
         segments=segments,
-        stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
-        stats=total_stats(tracer.counters),
-        message=say(problem, len(points), ends, special, tracer.scales),
     )
 
 
@@ -299,6 +285,6 @@ def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None
                 seen += [(p.unknowns, p.directions[0]) for p in other.special if len(p.directions)]
                 found.append(other)
                 waiting.append(other)
-                if other.status is Ending.INTERRUPTED:
+                if other.status is Status.INTERRUPTED:
                     return found
     return found

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, TypedDict
 
 import numpy as np
 
-from gsp.critical.continuation.arclength import Controls, Counters
-from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.arclength import Controls, Trace, Tracer
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
 from gsp.critical.layer_problem import LayerProblem
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, Status, nearest
 from gsp.results.drawn import Drawn
 from gsp.systems.region import Interval
+
+# What to do about an ending that reads otherwise for runs.
+REMEDIES = {
+    Status.STEP_TOO_SMALL: "the curve has an end, a corner or a pole here, or g is not smooth; start on its other side",
+    Status.NON_FINITE: "the curve leaves the domain of g; bound it before, or start elsewhere",
+    Status.INTERRUPTED: "what was computed before is kept; continue from the last point",
+}
 
 # A stop is said to be close to a special point within this distance, in scaled units.
 CLOSE = 0.05
@@ -33,7 +40,7 @@ class ContinuationStats:
 class Stop:
     """How one direction of a curve ended: where, and at whose bound (empty when at none)."""
 
-    ending: Ending
+    ending: Status
     point: Mapping[str, float]
     bound: str = ""
 
@@ -61,15 +68,12 @@ class Options:
     controls: Controls
 
 
-class NamedCurve:
-    """What curves of M0 and of folds have in common: named columns and a card. Frozen in its subclasses."""
+class NamedPoints:
+    """Points (m, n) on M0 with named columns, in the words of `what`. Frozen in its subclasses."""
 
+    what: ClassVar[str]
     problem: LayerProblem
     points: np.ndarray
-    special: tuple[SpecialPoint, ...]
-    stops: tuple[Stop, ...]
-    stats: ContinuationStats
-    message: str
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,24 +85,34 @@ class NamedCurve:
         """Names of the free variables."""
         return tuple(s.name for s in self.problem.free)
 
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
+        if name not in self.names:
+            raise DeclarationError(
+                f'the {self.what} has no column "{name}". It has {", ".join(self.names)}.'
+                + nearest(str(name), self.names)
+            )
+        return self.points[:, self.names.index(name)]
+
+
+class NamedCurve(NamedPoints):
+    """What curves of M0 and of folds have in common: an order, special points, ends and a card."""
+
+    what = "curve"
+    special: tuple[SpecialPoint, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+
     @property
-    def status(self) -> Ending:
+    def status(self) -> Status:
         """How the curve ended: the worse of its two ends."""
         return next((stop.ending for stop in self.stops if not stop.ending.ok), self.stops[-1].ending)
 
     @property
     def is_closed(self) -> bool:
         """Whether the last point is the first again."""
-        return self.stops[-1].ending is Ending.CLOSED
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
-        if name not in self.names:
-            raise DeclarationError(
-                f'the curve has no column "{name}". It has {", ".join(self.names)}.'
-                + nearest(str(name), self.names)
-            )
-        return self.points[:, self.names.index(name)]
+        return self.stops[-1].ending is Status.CLOSED
 
     def __len__(self) -> int:
         return len(self.points)
@@ -106,6 +120,13 @@ class NamedCurve:
     def of_kind(self, kind: SpecialKind) -> tuple[SpecialPoint, ...]:
         """The special points of one kind, in the order of the curve."""
         return tuple(point for point in self.special if point.kind is kind)
+
+    def __repr__(self) -> str:
+        kinds = [point.kind.value for point in self.special]
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        tail = f", {counted}" if counted else ""
+        name = type(self).__name__
+        return f"{name}({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
     def _card(self, title: str, rows: Sequence[str]) -> str:
         ranges = [
@@ -141,12 +162,6 @@ class CriticalCurve(NamedCurve, Drawn):
     stats: ContinuationStats
     message: str
     others: tuple[CriticalCurve, ...] = ()
-
-    def __repr__(self) -> str:
-        kinds = [point.kind.value for point in self.special]
-        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        tail = f", {counted}" if counted else ""
-        return f"CriticalCurve({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
     def __str__(self) -> str:
         rows = [
@@ -186,15 +201,60 @@ def stability(eigenvalues: np.ndarray, special: Sequence[int]) -> tuple[np.ndarr
     return count, tuple(segments)
 
 
-def total_stats(counters: Counters) -> ContinuationStats:
-    """The counters, frozen."""
-    return ContinuationStats(counters.steps, counters.rejected, counters.corrections, counters.located)
+def oriented(tangent: np.ndarray, upright: float, direction: int) -> np.ndarray:
+    """The tangent along which the first unknown grows, or the steepest one where it hardly does; or against it."""
+    leading = 0 if abs(tangent[0]) > upright else int(np.argmax(np.abs(tangent)))
+    return tangent * np.sign(tangent[leading]) * (direction or 1)
+
+
+class Closing(TypedDict):
+    """What every curve says of how it was made, as keywords of its class."""
+
+    problem: LayerProblem
+    options: Options
+    points: np.ndarray
+    arclength: np.ndarray
+    scales: Mapping[str, float]
+    special: tuple[SpecialPoint, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+
+
+def closing(
+    problem: LayerProblem,
+    options: Options,
+    tracer: Tracer,
+    traces: Sequence[Trace],
+    located: tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray],
+) -> Closing:
+    """What the traces say once the special points have been `located`: (points, special, arclength)."""
+    points, special, arclength = located
+    ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
+    counters = tracer.counters
+    return Closing(
+        problem=problem,
+        options=options,
+        points=frozen(problem.rows(points)),
+        arclength=frozen(arclength),
+        scales=dict(zip((s.name for s in problem.unknowns), map(float, tracer.scales))),
+        special=special,
+        stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
+        stats=ContinuationStats(counters.steps, counters.rejected, counters.corrections, counters.located),
+        message=say(problem, len(points), ends, special, tracer.scales),
+    )
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """`array`, which can no longer be written to."""
+    array.setflags(write=False)
+    return array
 
 
 def say(
     problem: LayerProblem,
     count: int,
-    stops: Sequence[tuple[Ending, np.ndarray, str]],
+    stops: Sequence[tuple[Status, np.ndarray, str]],
     special: Sequence[SpecialPoint],
     scales: np.ndarray,
 ) -> str:
@@ -213,7 +273,7 @@ def say(
                 close = special[int(np.argmin(distances))]
                 first = problem.unknowns[0].name
                 text += f"; close to the {close.kind} at {first} = {close[first]:.6g}"
-            text += f" ({ending.meaning}; {ending.remedy})"
+            text += f" ({ending.meaning}; {REMEDIES.get(ending, ending.remedy)})"
         texts.append(text)
     if len(texts) == 2:
         return f"stopped after {count} points: backward {texts[0]}; forward {texts[1]}"
@@ -222,6 +282,6 @@ def say(
 
 def uninterrupted(curve: CriticalCurve) -> CriticalCurve:
     """`curve` for a verb that goes on from it: where Ctrl-C ended it, Ctrl-C ends the verb too."""
-    if curve.status is Ending.INTERRUPTED:
+    if curve.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return curve

@@ -14,7 +14,15 @@ import sympy as sp
 
 from gsp.critical.continuation.arclength import Trace, Tracer
 from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
-from gsp.critical.continuation.curve import ContinuationStats, NamedCurve, Options, Stop, say, total_stats
+from gsp.critical.continuation.curve import (
+    ContinuationStats,
+    NamedCurve,
+    Options,
+    Stop,
+    closing,
+    frozen,
+    oriented,
+)
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
 from gsp.critical.continuation.special_points import (
     SpecialKind,
@@ -62,12 +70,6 @@ class FoldCurve(NamedCurve):
     stops: tuple[Stop, ...]
     stats: ContinuationStats
     message: str
-
-    def __repr__(self) -> str:
-        kinds = [point.kind.value for point in self.special]
-        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        tail = f", {counted}" if counted else ""
-        return f"FoldCurve({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
     def __str__(self) -> str:
         still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
@@ -163,29 +165,16 @@ def fold_curve(
             raise BranchError(
                 f"several curves of folds meet at start. Got {problem.point(u)}. Start beside that point."
             )
-        leading = 0 if abs(tangent[0]) > 1e-6 else int(np.argmax(np.abs(tangent)))
-        tangent = tangent * np.sign(tangent[leading]) * (direction or 1)
+        tangent = oriented(tangent, 1e-6, direction)
         traces = traced(tracer, u, tangent, both=direction == 0, at_crossing=False)
-        points, special, arclength = _special(problem, tracer, joined(traces))
-        coefficient, skew = _tests(problem, points)
-        eigenvalues = problem.eigenvalues(points)
-    ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
-    rows = problem.rows(points)
-    for array in (rows, coefficient, skew, eigenvalues, arclength):
-        array.setflags(write=False)
+        located = _special(problem, tracer, joined(traces))
+        coefficient, skew = _tests(problem, located[0])
+        eigenvalues = problem.eigenvalues(located[0])
     return FoldCurve(
-        problem=problem,
-        options=options,
-        points=rows,
-        coefficient=coefficient,
-        skew=skew,
-        eigenvalues=eigenvalues,
-        arclength=arclength,
-        scales=dict(zip((s.name for s in problem.unknowns), map(float, tracer.scales))),
-        special=special,
-        stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
-        stats=total_stats(tracer.counters),
-        message=say(problem, len(points), ends, special, tracer.scales),
+        **closing(problem, options, tracer, traces, located),
+        coefficient=frozen(coefficient),
+        skew=frozen(skew),
+        eigenvalues=frozen(eigenvalues),
     )
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside
-from gsp.critical.continuation.curve import Options
-from gsp.critical.continuation.ending import Ending
+from gsp.critical.continuation.curve import NamedPoints, Options, frozen
 from gsp.critical.continuation.fold_curve import FoldCurve, fold_curve, two_free
 from gsp.critical.continuation.simplices import Grid, Mesh, march
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE
@@ -25,7 +24,7 @@ from gsp.critical.layer_problem import (
     natural_scales,
 )
 from gsp.critical.singularity import identity, singular_near
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point
@@ -51,7 +50,7 @@ class SheetStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticalSheet(Drawn):
+class CriticalSheet(NamedPoints, Drawn):
     """A connected sheet of M0 in a box, as triangles.
 
     `points` (m, n) have the columns `names`, and `sheet["x"]` is one of them; `triangles` (k, 3) are rows of it,
@@ -60,6 +59,7 @@ class CriticalSheet(Drawn):
     number inside each. `folds` are the curves of folds on the sheet. `residual` is the largest |g| at a vertex.
     """
 
+    what = "sheet"
     problem: LayerProblem
     points: np.ndarray
     triangles: np.ndarray
@@ -69,28 +69,9 @@ class CriticalSheet(Drawn):
     on_fold: np.ndarray
     folds: tuple[FoldCurve, ...]
     residual: float
-    status: Ending
+    status: Status
     message: str
     stats: SheetStats
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns of `points`: slow, fast, then free parameters."""
-        return self.problem.names
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the two free variables."""
-        return tuple(s.name for s in self.problem.free)
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
-        if name not in self.names:
-            raise DeclarationError(
-                f'the sheet has no column "{name}". It has {", ".join(self.names)}.'
-                + nearest(str(name), self.names)
-            )
-        return self.points[:, self.names.index(name)]
 
     def __repr__(self) -> str:
         return (
@@ -303,21 +284,18 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
     off = np.where(built.on_fold, -1, count)[built.triangles].max(axis=1)
     inside = np.where(off >= 0, off, count[built.triangles].max(axis=1))
     folds = _folds(problem, built, options)
-    rows = problem.rows(u)
-    status = Ending.COMPLETE if mesh.complete else Ending.TOO_MANY_POINTS
+    status = Status.COMPLETE if mesh.complete else Status.TOO_MANY_POINTS
     if mesh.skipped:
-        status = Ending.NON_FINITE
+        status = Status.NON_FINITE
     message = f"{len(u)} points and {len(built.triangles)} triangles: {status}"
-    for array in (rows, built.triangles, eigenvalues, count, inside, built.on_fold):
-        array.setflags(write=False)
     return CriticalSheet(
         problem=problem,
-        points=rows,
-        triangles=built.triangles,
-        eigenvalues=eigenvalues,
-        unstable=count,
-        triangle_unstable=inside,
-        on_fold=built.on_fold,
+        points=frozen(problem.rows(u)),
+        triangles=frozen(built.triangles),
+        eigenvalues=frozen(eigenvalues),
+        unstable=frozen(count),
+        triangle_unstable=frozen(inside),
+        on_fold=frozen(built.on_fold),
         folds=folds,
         residual=float(np.abs(problem.residual(u)).max(initial=0.0)),
         status=status,

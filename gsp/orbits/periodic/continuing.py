@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation import Ending
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.bifurcations import located
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, gauss, phase_condition
 from gsp.orbits.periodic.family import FamilyStats, OrbitFamily, SpecialOrbit
-from gsp.orbits.periodic.finding import check_accuracy
+from gsp.orbits.periodic.finding import check_accuracy, orbit_of
 from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
-from gsp.orbits.periodic.orbit import OrbitStats, PeriodicOrbit, check_name
+from gsp.orbits.periodic.orbit import PeriodicOrbit, check_name
 from gsp.orbits.periodic.settling import OrbitError
 from gsp.orbits.periodic.tracing import Controls, Row, Tracer
 from gsp.systems.arguments import (
@@ -109,7 +107,7 @@ def continue_orbits(
         else:
             first = _through(tracer, origin, symbol.name, direction)
         rows, lengths, ending = tracer.run(first, progress)
-        special = [] if ending is Ending.INTERRUPTED else located(tracer, rows, lengths)
+        special = [] if ending is Status.INTERRUPTED else located(tracer, rows, lengths)
     stats = FamilyStats(
         steps=len(rows) - 1,
         rejected=tracer.rejected,
@@ -230,23 +228,7 @@ def _family(origin, tracer, name, rows, lengths, special, ending, stats) -> Orbi
 
 
 def _orbit(tracer: Tracer, row: Row) -> PeriodicOrbit:
-    problem, cycle = tracer.problem, row.cycle
-    constants = problem.constants(cycle)
-    for array in (cycle.mesh, cycle.values, row.multipliers, constants):
-        array.setflags(write=False)
-    names = [symbol.name for symbol in problem.flow.parameters]
-    return PeriodicOrbit(
-        flow=problem.flow,
-        epsilon=None if problem.flow.epsilon is None else float(constants[0]),
-        parameters=MappingProxyType(dict(zip(names, map(float, constants[1:])))),
-        period=cycle.period,
-        multipliers=row.multipliers,
-        divergence=row.divergence,
-        error=row.error,
-        period_error=float("nan"),
-        residual=problem.residual(cycle, scales_of(cycle)),
-        status=row.status,
-        stats=OrbitStats(row.iterations, 1, len(cycle.mesh) - 1),
-        _cycle=cycle,
-        _constants=constants,
-    )
+    return orbit_of(
+        tracer.problem, row.cycle, row.multipliers, row.divergence,
+        (row.error, float("nan")), row.status, (row.iterations, 1),
+    )  # fmt: skip

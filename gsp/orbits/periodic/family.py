@@ -9,8 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gsp.critical.continuation import Ending
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, Status, nearest
 from gsp.orbits.periodic.explosion import Explosion, explosions
 from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.orbit import PeriodicOrbit
@@ -19,8 +18,8 @@ from gsp.systems.flow import Flow
 
 # What to do about an ending that reads otherwise for curves of equilibria.
 REMEDIES = {
-    Ending.STEP_TOO_SMALL: "lower tolerance or raise max_intervals: the mesh may be too coarse for these cycles",
-    Ending.TOO_MANY_POINTS: "raise max_points, or bound the parameter",
+    Status.STEP_TOO_SMALL: "lower tolerance or raise max_intervals: the mesh may be too coarse for these cycles",
+    Status.TOO_MANY_POINTS: "raise max_points, or bound the parameter",
 }
 
 
@@ -73,7 +72,7 @@ class OrbitFamily(Drawn):
     arclength: np.ndarray
     special: tuple[SpecialOrbit, ...]
     hopf: HopfPoint | None
-    status: Ending
+    status: Status
     stats: FamilyStats
 
     def __len__(self) -> int:

@@ -197,7 +197,6 @@ def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
     """The result, with everything that is read off the linearisation at the cycle itself."""
     cycle = refined.solution.cycle
     scales = scales_of(cycle)
-    constants = problem.constants(cycle)
     status, divergence = refined.status, float("nan")
     found = np.full(problem.size, complex(np.nan))
     try:
@@ -207,6 +206,23 @@ def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
     except (np.linalg.LinAlgError, ValueError):
         # An iterate that is not finite has no multipliers; a converged cycle is.
         status = status if not status.ok else Status.NON_FINITE
+    return orbit_of(
+        problem, cycle, found, divergence, (refined.error, refined.period_error), status,
+        (refined.iterations, refined.meshes),
+    )  # fmt: skip
+
+
+def orbit_of(
+    problem: OrbitProblem,
+    cycle: Cycle,
+    found: np.ndarray,
+    divergence: float,
+    errors: tuple[float, float],
+    status: Status,
+    counts: tuple[int, int],
+) -> PeriodicOrbit:
+    """The orbit of a cycle with its multipliers `found`, the `errors` of u and of the period, (iterations, meshes)."""
+    constants = problem.constants(cycle)
     for array in (cycle.mesh, cycle.values, found, constants):
         array.setflags(write=False)
     names = [symbol.name for symbol in problem.flow.parameters]
@@ -217,11 +233,11 @@ def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
         period=cycle.period,
         multipliers=found,
         divergence=divergence,
-        error=refined.error,
-        period_error=refined.period_error,
-        residual=problem.residual(cycle, scales),
+        error=errors[0],
+        period_error=errors[1],
+        residual=problem.residual(cycle, scales_of(cycle)),
         status=status,
-        stats=OrbitStats(refined.iterations, refined.meshes, len(cycle.mesh) - 1),
+        stats=OrbitStats(*counts, len(cycle.mesh) - 1),
         _cycle=cycle,
         _constants=constants,
     )

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.critical.continuation import Ending
 from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
@@ -249,7 +248,7 @@ class Tracer:
 
     def run(
         self, first: Row, progress: Callable[[float], object] | None
-    ) -> tuple[list[Row], list[float], Ending]:
+    ) -> tuple[list[Row], list[float], Status]:
         """Rows from `first` on, the arclength between each and the one before, and the ending."""
         rows, lengths = [first], [0.0]
         controls, (low, high) = self.controls, self.bounds
@@ -263,7 +262,7 @@ class Tracer:
                     self.rejected += 1
                     length *= 0.5
                     if length < SMALLEST_STEP:
-                        return rows, lengths, Ending.STEP_TOO_SMALL
+                        return rows, lengths, Status.STEP_TOO_SMALL
                     continue
                 if not low < new.cycle.parameter < high:
                     ending = self._bounded(rows, lengths, new, length)
@@ -279,18 +278,18 @@ class Tracer:
                 largest = np.maximum(largest, new.cycle.amplitudes)
                 shrinks = (new.cycle.amplitudes < last.cycle.amplitudes).all()
                 if shrinks and (new.cycle.amplitudes <= VANISHED * largest).all():
-                    return rows, lengths, Ending.EQUILIBRIUM_REACHED
+                    return rows, lengths, Status.EQUILIBRIUM_REACHED
                 if new.cycle.period > controls.max_period:
-                    return rows, lengths, Ending.PERIOD_GROWS
+                    return rows, lengths, Status.PERIOD_GROWS
                 if new.iterations <= FEW:
                     length = min(length * LONGER, controls.max_step)
                 elif new.iterations > MANY:
                     length *= SHORTER
         except KeyboardInterrupt:
-            return rows, lengths, Ending.INTERRUPTED
-        return rows, lengths, Ending.TOO_MANY_POINTS
+            return rows, lengths, Status.INTERRUPTED
+        return rows, lengths, Status.TOO_MANY_POINTS
 
-    def _bounded(self, rows: list[Row], lengths: list[float], new: Row, length: float) -> Ending | None:
+    def _bounded(self, rows: list[Row], lengths: list[float], new: Row, length: float) -> Status | None:
         """End on the bound that `new` is beyond, if the cycle there is found."""
         last = rows[-1]
         bound = self.bounds[0] if new.cycle.parameter <= self.bounds[0] else self.bounds[1]
@@ -303,4 +302,4 @@ class Tracer:
             return None
         rows.append(found)
         lengths.append(share * length)
-        return Ending.BOUND_REACHED
+        return Status.BOUND_REACHED

@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
-from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing
+from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.errors import DeclarationError, Status
 from gsp.integration.loop import check_span
 from gsp.singular.singularities.canard_series import program_of
@@ -197,11 +197,11 @@ class _Taylor:
                 h, met = event, True
             for part in range(1, SAMPLES + 1):
                 within = (h * part / SAMPLES).mid()
-                ahead = [_horner(row, within) for row in series]
+                ahead = [midpoint_sum(row, within) for row in series]
                 times.append(float((t + within).mid()))
                 rows.append([_double(v) for v in ahead])
                 for name, node in self.watch.items():
-                    watched[name].append(_double(_horner(self._coefficients(node), within)))
+                    watched[name].append(_double(midpoint_sum(self._coefficients(node), within)))
             t, state = (t + h).mid(), ahead
             if met or arrived:
                 status = Status.SUCCESS
@@ -256,20 +256,20 @@ class _Taylor:
         coefficients = self._coefficients(self.until)
         before = coefficients[0]
         for look in range(1, LOOKS + 1):
-            ahead = _horner(coefficients, h * look / LOOKS)
+            ahead = midpoint_sum(coefficients, h * look / LOOKS)
             # A start in the section does not count as meeting it.
             if (before < 0 and ahead >= 0) or (before > 0 and ahead <= 0):
                 low, high = (h * (look - 1) / LOOKS).mid(), (h * look / LOOKS).mid()
                 for _ in range(12):
                     middle = ((low + high) / 2).mid()
-                    if (_horner(coefficients, middle) < 0) == (before < 0):
+                    if (midpoint_sum(coefficients, middle) < 0) == (before < 0):
                         low = middle
                     else:
                         high = middle
                 t = ((low + high) / 2).mid()
                 for _ in range(14):
-                    slope = _horner([c * (k + 1) for k, c in enumerate(coefficients[1:])], t)
-                    t = (t - _horner(coefficients, t) / slope).mid()
+                    slope = midpoint_sum([c * (k + 1) for k, c in enumerate(coefficients[1:])], t)
+                    t = (t - midpoint_sum(coefficients, t) / slope).mid()
                 return t
             before = ahead
         return None
@@ -283,10 +283,3 @@ class _Taylor:
 
 def _double(value: Any) -> float:
     return float(value.mid())
-
-
-def _horner(coefficients: list[Any], t: Any) -> Any:
-    total = flint.arb(0)
-    for coefficient in reversed(coefficients):
-        total = total * t + coefficient
-    return total.mid()

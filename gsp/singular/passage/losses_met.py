@@ -114,19 +114,10 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
     size = float(np.abs(values).max())
     leading = complex(values[0])
     if abs(leading.imag) > 1e-6 * size and abs(leading.imag) > 1e-9:
-        if invariant:
-            return PassedLoss(
-                t,
-                point,
-                SpecialKind.HOPF,
-                leading,
-                crossing,
-                Outcome.DELAY,
-                float("inf"),
-                {"omega": leading.imag},
-            )
-        with np.errstate(all="ignore"):
-            found = turning_points(orbit, t, leading)
+        found: list[TurningPoint] = []
+        if not invariant:
+            with np.errstate(all="ignore"):
+                found = turning_points(orbit, t, leading)
         limit = found[0].level if found else float("inf")
         return PassedLoss(
             t,

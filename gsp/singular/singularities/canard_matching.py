@@ -17,7 +17,7 @@ import flint
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
-from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing
+from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_series import PlanarField, program_of
 from gsp.singular.singularities.canards import CanardValue, precision
@@ -160,14 +160,14 @@ class _Shooting:
             ]
             lengths = [(10.0 ** (-self.digits - 5) / size) ** (1.0 / k) for size, k in sizes if size > 0.0]
             step = direction * min([0.9 * length for length in lengths] or [0.1])
-            ahead = {s: _horner(series[s], flint.arb(step)) for s in (x, y)}
+            ahead = {s: midpoint_sum(series[s], flint.arb(step)) for s in (x, y)}
             self.steps += 1
             if (ahead[y] > target) != side:
                 t = flint.arb(step) * (target - state[y]) / (ahead[y] - state[y])
                 for _ in range(12):
-                    rate = _horner([c * (k + 1) for k, c in enumerate(series[y][1:])], t)
-                    t = (t - (_horner(series[y], t) - target) / rate).mid()
-                return _horner(series[x], t)
+                    rate = midpoint_sum([c * (k + 1) for k, c in enumerate(series[y][1:])], t)
+                    t = (t - (midpoint_sum(series[y], t) - target) / rate).mid()
+                return midpoint_sum(series[x], t)
             state = ahead
             if not abs(state[y]) < 1e6:
                 break
@@ -242,10 +242,3 @@ def _first(node: Any) -> Any:
 
 def _middle(value: Any) -> float:
     return float(value.mid())
-
-
-def _horner(coefficients: list[Any], t: Any) -> Any:
-    total = flint.arb(0)
-    for coefficient in reversed(coefficients):
-        total = total * t + coefficient
-    return total.mid()
