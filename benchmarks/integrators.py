@@ -20,11 +20,12 @@ from pathlib import Path
 
 import numpy as np
 from problems import PROBLEMS, RING, Problem
+from rivals import PEERS
 
 import gsp
 from gsp.comparison.work_curves import machine
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.peers import PEERS, Peer
+from gsp.peers import Peer
 
 Solver = Callable[[float, np.ndarray], np.ndarray]
 

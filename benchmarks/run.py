@@ -26,10 +26,10 @@ import series
 import slow_manifold
 from page import render, targets
 from problems import PROBLEMS, RING
+from rivals import PEERS
 
 import gsp
 from gsp.comparison.work_curves import machine
-from gsp.peers import PEERS
 
 DOCS = Path(__file__).parent.parent / "docs"
 # Digits kept of a figure: clocks are not better.

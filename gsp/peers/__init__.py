@@ -1,14 +1,13 @@
 """Other people's integrators, run on our flows: what a work-precision diagram measures ours against.
 
-`peer` says what one is; the others hold them by what they take: machine code (`solve_ivp`, `sundae`, `compiled`),
-a text or a graph of the equations (`compiled`, `symbolic`). Nothing foreign is imported before a peer is prepared.
+`peer` says what one is; the others hold them by what they take: machine code (`solve_ivp`, `compiled`) or a text of
+the equations (`compiled`). The scripts in `benchmarks/` measure more of them. Nothing foreign is imported before a
+peer is prepared.
 """
 
 from gsp.peers.compiled import DiffsolPeer, NumbalsodaPeer
 from gsp.peers.peer import Peer, PeerRun, Solve
 from gsp.peers.solve_ivp import ScipyPeer
-from gsp.peers.sundae import SundaePeer
-from gsp.peers.symbolic import CasadiPeer, DiffraxPeer, HeyokaPeer
 
 PEERS: tuple[Peer, ...] = (
     ScipyPeer("Radau"),
@@ -18,10 +17,6 @@ PEERS: tuple[Peer, ...] = (
     DiffsolPeer("BDF", "bdf"),
     DiffsolPeer("ESDIRK34", "esdirk34"),
     DiffsolPeer("TR-BDF2", "tr_bdf2"),
-    CasadiPeer(),
-    SundaePeer(),
-    HeyokaPeer(),
-    DiffraxPeer(),
 )
 """All that there are adapters for, installed or not."""
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from operator import add, mul
 from typing import Any
 
 import sympy as sp
-from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from gsp.errors import UnsupportedFunctionError
 
@@ -22,19 +21,13 @@ _LARGEST_UNROLLED_POWER = 16
 
 @dataclass(frozen=True, eq=False)
 class Language:
-    """What a package can say: numbers, powers with any exponent, roots, functions, and choices if it has any.
-
-    `choose(condition, a, b)` is a where the condition holds; `relations` and `joins` make conditions.
-    """
+    """What a package can say: numbers, powers with any exponent, roots and functions."""
 
     name: str
     number: Callable[[float], Value]
     power: Callable[[Value, Value], Value]
     root: Callable[[Value], Value]
     functions: Mapping[Any, Callable[..., Value]]
-    choose: Callable[[Value, Value, Value], Value] | None = None
-    relations: Mapping[Any, Callable[[Value, Value], Value]] = field(default_factory=dict)
-    joins: Mapping[Any, Callable[[Value, Value], Value]] = field(default_factory=dict)
 
 
 def translate(
@@ -44,16 +37,19 @@ def translate(
 
     Raises `UnsupportedFunctionError` naming what the language lacks.
     """
-    translator = _Translator(language, dict(states))
+    translator = Translator(language, dict(states))
     return [translator.value(expression) for expression in expressions]
 
 
-class _Translator:
+class Translator:
+    """Says expressions in a language whose `values` for states, and for all that was said before, are known."""
+
     def __init__(self, language: Language, values: dict[Any, Value]) -> None:
         self.language = language
         self.values = values
 
     def value(self, expression: Any) -> Value:
+        """The expression in the language."""
         if expression not in self.values:
             self.values[expression] = self._fresh(expression)
         return self.values[expression]
@@ -121,7 +117,7 @@ class _Translator:
     def _call(self, kind: Any, *values: Value) -> Value:
         function = self.language.functions.get(kind)
         if function is None:
-            raise self._missing(kind.__name__)
+            raise self.missing(kind.__name__)
         return function(*values)
 
     def _step(self, argument: sp.Expr, below: Any, at_zero: Any) -> Value:
@@ -129,38 +125,8 @@ class _Translator:
         return self.value(sp.Piecewise(*branches))
 
     def _piecewise(self, expression: Any) -> Value:
-        if self.language.choose is None:
-            raise self._missing("Piecewise")
-        # Where no condition holds there is no value.
-        *others, (last, condition) = expression.args
-        if isinstance(condition, BooleanTrue):
-            result = self.value(last)
-        else:
-            others, result = list(expression.args), self.language.number(float("nan"))
-        for value, condition in reversed(others):
-            result = self.language.choose(self._condition(condition), self.value(value), result)
-        return result
+        raise self.missing("Piecewise")
 
-    def _condition(self, condition: Any) -> Value:
-        if isinstance(condition, (BooleanTrue, BooleanFalse)):
-            one, zero = self.language.number(1.0), self.language.number(0.0)
-            return self._relation(sp.Gt, *((one, zero) if condition else (zero, one)))
-        if isinstance(condition, sp.Not):
-            return self._condition(sp.to_nnf(condition))
-        if isinstance(condition, (sp.And, sp.Or)):
-            join = self.language.joins.get(condition.func)
-            if join is None:
-                raise self._missing(condition.func.__name__)
-            return reduce(join, map(self._condition, condition.args))
-        if len(condition.args) != 2:
-            raise self._missing(f"the condition {condition}")
-        return self._relation(condition.func, *map(self.value, condition.args))
-
-    def _relation(self, kind: Any, left: Value, right: Value) -> Value:
-        relation = self.language.relations.get(kind)
-        if relation is None:
-            raise self._missing(kind.__name__)
-        return relation(left, right)
-
-    def _missing(self, what: str) -> UnsupportedFunctionError:
+    def missing(self, what: str) -> UnsupportedFunctionError:
+        """The error for what the language cannot say."""
         return UnsupportedFunctionError(f"{self.language.name} has no {what}, as far as is known here")

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
+import operator
+from pathlib import Path
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -10,10 +15,18 @@ from gsp.comparison.work_curves import work_precision
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.models import load
-from gsp.peers import PEERS, Peer
+from gsp.peers import PEERS as OWN
+from gsp.peers import Peer
 from gsp.peers.forward import Forward
 from gsp.peers.translation import Language, translate
 from gsp.systems.system import VectorField
+
+# The adapters of the benchmarks, which are scripts beside each other.
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(str(BENCHMARKS))
+    choosing, rivals = importlib.import_module("choosing"), importlib.import_module("rivals")
+PEERS = rivals.PEERS
 
 x, y, k, n, epsilon = sp.symbols("x y k n epsilon")
 GRID = np.linspace(0.25, 2.0, 8)
@@ -141,6 +154,41 @@ def test_a_function_that_a_language_lacks_is_named() -> None:
     ):
         with pytest.raises(UnsupportedFunctionError, match=f"plain has no {what}"):
             translate([rate], states={x: 2.0}, language=PLAIN)
+
+
+def test_the_peers_of_the_package_come_first() -> None:
+    assert PEERS[: len(OWN)] == OWN
+    assert len({peer.name for peer in PEERS}) == len(PEERS)
+
+
+CHOOSING = choosing.ChoosingLanguage(
+    "choosing",
+    float,
+    operator.pow,
+    np.sqrt,
+    {sp.Max: max, sp.Min: min},
+    choose=lambda condition, a, b: a if condition else b,
+    relations={sp.Lt: operator.lt, sp.Le: operator.le, sp.Gt: operator.gt, sp.Ge: operator.ge},
+    joins={sp.And: operator.and_, sp.Or: operator.or_},
+)
+
+
+@pytest.mark.parametrize("name", ["largest and smallest", "jumps", "pieces"])
+@pytest.mark.parametrize("value", [-1.5, -1.0, 0.5, 1.0, 1.5, 2.0, 3.0])
+def test_choices_mean_the_same_in_a_language_that_has_them(name: str, value: float) -> None:
+    rate = SINGLE[name].replace(sp.Abs, lambda a: sp.Max(a, -a))
+    assert choosing.translate([rate], states={x: value}, language=CHOOSING) == [float(rate.subs(x, value))]
+
+
+def test_a_value_where_no_condition_holds_is_none_and_a_join_that_is_missing_is_named() -> None:
+    pieces = sp.Piecewise((x, x < 1))
+    assert np.isnan(choosing.translate([pieces], states={x: 2.0}, language=CHOOSING)[0])
+    both = sp.Piecewise((x, (x < 2) & (y > 1)), (0, True))
+    assert choosing.translate([both], states={x: 1.5, y: 2.0}, language=CHOOSING) == [1.5]
+    assert choosing.translate([both], states={x: 1.5, y: 0.0}, language=CHOOSING) == [0.0]
+    bare = dataclasses.replace(CHOOSING, joins={})
+    with pytest.raises(UnsupportedFunctionError, match="choosing has no And"):
+        choosing.translate([both], states={x: 1.5, y: 2.0}, language=bare)
 
 
 def _failing(*, prepares: bool) -> Peer:

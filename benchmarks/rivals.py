@@ -1,4 +1,4 @@
-"""Peers that take the equations as a graph of their own and differentiate it: CasADi, heyoka, diffrax."""
+"""Further peers for the benchmarks: CasADi, heyoka and diffrax, which take a graph of the field, and scikit-sundae."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
+from choosing import ChoosingLanguage, translate
 
+from gsp.kernels.evaluate import evaluate
+from gsp.peers import PEERS as OWN
 from gsp.peers.forward import Forward
 from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
-from gsp.peers.translation import Language, translate
 from gsp.systems.flow import Flow
 
 # Steps of the explicit and of the slow one: more only delay the news that they fail.
@@ -36,9 +38,9 @@ class CasadiPeer(Peer):
 
     def prepare(self, flow: Flow, p: np.ndarray, start: np.ndarray, first: float, grid: np.ndarray) -> Solve:
         """See `Peer.prepare`."""
-        import casadi  # pyright: ignore[reportMissingImports]
+        import casadi
 
-        language = Language(
+        language = ChoosingLanguage(
             name="casadi",
             number=casadi.SX,
             power=casadi.power,
@@ -85,10 +87,10 @@ class HeyokaPeer(Peer):
 
     def prepare(self, flow: Flow, p: np.ndarray, start: np.ndarray, first: float, grid: np.ndarray) -> Solve:
         """See `Peer.prepare`."""
-        import heyoka  # pyright: ignore[reportMissingImports]
+        import heyoka
 
         choose = heyoka.select
-        language = Language(
+        language = ChoosingLanguage(
             name="heyoka",
             number=heyoka.expression,
             power=lambda x, k: x**k,
@@ -146,14 +148,14 @@ class DiffraxPeer(Peer):
 
     def prepare(self, flow: Flow, p: np.ndarray, start: np.ndarray, first: float, grid: np.ndarray) -> Solve:
         """See `Peer.prepare`."""
-        import diffrax  # pyright: ignore[reportMissingImports]
-        import jax  # pyright: ignore[reportMissingImports]
-        import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
+        import diffrax
+        import jax
+        import jax.numpy as jnp
 
         # Double precision here alone: what else uses JAX keeps its own. Older JAX has it elsewhere.
         double: Any = jax.enable_x64 if hasattr(jax, "enable_x64") else jax.experimental.enable_x64
         plain = [name for name in _NAMES if name not in ("erf", "atan2")]
-        language = Language(
+        language = ChoosingLanguage(
             name="jax",
             number=partial(jnp.asarray, dtype=float),
             power=jnp.power,
@@ -204,3 +206,46 @@ class DiffraxPeer(Peer):
             return PeerRun(np.asarray(values).T, int(steps))
 
         return solve
+
+
+@dataclass(frozen=True)
+class SundaePeer(Peer):
+    """CVODE with the BDF formulas, compiled field and Jacobian behind the callbacks."""
+
+    name = "sundae CVODE"
+    package = "scikit-sundae"
+    is_compiled = False
+
+    def prepare(self, flow: Flow, p: np.ndarray, start: np.ndarray, first: float, grid: np.ndarray) -> Solve:
+        """See `Peer.prepare`."""
+        from sksundae.cvode import CVODE
+
+        problem = Forward(flow, p, start, first, grid)
+        field, jacobian = problem.field.address, problem.jacobian.address
+        states, times, n = np.array(start, dtype=float), problem.times_from_start, len(flow.states)
+        flat = np.empty(n * n)
+
+        def rates(t: float, z: np.ndarray, out: np.ndarray) -> None:
+            evaluate(field, t, z, p, out)
+
+        def derivatives(t: float, z: np.ndarray, _: np.ndarray, matrix: np.ndarray) -> None:
+            evaluate(jacobian, t, z, p, flat)
+            matrix[:] = flat.reshape(n, n)
+
+        def solve(rtol: float, atol: float) -> PeerRun:
+            # The problem keeps the machine code alive.
+            assert problem is not None
+            solver = CVODE(
+                rates, jacfn=derivatives, rtol=rtol, atol=atol, method="BDF", max_num_steps=MAX_STEPS
+            )
+            found = solver.solve(times, states)
+            if not found.success:
+                raise ArithmeticError(found.message)
+            # Asked for a start and an end it returns every step.
+            return PeerRun(found.y[1 - times.size :].T, None, int(found.nfev))
+
+        return solve
+
+
+PEERS: tuple[Peer, ...] = (*OWN, CasadiPeer(), SundaePeer(), HeyokaPeer(), DiffraxPeer())
+"""All that there are adapters for, installed or not: those of `gsp.peers` and those of this module."""
