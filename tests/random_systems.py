@@ -1,10 +1,18 @@
-"""Random systems of one or two slow and fast variables, the same for the same seed, and a worker that checks one."""
+"""Random systems of one or two slow and fast variables, the same for the same seed, and what `gsp check` says of them.
+
+`python -m tests.random_systems 0 200` checks the seeds from 0 to 199, each in a process of its own with bounds on CPU
+time and memory, prints a line for each that is lost or refused, and ends with status 1 when one is lost.
+"""
 
 from __future__ import annotations
 
+import argparse
+import os
 import random
 import resource
 import sys
+import tempfile
+from dataclasses import dataclass
 
 import sympy as sp
 
@@ -12,6 +20,11 @@ from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
 EPSILON = sp.Symbol("epsilon")
+SECONDS = 10
+"""Of CPU time, for a system."""
+MEMORY = 500 * 2**20
+"""Bytes resident at the peak, for a system."""
+REFUSED = "refused: "
 
 
 def random_scene(seed: int) -> Scene:
@@ -64,19 +77,92 @@ def checked(seed: int) -> str:
         study = study_of(scene)
         verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
     except GspError as error:
-        return f"refused: {error}"
+        return f"{REFUSED}{error}"
     return f"{verdict.kind}"
 
 
-def main() -> None:
-    """Check the seeds from the first argument to the second, one line for each: seconds of processor, answer."""
-    first, last = int(sys.argv[1]), int(sys.argv[2])
-    for seed in range(first, last):
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
-        answer = checked(seed)
-        usage = resource.getrusage(resource.RUSAGE_SELF)
-        print(f"{seed} {usage.ru_utime - before:.2f} s {usage.ru_maxrss // 1024} MB {answer}"[:200], flush=True)
+@dataclass(frozen=True)
+class Ending:
+    """How the check of `seed` ended: `status` (negative: a signal), answer, CPU `seconds` and peak `memory`."""
+
+    seed: int
+    status: int
+    answer: str
+    seconds: float
+    memory: int
+
+    @property
+    def complaint(self) -> str:
+        """Why this system is lost, empty when there is a verdict or a refusal within the bounds."""
+        if self.status != 0:
+            return f"ended with status {self.status}"
+        if self.seconds > SECONDS:
+            return f"took {self.seconds:.1f} s of CPU time"
+        if self.memory > MEMORY:
+            return f"took {self.memory / 2**20:.0f} MB"
+        return ""
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether the answer is a refusal by one of our own errors."""
+        return self.status == 0 and self.answer.startswith(REFUSED)
+
+    def __str__(self) -> str:
+        head = f"{self.seed:6d} {self.seconds:5.1f} s {self.memory / 2**20:4.0f} MB  "
+        return head + ": ".join(part for part in (self.complaint, self.answer[:300]) if part)
+
+
+def run(seed: int) -> Ending:
+    """`checked(seed)` in a child of this process, which has loaded the libraries already."""
+    with tempfile.TemporaryFile("w+") as answer:
+        child = os.fork()
+        if child == 0:
+            status = 70
+            try:
+                # One second more, so that the count of seconds says what happened and not the signal.
+                resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
+                answer.write(checked(seed))
+                status = 0
+            except BaseException as error:
+                answer.write(f"{type(error).__name__}: {error}")
+            finally:
+                answer.flush()
+                os._exit(status)
+        _, raw, usage = os.wait4(child, 0)
+        answer.seek(0)
+        return Ending(
+            seed,
+            os.waitstatus_to_exitcode(raw),
+            answer.read(),
+            usage.ru_utime + usage.ru_stime,
+            usage.ru_maxrss * 1024,
+        )
+
+
+def main(arguments: list[str]) -> int:
+    """Check the seeds that `arguments` ask for; the status, 1 when one of them is lost."""
+    parser = argparse.ArgumentParser(prog="python -m tests.random_systems")
+    parser.add_argument("first", type=int, help="the first seed")
+    parser.add_argument("last", type=int, help="the seed after the last one")
+    options = parser.parse_args(arguments)
+    if not options.first < options.last:
+        parser.error(f"no seeds from {options.first} to {options.last}")
+
+    import gsp.hyperbolicity.hyperbolicity
+    import gsp.scenes.study  # noqa: F401  Loaded here, once, for all children.
+
+    endings = []
+    for seed in range(options.first, options.last):
+        endings.append(ending := run(seed))
+        if ending.complaint or ending.is_refused:
+            print(ending, flush=True)
+    lost, refused = (sum(map(bool, which)) for which in zip(*((e.complaint, e.is_refused) for e in endings)))
+    print(
+        f"{len(endings)} systems, {lost} lost, {refused} refused; at most {max(e.seconds for e in endings):.1f} s of "
+        f"CPU time and {max(e.memory for e in endings) / 2**20:.0f} MB"
+    )
+    return int(lost > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(sys.argv[1:]))

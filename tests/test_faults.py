@@ -267,19 +267,52 @@ def conditions(b: np.ndarray, alpha: np.ndarray, beta: np.ndarray, order: int, s
     return np.array([left - s**degree / right for degree, left, right in found if degree <= order])
 
 
-def test_the_coefficients_of_rodas5p_meet_the_conditions_of_order_5_to_rounding() -> None:
+def defects_of_rodas() -> dict[str, float]:
+    """What the conditions leave: order 5 at the end, order 4 without stage 8 and between the steps; and stage times."""
     alpha, beta, gamma, m = rodas_weights()
-    # 1e-9 more in any one coefficient leaves 3e-11 and more.
-    assert np.abs(conditions(m @ gamma, alpha, beta, 5)).max() < 1e-13
-    np.testing.assert_allclose(alpha.sum(axis=1), rodas.NODES, rtol=0, atol=1e-13)
-
-
-def test_the_dense_output_of_rodas5p_meets_the_conditions_of_order_4_to_rounding() -> None:
-    alpha, beta, gamma, m = rodas_weights()
+    embedded = np.append(m[:-1], 0.0)
     first, second, third = rodas.DENSE[0], rodas.DENSE[1] + rodas.DENSE[2], -rodas.DENSE[2]
-    for s in (0.2, 0.5, 0.9):
-        weights = s * m + s * (1 - s) * (first + s * (second + s * third))
-        assert np.abs(conditions(weights @ gamma, alpha, beta, 4, s)).max() < 1e-12
+    between = [s * m + s * (1 - s) * (first + s * (second + s * third)) for s in DENSE_TIMES]
+    found = {
+        "end": conditions(m @ gamma, alpha, beta, 5),
+        "embedded": conditions(embedded @ gamma, alpha, beta, 4),
+        "dense": [conditions(w @ gamma, alpha, beta, 4, s) for w, s in zip(between, DENSE_TIMES)],
+        "times": alpha.sum(axis=1) - rodas.NODES,
+    }
+    return {name: float(np.abs(values).max()) for name, values in found.items()}
+
+
+DENSE_TIMES = (0.2, 0.5, 0.9)
+LEFT = 1e-13
+
+
+def test_the_coefficients_of_rodas5p_meet_their_conditions_to_rounding() -> None:
+    assert max(defects_of_rodas().values()) < LEFT
+
+
+@pytest.mark.parametrize("table", ["A", "C", "NODES", "DENSE"])
+def test_a_change_by_1e_9_of_any_one_coefficient_of_rodas5p_is_seen(table: str, monkeypatch) -> None:
+    original = getattr(rodas, table)
+    # Increment 8 is of order h^5, so that no condition of order 4 sees its weights in the dense output.
+    unseen = {(row, 7) for row in range(3)} if table == "DENSE" else set()
+    for place in {*zip(*np.nonzero(original))} - unseen:
+        changed = original.copy()
+        changed[place] *= 1.0 + 1e-9
+        monkeypatch.setattr(rodas, table, changed)
+        assert max(defects_of_rodas().values()) > 5 * LEFT, place
+
+
+def test_a_change_by_1e_9_of_the_gamma_of_rodas5p_is_seen(monkeypatch) -> None:
+    monkeypatch.setattr(rodas, "GAMMA", rodas.GAMMA * (1.0 + 1e-9))
+    assert max(defects_of_rodas().values()) > 1e3 * LEFT
+
+
+def test_the_weights_of_increment_8_in_the_dense_output_are_those_of_the_paper() -> None:
+    # Steinebach (2023): h_18, h_28 and h_38.
+    published = [-0.17202221070155493, -6.710236069923372, 4.883087185713722]
+    assert [rodas.DENSE[0, 7], rodas.DENSE[1, 7] + rodas.DENSE[2, 7], -rodas.DENSE[2, 7]] == pytest.approx(
+        published, rel=1e-14
+    )
 
 
 # -- what makes two reduced flows one --------------------------------------------------------------

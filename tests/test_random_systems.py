@@ -1,0 +1,43 @@
+"""Random systems through `check`, each within ten seconds of CPU time and 500 MB: a verdict, or a refusal by name."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.random_systems import Ending
+
+
+@pytest.mark.parametrize(
+    ("first", "last"), [(0, 10), pytest.param(10, 200, marks=pytest.mark.exhaustive)], ids=["sample", "all"]
+)
+def test_random_systems_are_judged_and_none_is_lost(first, last):
+    # In a process of its own: what checks the systems is forked from it, which no process with threads should be.
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.random_systems", str(first), str(last)],
+        cwd=Path(__file__).parents[1],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    # No general error hides all verdicts: a refusal is the exception.
+    assert f"{last - first} systems, 0 lost, 0 refused" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({}, ""),
+        ({"answer": "refused: the branch has no real point in the region."}, ""),
+        ({"status": 70, "answer": "ValueError: empty"}, "status 70"),
+        ({"status": -24}, "status -24"),
+        ({"seconds": 10.5}, "10.5 s"),
+        ({"memory": 501 * 2**20}, "501 MB"),
+    ],
+)
+def test_a_system_is_lost_by_a_crash_or_beyond_its_bounds(changes, complaint):
+    values = {"status": 0, "answer": "attracting", "seconds": 1.0, "memory": 2**27}
+    found = Ending(7, **{**values, **changes})
+    assert complaint in found.complaint
+    assert bool(found.complaint) == bool(complaint)
