@@ -1,7 +1,8 @@
 """Normal hyperbolicity of a branch over a region: the conditions of Fenichel's theorem, with their numbers.
 
 The fast Jacobian g_y(x, h_0(x), 0) must have no eigenvalue on the imaginary axis (Eldering 2015, section 4.1).
-Everything here is *sampled*: a finite set of points is examined, the worst of them refined; nothing is proved.
+The verdict is *sampled*: a finite set of points is examined, the worst of them refined. Between them losses are
+excluded as far as `exclusion` goes, and the verdict says how far; `gsp.certify` proves.
 """
 
 from __future__ import annotations
@@ -16,14 +17,18 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler, grid
 from gsp.errors import BranchError
-from gsp.hyperbolicity.losses import Loss, LossKind, examine, sheet_ends, singular_points
-from gsp.hyperbolicity.losses.locator import unstable
+from gsp.hyperbolicity.exclusion import Exclusion, exclude
+from gsp.hyperbolicity.losses import Loss, LossKind, ends_on_grid, examine, sheet_ends, singular_points
+from gsp.hyperbolicity.losses.examination import Examination
+from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import as_points, check_epsilon
 from gsp.systems.region import Interval, check_region
 
 EQUILIBRIUM_TOLERANCE = 1e-9
+# The least gap is refined to about this share of it.
+REFINED_TO = 1e-6
 
 
 class Kind(StrEnum):
@@ -70,7 +75,8 @@ class Rates:
 class Hyperbolicity:
     """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
     and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
-    neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm.
+    neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says
+    where between the samples a loss is not excluded; None when one was found at them.
     """
 
     branch: Branch
@@ -84,6 +90,7 @@ class Hyperbolicity:
     evidence: str
     looked_at: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
+    exclusion: Exclusion | None = None
 
     @property
     def holds(self) -> bool:
@@ -117,6 +124,8 @@ class Hyperbolicity:
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
         lines += [f"  note: {note}" for note in self.notes]
+        if self.exclusion is not None and self.exclusion.is_complete and self.kind is not Kind.LOST:
+            lines.append(f"  samples: {self.exclusion}")
         if self.sub_region is not None:
             lines.append(f"  holds: {self.sub_region}")
         return "\n".join(lines)
@@ -140,13 +149,76 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
     sampler = Sampler(branch)
-    x = grid(np.array([box[s.name] for s in system.x]))
+    samples = _sampled(sampler, box)
+    judged = _judged(sampler, box, samples, epsilon)
+    exclusion = None
+    if not judged.lost and len(judged.kinds) == 1:
+        exclusion = exclude(sampler, box, samples.z)
+        if _is_worse(sampler, exclusion, judged):
+            samples = samples.with_more(sampler, exclusion)
+            judged = _judged(sampler, box, samples, epsilon)
+    z, kinds = samples.z, judged.kinds
+    lost = judged.lost or len(kinds) != 1
+    evidence = f"sampled at {len(z)} points"
+    if exclusion is not None and not lost and not exclusion.is_complete:
+        evidence += f"; {exclusion}"
+    rates = Rates(judged.gap, sampler.tangential_rate(z))
+    found = judged.found
+    return Hyperbolicity(
+        branch=branch,
+        region=box,
+        kind=Kind.LOST if lost else _kind(int(kinds[0]), len(system.y)),
+        gap=judged.gap,
+        rates=rates,
+        losses=judged.losses,
+        conditions=tuple(
+            _conditions(sampler, z, samples.missing, kinds, rates, found.zero, judged.losses, epsilon)
+        ),
+        samples=len(z),
+        evidence=evidence,
+        looked_at=found.looked_at,
+        notes=found.notes,
+        exclusion=exclusion,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Points `z` (m, n) of a branch in the region, their eigenvalues, pairs of linked ones, and how many are missing.
+
+    `ends` are samples each with a slow point next to them that has none.
+    """
+
+    z: np.ndarray
+    eigenvalues: np.ndarray
+    links: tuple[np.ndarray, np.ndarray]
+    missing: int
+    ends: list[tuple[np.ndarray, np.ndarray]]
+
+    def with_more(self, sampler: Sampler, exclusion: Exclusion) -> _Samples:
+        """With the points that were sampled between them."""
+        values = sampler.eigenvalues(exclusion.points)
+        finite = np.isfinite(values).all(axis=1)
+        more, origins = exclusion.points[finite], exclusion.origins[finite]
+        a, b = self.links
+        return _Samples(
+            np.vstack([self.z, more]),
+            np.vstack([self.eigenvalues, values[finite]]),
+            (np.vstack([a, origins]), np.vstack([b, more])),
+            self.missing + len(exclusion.ends) + int((~finite).sum()),
+            [*self.ends, *exclusion.ends],
+        )
+
+
+def _sampled(sampler: Sampler, box: Mapping[str, Interval]) -> _Samples:
+    branch = sampler.branch
+    x = grid(np.array([box[s.name] for s in sampler.system.x]))
     z, rows = _points(sampler, x, box)
     missing = len(x) - len(np.unique(rows))
-    everything = z, rows
+    ends = ends_on_grid(z, rows, x) if missing else []
     bounded = sampler.inside(z, box)
-    a, b = sampler.links(z[bounded], rows[bounded], x)
-    z, rows = z[bounded], rows[bounded]
+    links = sampler.links(z[bounded], rows[bounded], x)
+    z = z[bounded]
     if len(z) == 0:
         raise BranchError(
             f"the branch {branch} has no real point in the region {_shown(box)}. "
@@ -155,36 +227,48 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     eigenvalues = sampler.eigenvalues(z)
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
-    z, rows, eigenvalues = z[finite], rows[finite], eigenvalues[finite]
-    scale = float(np.abs(eigenvalues).max(initial=0.0)) or 1.0
-    count = unstable(eigenvalues)
-    kinds = np.unique(count)
-    found = examine(sampler, box, scale, z, eigenvalues, (a, b), epsilon=epsilon)
-    losses, gap = found.losses, found.gap
-    if missing and not losses and found.diagnosis is not None:
-        losses = tuple(sheet_ends(found.diagnosis, *everything, x))
-    mixed = len(kinds) > 1
-    lost = any(not loss.is_hyperbolic for loss in losses) or missing > 0 or gap <= found.zero
-    if mixed and not lost and not branch.is_explicit and branch.seed is None:
+    return _Samples(z[finite], eigenvalues[finite], links, missing, ends)
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """What the samples say: the losses, the gap, and the numbers of unstable directions."""
+
+    found: Examination
+    losses: tuple[Loss, ...]
+    kinds: np.ndarray
+    lost: bool
+
+    @property
+    def gap(self) -> float:
+        return self.found.gap
+
+
+def _judged(sampler: Sampler, box: Mapping[str, Interval], samples: _Samples, epsilon: float | None) -> _Judged:
+    branch = sampler.branch
+    scale = float(np.abs(samples.eigenvalues).max(initial=0.0)) or 1.0
+    kinds = np.unique(unstable(samples.eigenvalues))
+    found = examine(sampler, box, scale, samples.z, samples.eigenvalues, samples.links, epsilon=epsilon)
+    losses = found.losses
+    if samples.missing and not losses and found.diagnosis is not None:
+        losses = tuple(sheet_ends(found.diagnosis, samples.ends))
+    lost = any(not loss.is_hyperbolic for loss in losses) or samples.missing > 0 or found.gap <= found.zero
+    if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
             f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
-            f"{', '.join(_kind(int(k), len(system.y)) for k in kinds)}. "
+            f"{', '.join(_kind(int(k), len(sampler.system.y)) for k in kinds)}. "
             "Fix one with branch.through({...}), or bound the fast variables."
         )
-    rates = Rates(gap, sampler.tangential_rate(z))
-    return Hyperbolicity(
-        branch=branch,
-        region=box,
-        kind=Kind.LOST if lost or mixed or len(kinds) == 0 else _kind(int(kinds[0]), len(system.y)),
-        gap=gap,
-        rates=rates,
-        losses=losses,
-        conditions=tuple(_conditions(sampler, z, missing, kinds, rates, found.zero, losses, epsilon)),
-        samples=len(z),
-        evidence=f"sampled at {len(z)} points",
-        looked_at=found.looked_at,
-        notes=found.notes,
-    )
+    return _Judged(found, losses, kinds, lost)
+
+
+def _is_worse(sampler: Sampler, exclusion: Exclusion, judged: _Judged) -> bool:
+    """Whether points between the samples change the verdict: a smaller gap, another type, or no point."""
+    if exclusion.ends or not len(exclusion.points):
+        return bool(exclusion.ends)
+    values = sampler.eigenvalues(exclusion.points)
+    least = signed_gap(values, np.full(len(values), judged.kinds[0]))
+    return bool((~(least >= judged.gap * (1.0 - REFINED_TO))).any())
 
 
 def _points(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:

@@ -78,6 +78,11 @@ class BallFunction(Program):
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
         super().__init__(arguments, sp.cse(list(outputs), optimizations="basic", order="none"))
 
+    @property
+    def operations(self) -> int:
+        """How many ball operations a call takes."""
+        return len(self._code)
+
     def __call__(self, values: Sequence[arb]) -> list[arb]:
         registers: list[Any] = self._registers.copy()
         registers[: len(values)] = values

@@ -82,6 +82,11 @@ class Equations:
         both = self._slopes([*x, *y])
         return both[: self.m**2], both[self.m**2 :]
 
+    @property
+    def operations(self) -> int:
+        """Ball operations that one evaluation of all derivatives takes, at least 1."""
+        return max(self._slopes.operations, 1)
+
     # -- over doubles ------------------------------------------------------------------------------
 
     @cached_property

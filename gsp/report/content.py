@@ -105,6 +105,14 @@ def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None)
         "notes": list(found.notes),
         "holds_for": None if found.sub_region is None else dict(found.sub_region.region),
         "evidence": found.evidence,
+        "exclusion": None
+        if found.exclusion is None
+        else {
+            "boxes": found.exclusion.tried,
+            "left": list(found.exclusion.left),
+            "share": found.exclusion.share,
+            "reason": found.exclusion.reason,
+        },
     }
     return plain(content)
 

@@ -5,6 +5,9 @@ The fold may lie outside the bounds on the fast variables: over the slow variabl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from gsp.critical.sampling import neighbours
@@ -37,9 +40,24 @@ SURFACE = Verdict(
     "shrink the region to this side, or use Filippov's rule on the surface",
 )
 
+Pair = tuple[np.ndarray, np.ndarray]
 
-def sheet_ends(diagnosis: Diagnosis, z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Loss]:
-    """Losses at ends of sheets, between samples `z` over the rows `rows` of the grid `x` and rows that have none.
+
+def ends_on_grid(z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Pair]:
+    """Samples of `z` over the rows `rows` of the grid `x`, each with a neighbouring row of it that has none."""
+    has = np.zeros(len(x), dtype=bool)
+    has[rows] = True
+    first, second = neighbours(len(x), x.shape[1])
+    pairs = [(a, b) for a, b in [*zip(first, second), *zip(second, first)] if has[a] and not has[b]]
+    return [(z[int(np.argmax(rows == a))], x[b]) for a, b in _spread(pairs)]
+
+
+def _spread(pairs: Sequence[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
+    return [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS)).astype(int)]
+
+
+def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
+    """Losses at ends of sheets, between samples (n,) and slow points (n_slow,) over which they have none.
 
     The samples are those of one sheet whatever its fast coordinates, or those within the bounds on these.
     """
@@ -47,12 +65,7 @@ def sheet_ends(diagnosis: Diagnosis, z: np.ndarray, rows: np.ndarray, x: np.ndar
     one_sheet = sampler.branch.is_explicit or sampler.branch.seed is not None
     if one_sheet:
         box = {s.name: box[s.name] for s in sampler.system.x}
-    has = np.zeros(len(x), dtype=bool)
-    has[rows] = True
-    first, second = neighbours(len(x), x.shape[1])
-    pairs = [(a, b) for a, b in [*zip(first, second), *zip(second, first)] if has[a] and not has[b]]
-    chosen = [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS)).astype(int)]
-    ends = [_end(diagnosis, z[int(np.argmax(rows == a))], x[b]) for a, b in chosen]
+    ends = [_end(diagnosis, z, x) for z, x in _spread(pairs)]
     ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
     folds, losses = [], []
     for end in ends:

@@ -1,0 +1,219 @@
+"""What lies between samples: losses are excluded box by box in ball arithmetic, as far as a small budget goes.
+
+Over each box a tube holds one smooth root with the spectrum of its fast Jacobian (`gsp.proofs`). That the root is the
+branch is checked at one point, by doubles, as the samples are. What is left is sampled once more, and said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import flint
+import numpy as np
+
+from gsp.critical.sampling import Sampler
+from gsp.errors import UnsupportedFunctionError
+from gsp.proofs import balls
+from gsp.proofs.covering import Covering, Part, cover, share_of
+from gsp.proofs.equations import Equations
+from gsp.proofs.tubes import Box, middle_of
+from gsp.systems.region import Interval
+
+# Ball operations of one evaluation, times boxes, that are spent: about 30 ms. The number of boxes is held between two.
+OPERATIONS, FEWEST, MOST = 20_000, 16, 128
+# Sheets that are followed when none is singled out.
+SHEETS = 4
+# Points that are sampled in what is left, and in each box of it.
+POINTS, POINTS_PER_BOX = 512, 64
+# A sample belongs to a tube when it misses it by less, relative to 1 + |y|: samples are found to 1e-12.
+BESIDE = 1e-9
+# What rounding does to a Jacobian at a sample, relative to the largest entry; more is cancellation, and no sample.
+ROUNDED = 1e-6
+# A point without a branch counts when the branch is missing this far on both sides too, relative to the region: a
+# removable singularity is no hole.
+ASIDE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Exclusion:
+    """Where between samples a loss is excluded: over the whole region but the boxes `left`, `share` of its volume.
+
+    `tried` boxes were looked at. `reason` says why nothing could be, when that is so.
+    """
+
+    tried: int
+    left: tuple[Mapping[str, Interval], ...]
+    share: float
+    reason: str = ""
+    # Further points (k, n) of the branch, the samples that they were followed from, and (sample, x) without a point.
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    origins: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    ends: tuple[tuple[np.ndarray, np.ndarray], ...] = field(default=(), repr=False)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether a loss is excluded all over the region."""
+        return not self.left
+
+    def __str__(self) -> str:
+        if self.reason:
+            return f"between them nothing is excluded: {self.reason}"
+        if self.is_complete:
+            boxes = "1 box" if self.tried == 1 else f"{self.tried} boxes"
+            return f"between them enclosures over {boxes} leave no loss"
+        ends = [
+            f"{name} in [{min(box[name][0] for box in self.left):.6g}, {max(box[name][1] for box in self.left):.6g}]"
+            for name in self.left[0]
+        ]
+        return f"between them a loss is not excluded over {self.share:.2g} of the region, {', '.join(ends)}"
+
+
+def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exclusion:
+    """Exclude losses of a branch between its samples `z` (m, n), which are of one type and without a loss.
+
+    Ctrl-C goes on upwards.
+    """
+    system = sampler.system
+    names = [s.name for s in system.x]
+    whole: Box = tuple(box[name] for name in names)
+    g = [e.xreplace(dict(system.parameters)) for e in sampler.g]
+    try:
+        # Overflow is no bound, and what is no bound excludes nothing.
+        with flint.ctx.workprec(balls.PRECISION), np.errstate(all="ignore"):
+            equations = Equations(system.x, system.y, g)
+            most = min(max(OPERATIONS // equations.operations, FEWEST), MOST)
+            search = _Search(sampler, equations, whole, z)
+            search.run(most)
+            points, origins, ends = search.sampled(box)
+    except UnsupportedFunctionError as error:
+        everything = (dict(zip(names, whole)),)
+        return Exclusion(0, everything, 1.0, str(error).split(". ", 1)[0])
+    left = tuple(dict(zip(names, part)) for part in search.left)
+    share = min(sum(share_of(part, whole) for part in search.left), 1.0)
+    return Exclusion(search.tried, left, share, "", points, origins, ends)
+
+
+class _Search:
+    """Coverings of the sheets that the samples lie on."""
+
+    def __init__(self, sampler: Sampler, equations: Equations, whole: Box, z: np.ndarray) -> None:
+        self.sampler, self.equations, self.whole, self.z = sampler, equations, whole, z
+        self.nx = len(whole)
+        self.widths = np.array([high - low for low, high in whole])
+        self.left: list[Box] = []
+        # Places (k, n_slow) that are worth a sample, each with a sample of its sheet.
+        self.places: list[np.ndarray] = []
+        self.starts: list[np.ndarray] = []
+        self.tried = 0
+
+    def run(self, most: int) -> None:
+        """Cover sheet after sheet until every sample lies on one, or the budget of `most` boxes ends."""
+        middle = middle_of(self.whole)
+        pending = np.ones(len(self.z), dtype=bool)
+        for _ in range(SHEETS):
+            if not pending.any():
+                return
+            if self.tried >= most:
+                break
+            sample = self.z[self._nearest(middle[None, :], np.flatnonzero(pending))[0]]
+            y, good = self.sampler.over(middle[None, :], sample[None, :])
+            if not good[0]:
+                break
+            covering = cover(self.equations, self.whole, y[0], most_boxes=most - self.tried)
+            if covering.interrupted:
+                raise KeyboardInterrupt
+            self.tried += covering.tried
+            pending &= ~self._taken(covering, pending)
+        if pending.any():
+            self.left.append(self.whole)
+
+    def _taken(self, covering: Covering, pending: np.ndarray) -> np.ndarray:
+        """Which samples the covering speaks about; what it leaves is noted."""
+        parts = list(covering.root.leaves())
+        on, over = self._samples_in(parts)
+        sheet = np.flatnonzero(on if on.any() else pending)
+        counts = [
+            p.piece.spectrum.counts for p in parts if p.piece is not None and p.piece.spectrum is not None
+        ]
+        usual = max(counts, key=counts.count) if counts else None
+        middles = np.array([middle_of(part.box) for part in parts])
+        starts = self.z[self._nearest(middles, sheet)]
+        y, good = self.sampler.over(middles, starts)
+        for part, start, here, found in zip(parts, starts, y, good):
+            x = middle_of(part.box)
+            piece = part.piece
+            if piece is not None and found and piece.spectrum is not None and piece.spectrum.counts == usual:
+                room = piece.tube.radius + BESIDE * (1.0 + np.abs(here))
+                if (np.abs(here - piece.tube.centre) <= room).all():
+                    self._look(x[None, :], start)
+                    continue
+            self.left.append(part.box)
+            if part.suspect is not None:
+                self._look(part.suspect[None, :], start)
+            self._look(x[None, :], start)
+        one_sheet = self.sampler.branch.is_explicit or self.sampler.branch.seed is not None
+        return np.ones(len(self.z), dtype=bool) if one_sheet else on | over
+
+    def _look(self, x: np.ndarray, start: np.ndarray) -> None:
+        self.places.append(x)
+        self.starts.append(np.broadcast_to(start, (len(x), len(start))))
+
+    def _samples_in(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
+        """Which samples lie in tubes, and which over boxes without one."""
+        x, y = self.z[:, : self.nx], self.z[:, self.nx :]
+        on, over = np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
+        for part in parts:
+            low, high = np.array(part.box).T
+            inside = ((x >= low) & (x <= high)).all(axis=1)
+            if part.piece is None:
+                over |= inside
+                continue
+            tube = part.piece.tube
+            off = np.abs(y[inside] - tube.centre - (x[inside] - tube.middle) @ tube.slope.T)
+            on[inside] |= (off <= tube.radius + BESIDE * (1.0 + np.abs(y[inside]))).all(axis=1)
+        return on, over
+
+    def _nearest(self, x: np.ndarray, among: np.ndarray) -> np.ndarray:
+        """The rows of the samples nearest to `x` (k, n_slow), of those in `among`."""
+        scaled = self.z[among, : self.nx] / self.widths
+        return among[[int(np.argmin(np.abs(scaled - point).sum(axis=1))) for point in x / self.widths]]
+
+    def sampled(
+        self, box: Mapping[str, Interval]
+    ) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, np.ndarray], ...]]:
+        """The branch at the places worth a sample and at more points of what is left."""
+        from scipy.stats import qmc
+
+        if self.left:
+            count = max(1, min(POINTS // len(self.left), POINTS_PER_BOX))
+            unit = qmc.Halton(d=self.nx, scramble=False).random(count)
+            for part in self.left:
+                low, high = np.array(part).T
+                x = low + unit * (high - low)
+                start = self.z[self._nearest(middle_of(part)[None, :], np.arange(len(self.z)))[0]]
+                self._look(x, start)
+        if not self.places:
+            return self.z[:0], self.z[:0], ()
+        x, starts = np.vstack(self.places), np.vstack(self.starts)
+        y, good = self.sampler.over(x, starts)
+        points, origins = np.hstack([x, y])[good], starts[good]
+        kept = self.sampler.inside(points, box) & self._is_exact(points)
+        ends = np.flatnonzero(~good)
+        for side in (-ASIDE, ASIDE):
+            beside = np.clip(x[ends] + side * self.widths, *np.array(self.whole).T)
+            ends = ends[~self.sampler.over(beside, starts[ends])[1]]
+        return points[kept], origins[kept], tuple((starts[i], x[i]) for i in ends)
+
+    def _is_exact(self, points: np.ndarray) -> np.ndarray:
+        """At which points the fast Jacobian in doubles is what it is in balls, to rounding."""
+        matrices = self.sampler.fast_jacobian(points).reshape(len(points), -1)
+        room = ROUNDED * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
+        exact = np.isfinite(matrices).all(axis=1)
+        for i in np.flatnonzero(exact):
+            place = [balls.exact(float(v)) for v in points[i]]
+            entries = self.equations.derivative(place[: self.nx], place[self.nx :])
+            exact[i] = all(
+                balls.magnitude(entry - balls.exact(float(v))) <= room for entry, v in zip(entries, matrices[i])
+            )
+        return exact

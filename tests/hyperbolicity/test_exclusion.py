@@ -1,0 +1,142 @@
+"""Between the samples: losses are found there, or the verdict says that they are not excluded."""
+
+from __future__ import annotations
+
+import random
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.hyperbolicity.exclusion import MOST
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.scenes.study import study_of
+
+x, y, z, w, u, eps = sp.symbols("x y z w u epsilon")
+SLOW = (x, z, w)
+Q = sp.Rational
+
+
+def judge(
+    g: dict, slow: tuple[sp.Symbol, ...] = (x,), *, through: dict | None = None, region: dict | None = None
+):
+    system = gsp.SlowFastSystem(slow=dict.fromkeys(slow, sp.Integer(1)), fast=g, epsilon=eps)
+    branch = gsp.solve_critical(system).branches[0]
+    if through:
+        branch = branch.through(through)
+    return classify(branch, region=region or {s.name: (-1, 1) for s in slow})
+
+
+def is_told(found: Hyperbolicity, place: dict[str, float]) -> bool:
+    """Whether the verdict is that a loss is there, or says that one at `place` is not excluded."""
+    if found.kind is Kind.LOST:
+        return not found.holds
+    assert found.exclusion is not None
+    told = any(all(low <= place[n] <= high for n, (low, high) in box.items()) for box in found.exclusion.left)
+    return told and "not excluded" in found.evidence
+
+
+def test_a_dip_between_all_samples_is_found() -> None:
+    rate = Q(3, 2) + x - (Q(8, 5) + x) / (1 + ((x - Q(3086, 10000)) * 500) ** 2)
+    found = judge({y: -rate * y})
+    assert found.kind is Kind.LOST
+    assert not found.holds
+    zeros = np.array(sp.Poly(sp.numer(sp.together(rate)), x).nroots(n=20), dtype=complex)
+    known = sorted(zero.real for zero in zeros if abs(zero.imag) < 1e-12 and abs(zero.real) < 1)
+    assert sorted(loss.point["x"] for loss in found.losses) == pytest.approx(known, abs=1e-9)
+
+
+@pytest.mark.parametrize("slow", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(12))
+def test_random_dips_are_found_or_not_excluded(slow: int, seed: int) -> None:
+    draw = random.Random(100 * slow + seed)
+    names = SLOW[:slow]
+    place = [Fraction(draw.randint(-900, 900), 1000) for _ in names]
+    width = Q(Fraction(2.0 * 10.0 ** draw.uniform(-3, -1)))
+    # Every dip crosses zero: its depth is 1.1 below a rate of 1 to 3.
+    along = sum(Q(draw.randint(0, 5), 10) * (s + 1) for s in names[: draw.randint(0, slow)])
+    squares = sum(((s - Q(p)) / width) ** 2 for s, p in zip(names, place))
+    shape = draw.choice([1 / (1 + squares), sp.exp(-squares)])
+    rate = 1 + along - (Q(11, 10) + along) * shape
+    found = judge({y: -rate * y}, names)
+    assert is_told(found, {s.name: float(p) for s, p in zip(names, place)}), (found, rate)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ridges_in_any_direction_are_found_or_not_excluded(seed: int) -> None:
+    draw = random.Random(seed)
+    direction = [Q(draw.randint(-10, 10), 10) for _ in SLOW]
+    phase = sum(d * s for d, s in zip(direction, SLOW)) - Q(draw.randint(-5, 5), 10)
+    width = Q(Fraction(10.0 ** draw.uniform(-3, -1.5)))
+    found = judge({y: -(1 - Q(11, 10) / (1 + (phase / width) ** 2)) * y}, SLOW)
+    assert found.kind is Kind.LOST or "not excluded" in found.evidence
+    if found.exclusion is not None:
+        assert found.exclusion.tried <= MOST
+        assert 0.0 < found.exclusion.share <= 1.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_gap_that_dips_between_samples_is_measured_there(seed: int) -> None:
+    draw = random.Random(seed)
+    place, width = Q(draw.randint(-900, 900), 1000), Q(1, draw.choice([2000, 10**4, 10**5]))
+    found = judge({y: -(1 - Q(9, 10) / (1 + ((x - place) / width) ** 2)) * y})
+    assert found.kind is Kind.ATTRACTING
+    assert found.gap == pytest.approx(0.1, rel=1e-5)
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+
+
+def hole() -> sp.Expr:
+    """Negative within 0.0003 of 0.3086, between two samples."""
+    return 1 - Q(11, 10) / (1 + ((x - Q(3086, 10000)) * 1000) ** 2)
+
+
+def test_a_hole_in_the_branch_between_samples_is_found() -> None:
+    found = judge({y: sp.sqrt(hole()) - y})
+    assert found.kind is Kind.LOST
+    assert "graph" in [condition.name for condition in found.conditions if not condition.holds]
+
+
+# To give a sheet up is slow: a minute.
+@pytest.mark.exhaustive
+def test_a_hole_in_an_implicit_branch_between_samples_is_found() -> None:
+    found = judge({y: hole() - y**2}, through={"x": -1.0, "y": 1.0})
+    assert found.kind is Kind.LOST
+
+
+@pytest.mark.parametrize("how", ["through", "bounds"])
+def test_a_dip_of_an_implicit_branch_is_found(how: str) -> None:
+    region = {"x": (-1, 1)} | ({"y": (0.5, 1.5)} if how == "bounds" else {})
+    found = judge(
+        {y: (x / 10 + y - y**3) * hole()},
+        through={"x": -1.0, "y": 1.0} if how == "through" else None,
+        region=region,
+    )
+    assert not found.branch.is_explicit
+    assert found.kind is Kind.LOST
+    assert sorted(loss.point["x"] for loss in found.losses) == pytest.approx(
+        [0.3086 - 1e-3 * 0.1**0.5, 0.3086 + 1e-3 * 0.1**0.5], abs=1e-8
+    )
+
+
+@pytest.mark.parametrize("name", [name for name, _ in gsp.models.summary()])
+def test_built_in_scenes_raise_no_alarm(name: str) -> None:
+    study = study_of(gsp.models.load(name))
+    found = study.hyperbolicity
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+    assert found.exclusion.tried <= 16
+    assert found.evidence == f"sampled at {found.samples} points"
+    assert "leave no loss" in str(found)
+
+
+def test_functions_without_an_enclosure_are_told() -> None:
+    found = judge({y: -(2 + sp.erf(x)) * y})
+    assert found.kind is Kind.ATTRACTING
+    assert found.holds
+    assert (
+        found.evidence
+        == "sampled at 257 points; between them nothing is excluded: erf has no enclosure over balls"
+    )
