@@ -159,6 +159,93 @@ def test_no_module_evaluates_text() -> None:
                 assert name not in forbidden, f"{name} in {path.name}:{node.lineno}"
 
 
+# Attributes and variables that hold sentences, and what takes a sentence apart.
+SENTENCES = {"message", "reason", "reasons", "why", "why_not", "note", "notes", "meaning", "remedy", "ended"}
+TAKING_APART = {
+    "startswith",
+    "endswith",
+    "removeprefix",
+    "removesuffix",
+    "partition",
+    "rpartition",
+    "find",
+    "index",
+}
+
+
+def decisions_on_prose(source: str) -> list[int]:
+    """Lines where a sentence is compared, searched or sliced; what is only shown may be cut short at its end."""
+    tree = ast.parse(source)
+    caught = {node.name for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler)}
+
+    def is_sentence(node: ast.AST) -> bool:
+        if isinstance(node, ast.Constant):
+            return isinstance(node.value, str) and " " in node.value.strip()
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "str":
+            return any(isinstance(a, ast.Name) and a.id in caught for a in node.args)
+        if isinstance(node, ast.Attribute) and node.attr == "args":
+            return isinstance(node.value, ast.Name) and node.value.id in caught
+        if isinstance(node, ast.Subscript):
+            return is_sentence(node.value)
+        name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", None)
+        return name in SENTENCES
+
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            words = isinstance(node.ops[0], (ast.In, ast.NotIn, ast.Eq, ast.NotEq))
+            # Whether there is a sentence at all is no question of its words.
+            operands = [node.left, *node.comparators]
+            empty = any(isinstance(o, ast.Constant) and not o.value for o in operands)
+            decides = words and not empty and any(map(is_sentence, operands))
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            called = node.func
+            by_pattern = isinstance(called.value, ast.Name) and called.value.id == "re"
+            decides = (called.attr in TAKING_APART and is_sentence(called.value)) or (
+                by_pattern and any(map(is_sentence, node.args[1:]))
+            )
+        elif isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
+            of_error = isinstance(node.value, ast.Call) and getattr(node.value.func, "id", "") == "str"
+            decides = node.slice.lower is not None and (of_error or is_sentence(node.value))
+        else:
+            decides = False
+        if decides:
+            found.append(node.lineno)
+    return found
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'if "followed only" in note: pass',
+        'if any("followed only" in text for text in notes): pass',
+        'if kind.value == "transcritical point": pass',
+        "if candidate.why_not.startswith(END): pass",
+        "if why.startswith((GAP, END)): pass",
+        'fact, _, remedy = str(error).partition(". ")',
+        "if error.args[0] == given: pass",
+        "text = str(condition)[7:]",
+        'kind = re.match("a (.*) was", trajectory.message)',
+    ],
+)
+def test_a_decision_on_the_words_of_a_message_is_found(line: str) -> None:
+    assert decisions_on_prose(f"try:\n    make()\nexcept ValueError as error:\n    {line}\n") == [4]
+
+
+def test_what_is_only_shown_is_no_decision() -> None:
+    shown = 'text = str(error)[:80] + " ".join(str(error).split())'
+    assert decisions_on_prose(f'{shown}\nif run.message and run.note != "": show(run.message)') == []
+
+
+def test_nothing_decides_by_the_words_of_a_message() -> None:
+    found = {
+        f"{path.name}:{line}"
+        for _, path in modules()
+        for line in decisions_on_prose(path.read_text(encoding="utf-8"))
+    }
+    assert found == set()
+
+
 def test_no_public_function_has_the_name_of_a_module() -> None:
     # Importing a submodule binds its name in the package, and would hide the function.
     assert not set(gsp.__all__) & set(PACKAGES) - {"models", "charts", "mechanics", "readers"}

@@ -48,8 +48,8 @@ class Candidate:
     `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance
     and stays valid. `seconds`, `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it
     goes, of the full system extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
-    `valid` says whether the model serves the whole span, and if not, `why_not`. The predicted error of the full system
-    is that of its integrator. A model that was not looked at has nan.
+    `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
+    predicted error of the full system is that of its integrator. A model that was not looked at has nan.
     """
 
     kind: ModelKind
@@ -62,6 +62,7 @@ class Candidate:
     field_calls: float
     valid: bool
     why_not: str = ""
+    failure: Failure | None = None
 
     @property
     def label(self) -> str:
@@ -82,6 +83,7 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
+    failure: Failure | None = None
     if outlook.layer > LARGEST_LAYER * (last - first):
         length = last - first
         part = "the whole span" if outlook.layer >= length else "more than half of the span"
@@ -95,7 +97,8 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
         elif failure is not None:
             why = f"{failure} at t = {holds:.4g}"
         elif predicted > limit:
-            why = f"{Failure.ERROR}"
+            failure = Failure.ERROR
+            why = f"{failure}"
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
@@ -115,6 +118,7 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
             ),
             valid=False,
             why_not=why,
+            failure=failure,
         )
     seconds, run = _timed(
         lambda: run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
@@ -131,6 +135,7 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
         run.stats.field_calls / share,
         not why,
         why,
+        failure,
     )
 
 
@@ -148,9 +153,7 @@ def solved_candidate(
     serving = next((c for c in reduced if c.valid), None)
     if serving is not None:
         return left_out(f"not solved: {serving.label} is exact enough")
-    if not any(
-        c.why_not.startswith((Failure.ERROR, Failure.ORDER)) and np.isfinite(c.predicted) for c in reduced
-    ):
+    if not any(c.failure in (Failure.ERROR, Failure.ORDER) and np.isfinite(c.predicted) for c in reduced):
         return left_out("not solved: no reduced flow shows where, to the end of the span")
     try:
         surface = foresee_surface(scene, outlook)
@@ -160,13 +163,15 @@ def solved_candidate(
     times = np.linspace(after, last, GRID_POINTS)
     predicted = float(surface.errors(times).max())
     seconds, run = _timed(lambda: run_model(surface.flow, surface.start, scene, scene.span, rtol))
-    why = ""
+    why, failure = "", None
     if not run.status.ok:
-        why = f"{Failure.END} at t = {run.t[-1]:.4g}: {run.status.meaning}"
+        failure = Failure.END
+        why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
     elif not surface.inside(times).all():
         why = "the run leaves the piece of the manifold that was solved"
     elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
-        why = f"{Failure.ERROR}"
+        failure = Failure.ERROR
+        why = f"{failure}"
     candidate = Candidate(
         ModelKind.SOLVED,
         None,
@@ -178,6 +183,7 @@ def solved_candidate(
         float(run.stats.field_calls),
         not why,
         why,
+        failure,
     )
     return candidate, surface
 

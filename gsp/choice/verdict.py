@@ -146,10 +146,9 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return f"A smaller epsilon, about {enough:.1g}, or a longer span would leave the initial layer behind."
-    why = nearest.why_not
-    if why.startswith(Failure.REGION):
+    if nearest.failure is Failure.REGION:
         return "A larger region or a shorter span would help."
-    if why.startswith((Failure.GAP, Failure.END)):
+    if nearest.failure in (Failure.GAP, Failure.END):
         return "A span that ends before that place, or a start behind it, would help."
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     if enough >= SMALLEST_SHARE * scene.epsilon:

@@ -236,12 +236,12 @@ def measure(
     progress: Callable[[float], object] | None,
 ) -> Iterator[WorkCurve]:
     points: dict[str, dict[float, WorkPoint]] = {task.label: {} for task in tasks}
-    ended: dict[str, str] = {}
+    given_up: dict[str, str] = {}
     for i, rtol in enumerate(ladder):
         # All runs of one tolerance are interleaved: first once each for the errors, then round by round for the time.
         counts: dict[str, int] = {}
         for task in tasks:
-            if task.label in ended:
+            if task.label in given_up:
                 continue
             task.run(rtol)
             begun = time.perf_counter()
@@ -254,12 +254,12 @@ def measure(
                 if seconds < SLOW:
                     counts[task.label] = max(1, int(MEASURED / seconds))
             if seconds > limit:
-                ended[task.label] = f"beyond {limit:g} s at rtol {rtol:.0e}"
+                given_up[task.label] = f"beyond {limit:g} s at rtol {rtol:.0e}"
             elif not np.isfinite(values).all() and steps is not None and steps >= MAX_STEPS // 2:
-                ended[task.label] = f"out of steps at rtol {rtol:.0e}"
+                given_up[task.label] = f"out of steps at rtol {rtol:.0e}"
             elif not np.isfinite(values).all() and rtol == ladder[-1]:
                 why = task.failures.get(rtol, "did not reach the end")
-                ended[task.label] = f"{why} at rtol {rtol:.0e}"
+                given_up[task.label] = f"{why} at rtol {rtol:.0e}"
         best = {label: points[label][rtol].seconds for label in counts}
         for _ in range(ROUNDS):
             for task in tasks:
@@ -283,5 +283,5 @@ def measure(
             order=task.order,
             version=task.version,
             preparation=task.preparation,
-            ended=ended.get(task.label, ""),
+            ended=given_up.get(task.label, ""),
         )

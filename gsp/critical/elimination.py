@@ -64,9 +64,9 @@ def pieces(system: SlowFastSystem) -> Pieces:
     return found
 
 
-def _note(notes: list[sp.Expr], expression: sp.Expr) -> None:
-    if expression not in notes:
-        notes.append(expression)
+def _note(known: list[sp.Expr], expression: sp.Expr) -> None:
+    if expression not in known:
+        known.append(expression)
 
 
 def _components(g0: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) -> Iterator[list[sp.Expr]]:

@@ -50,8 +50,13 @@ class Condition:
     requirement: str
     holds: bool
 
+    @property
+    def fact(self) -> str:
+        """The number beside what is required of it."""
+        return f"{self.name}: {self.value:.6g} ({self.requirement})"
+
     def __str__(self) -> str:
-        return f"{'holds' if self.holds else 'FAILS':5}  {self.name}: {self.value:.6g} ({self.requirement})"
+        return f"{'holds' if self.holds else 'FAILS':5}  {self.fact}"
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from typing import NamedTuple, NoReturn
 import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
-from gsp.readers.tokens import Token, fail_at, parse_number, tokenise
+from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
 
 CHARACTERS = 10_000
 DEPTH = 100
@@ -213,9 +213,8 @@ class _Parser:
     def number(self, token: Token) -> _Node:
         try:
             value = parse_number(token.text)
-        except ModelFileError as error:
-            fact, _, remedy = str(error).partition(". ")
-            self.fail(fact, token.position, remedy)
+        except NumberError as error:
+            self.fail(error.fact, token.position, error.remedy)
         if "e" in token.text or "E" in token.text:
             self.spend(value, token.position)
         return _Node(value, 0, 0)

@@ -65,23 +65,31 @@ def fail_at(text: str, fact: str, position: int, remedy: str) -> NoReturn:
     raise ModelFileError(f"{fact}, at character {position + 1}. {remedy}\n    {excerpt}\n    {caret}") from None
 
 
+class NumberError(ModelFileError):
+    """A number that a model file may not hold: the `fact` and the `remedy`, without a full stop and with one."""
+
+    def __init__(self, fact: str, remedy: str) -> None:
+        super().__init__(f"{fact}. {remedy}")
+        self.fact, self.remedy = fact, remedy
+
+
 def parse_number(text: str) -> sp.Rational:
     """Exact rational of a decimal number without sign, as the grammar writes it.
 
-    Raises `ModelFileError` when there are more than `DIGITS` digits or the exponent exceeds `EXPONENT`.
+    Raises `NumberError` when there are more than `DIGITS` digits or the exponent exceeds `EXPONENT`.
 
     >>> parse_number("1.5e-3")
     3/2000
     """
     match = _NUMBER.fullmatch(text)
     if match is None or not (match[1] or match[2]):
-        raise ModelFileError(f"{text[:60]!r} is no decimal number. Write it as 0.5 or 1e-3.")
+        raise NumberError(f"{text[:60]!r} is no decimal number", "Write it as 0.5 or 1e-3.")
     digits, exponent = match[1] + match[2], (match[4] or "0").lstrip("0") or "0"
     if len(digits) > DIGITS:
-        raise ModelFileError(f"a number has {len(digits)} digits; {DIGITS} are allowed. Shorten it.")
+        raise NumberError(f"a number has {len(digits)} digits; {DIGITS} are allowed", "Shorten it.")
     if len(exponent) > 3 or int(exponent) > EXPONENT:
-        raise ModelFileError(
-            f"the number {text[:60]} has a decimal exponent beyond {EXPONENT}. Rescale the variables."
+        raise NumberError(
+            f"the number {text[:60]} has a decimal exponent beyond {EXPONENT}", "Rescale the variables."
         )
     power = (-int(exponent) if match[3] == "-" else int(exponent)) - len(match[2])
     return sp.Integer(int(digits)) * sp.Integer(10) ** power

@@ -41,6 +41,9 @@ RTOL, ATOL = 1e-8, 1e-10
 
 T = TypeVar("T")
 
+# The stage of which there is one for each order and epsilon.
+_BASE_POINT = "base point"
+
 
 class _Kept:
     """Values by key, each made once, with the seconds that each took without those it rests on."""
@@ -184,7 +187,7 @@ class Study:
         check_order(order)
         epsilon = self.scene.epsilon
         return self._once(
-            ("base point", order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
+            (_BASE_POINT, order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
         )
 
     @property
@@ -193,7 +196,7 @@ class Study:
         found = {
             key[1]: value
             for key, value in self._kept.values.items()
-            if key[0] == "base point" and key[2] == self.scene.epsilon
+            if key[0] == _BASE_POINT and key[2] == self.scene.epsilon
         }
         return MappingProxyType(found)  # pyright: ignore[reportReturnType]
 

@@ -185,6 +185,8 @@ class _Work:
         self.notes: list[str] = []
         self.errors: np.ndarray | None = None
         self.selection = 0.0
+        # Whether an orbit was met that cannot be followed as far as the tolerance asks for.
+        self.history_ends = False
 
     def lost(self) -> SampledManifold:
         """No surface: M0 itself is not normally hyperbolic over the region."""
@@ -199,7 +201,7 @@ class _Work:
         else:
             failing = next(c for c in verdict.conditions if not c.holds)
             status = Status.FOLD_REACHED
-            text = f"the region leaves the branch or its type changes in it: {str(failing)[7:]}{self._edge()}"
+            text = f"the region leaves the branch or its type changes in it: {failing.fact}{self._edge()}"
         return self._result(status, f"{text}. Shrink the region.", None)
 
     def _edge(self) -> str:
@@ -246,9 +248,7 @@ class _Work:
             finer, errors = np.full((*sizes, len(self.system.y)), np.nan), np.full(sizes, np.inf)
             finer[places], errors[places] = values, self.errors
             values, self.errors = finer, errors
-        if self.selection > SLACK * self.tolerance * scale and not any(
-            "followed only" in note for note in self.notes
-        ):
+        if self.selection > SLACK * self.tolerance * scale and not self.history_ends:
             worst = int(np.argmax(self.errors))
             self.notes.append(
                 f"the segments are good to {self.selection:.2g} only, at "
@@ -283,7 +283,8 @@ class _Work:
             return self._failure(segments, x, failed)
         self.selection = max(self.selection, float(error.max()))
         short = segments.cut & (error > self.tolerance)
-        if short.any() and not any("followed only" in note for note in self.notes):
+        if short.any() and not self.history_ends:
+            self.history_ends = True
             i = int(np.argmax(np.where(short, error, 0.0)))
             self.notes.append(
                 f"the orbit through {self._place(x[i])} can be followed only to {self._state(segments.ends[i])}, so "
@@ -324,8 +325,7 @@ class _Work:
             place = self._place(x[np.argmax(unstable != expected)])
             self.notes.insert(0, f"the normal rates change their type on the slow manifold, at {place}")
         elif estimate > SLACK * self.tolerance * scale:
-            left = any("followed only" in note for note in self.notes)
-            status = Status.HISTORY_ENDS if left else Status.NOT_CONVERGED
+            status = Status.HISTORY_ENDS if self.history_ends else Status.NOT_CONVERGED
         rate = self.verdict.rates.r(self.epsilon)
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")

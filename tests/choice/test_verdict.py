@@ -25,8 +25,11 @@ def candidate(order: int | None, **changes) -> Candidate:
     return Candidate(kind, order, **({"seconds": 1e-5, "valid": True} | given | changes))
 
 
-def failing(order: int, why: str, **changes) -> Candidate:
-    return candidate(order, valid=False, why_not=why, **({"holds_until": 0.0} | changes))
+def failing(order: int, failure: Failure | None, **changes) -> Candidate:
+    # The words play no part: what is decided is decided by the failure.
+    return candidate(
+        order, valid=False, why_not="of words", failure=failure, **({"holds_until": 0.0} | changes)
+    )
 
 
 FULL = candidate(None, seconds=5e-5, preparation=0.0)
@@ -58,16 +61,16 @@ def test_a_model_that_is_exact_enough_and_no_faster_is_no_refusal() -> None:
 
 def test_the_epsilon_that_would_do_is_named() -> None:
     # An error of 1.44e-3 at order 1 falls like epsilon^2 to 9e-6 at epsilon/12.6.
-    short = failing(1, f"{Failure.ERROR} at t = 0", predicted=1.44e-3)
+    short = failing(1, Failure.ERROR, predicted=1.44e-3)
     found = verdict_of(FULL, short, FULL)
     assert found.answer is Answer.NO
     assert "about 0.0006" in found.remedy
-    far = failing(0, f"{Failure.ERROR} at t = 0", predicted=0.5)
+    far = failing(0, Failure.ERROR, predicted=0.5)
     assert "about" not in verdict_of(FULL, far, FULL).remedy
 
 
 def test_part_of_the_span_is_told_with_its_place() -> None:
-    part = failing(2, f"{Failure.GAP} at t = 0.6", holds_until=0.6, predicted=float("inf"))
+    part = failing(2, Failure.GAP, holds_until=0.6, predicted=float("inf"))
     found = verdict_of(FULL, part, FULL, partial=part, place={"s": 0.25})
     assert found.answer is Answer.IN_PART
     assert "It serves until t = 0.6, s = 0.25." in found.accuracy
@@ -77,16 +80,16 @@ def test_part_of_the_span_is_told_with_its_place() -> None:
 
 
 @pytest.mark.parametrize(
-    ("why", "changes", "help"),
+    ("failure", "changes", "help"),
     [
-        (f"{Failure.REGION} at t = 0.1", {}, "larger region"),
-        ("the initial layer takes the whole span", {"layer": 2.0}, "about 0.002, or a longer span"),
-        (f"{Failure.END} at t = 0.2: a fold", {}, "ends before that place"),
-        (f"{Failure.ORDER} at t = 0.2", {}, "smaller epsilon"),
+        (Failure.REGION, {}, "larger region"),
+        (None, {"layer": 2.0}, "about 0.002, or a longer span"),
+        (Failure.END, {}, "ends before that place"),
+        (Failure.ORDER, {}, "smaller epsilon"),
     ],
 )
-def test_what_would_help_depends_on_why(why: str, changes: dict, help: str) -> None:
-    short = failing(1, why, predicted=float("inf"))
+def test_what_would_help_depends_on_why(failure: Failure | None, changes: dict, help: str) -> None:
+    short = failing(1, failure, predicted=float("inf"))
     assert help in verdict_of(FULL, short, FULL, **changes).remedy
 
 

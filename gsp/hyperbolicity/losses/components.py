@@ -16,9 +16,8 @@ import numpy as np
 from gsp.critical.layer_problem import least_norm_newton
 from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
 from gsp.critical.singularity import MatrixMap, bialternate, identity, singular_near
-from gsp.hyperbolicity.losses import kinds
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.naming import named
 from gsp.hyperbolicity.losses.zeros import zero
 from gsp.roots import root
@@ -89,7 +88,7 @@ def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Los
     """One loss for each connected part, and the special points on it."""
     scales = _scales(diagnosis, z)
     kind = losses[0].kind
-    of = bialternate if losses[0].crossing == kinds.PAIR else identity
+    of = bialternate if losses[0].crossing is Contact.PAIR else identity
     isolated = kind in FOLDS or kind is LossKind.HOPF
     joined: list[tuple[int, int]] = []
     special: list[Loss] = []

@@ -17,10 +17,9 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.sampling import Sampler
-from gsp.hyperbolicity.losses import kinds
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.systems.region import Interval
 
 # Share of the region over which the layer problem is followed along its fast fibre.
@@ -38,12 +37,12 @@ class Found(NamedTuple):
     """A place that the search met: z = (x, y), and what crosses there."""
 
     z: np.ndarray
-    crossing: str
+    crossing: Contact
 
     @property
     def is_pole(self) -> bool:
         """Whether something goes to infinity here."""
-        return self.crossing in (kinds.BRANCH_POLE, kinds.FIELD_POLE)
+        return self.crossing in (Contact.BRANCH_POLE, Contact.FIELD_POLE)
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class Diagnosis:
     def loss(
         self,
         z: np.ndarray,
-        crossing: str,
+        crossing: Contact,
         kind: LossKind,
         test: str,
         value: float,
@@ -132,10 +131,10 @@ class Diagnosis:
     ) -> Loss:
         """A `Loss` with its point, eigenvalue and edge filled in."""
         values = self.sampler.eigenvalues(z[None, :])[0]
-        by = np.abs(values.real) if crossing in (kinds.PAIR, kinds.PAIR_EVERYWHERE) else np.abs(values)
+        by = np.abs(values.real) if crossing in (Contact.PAIR, Contact.PAIR_EVERYWHERE) else np.abs(values)
         eigenvalue = complex(values[np.argmin(np.nan_to_num(by, nan=np.inf))])
         names = [s.name for s in self.sampler.system.states]
-        everywhere = crossing in (kinds.EVERYWHERE, kinds.PAIR_EVERYWHERE)
+        everywhere = crossing.is_everywhere
         on_edge = not everywhere and any(
             min(abs(value - low), abs(value - high)) <= EDGE * (high - low)
             for name, value in zip(names, z)

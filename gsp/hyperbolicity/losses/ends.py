@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from gsp.critical.sampling import neighbours
-from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.locator import Locator
 from gsp.hyperbolicity.losses.switching import switches
 
@@ -122,11 +122,11 @@ def _loss(diagnosis: Diagnosis, end: np.ndarray) -> Loss:
         if abs(here) <= AT_END * typical:
             note = f"{switch.source} switches at {switch.surface} = 0"
             return diagnosis.loss(
-                end, kinds.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
+                end, Contact.END, LossKind.NON_SMOOTH, str(switch.surface), here, SURFACE, note=note
             )
     if value > HYPERBOLIC * _usual(diagnosis):
-        return diagnosis.loss(end, kinds.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
+        return diagnosis.loss(end, Contact.END, LossKind.DOMAIN_END, "least |lambda|", value, DOMAIN)
     note = "no zero eigenvalue, pole or switching surface was found where it ends"
     return diagnosis.loss(
-        end, kinds.END, LossKind.DEGENERATE, "least |lambda|", value, consequences.DEGENERATE, note=note
+        end, Contact.END, LossKind.DEGENERATE, "least |lambda|", value, consequences.DEGENERATE, note=note
     )

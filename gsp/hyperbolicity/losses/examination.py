@@ -12,7 +12,7 @@ from gsp.critical.spectrum import is_singular
 from gsp.hyperbolicity.losses import switching
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
-from gsp.hyperbolicity.losses.kinds import JUMP, Loss
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import (
     LOCATED,
     REFINED,
@@ -89,8 +89,8 @@ def examine(
 def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list[Loss]:
     """All losses, an eigenvalue that jumps and the switching surface where it does being one."""
     names = [s.name for s in diagnosis.sampler.system.x]
-    jumps = [loss for loss in losses if loss.crossing == JUMP]
-    result = [loss for loss in losses if loss.crossing != JUMP]
+    jumps = [loss for loss in losses if loss.crossing is Contact.JUMP]
+    result = [loss for loss in losses if loss.crossing is not Contact.JUMP]
     for loss in rough:
         here = [
             jump

@@ -6,17 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-# What crosses, as the search sees it before the place is examined.
-ZERO = "zero eigenvalue"
-EVERYWHERE = "zero eigenvalue on the whole branch"
-PAIR = "imaginary pair"
-PAIR_EVERYWHERE = "imaginary pair on the whole branch"
-JUMP = "eigenvalue that jumps"
-END = "end of the sheet"
-SUM = "two eigenvalues with sum zero"
-BRANCH_POLE = "pole of the branch"
-FIELD_POLE = "pole of the field"
-SWITCH = "switching surface"
+
+class Contact(StrEnum):
+    """What reaches the axis, as the search sees it before the place is examined."""
+
+    ZERO = "zero eigenvalue"
+    EVERYWHERE = "zero eigenvalue on the whole branch"
+    PAIR = "imaginary pair"
+    PAIR_EVERYWHERE = "imaginary pair on the whole branch"
+    JUMP = "eigenvalue that jumps"
+    END = "end of the sheet"
+    SUM = "two eigenvalues with sum zero"
+    BRANCH_POLE = "pole of the branch"
+    FIELD_POLE = "pole of the field"
+    SWITCH = "switching surface"
+
+    @property
+    def is_everywhere(self) -> bool:
+        """Whether it does so on the whole branch, and not at places."""
+        return self in (Contact.EVERYWHERE, Contact.PAIR_EVERYWHERE)
 
 
 class LossKind(StrEnum):
@@ -61,7 +69,7 @@ class Loss:
 
     point: Mapping[str, float]
     eigenvalue: complex
-    crossing: str
+    crossing: Contact
     kind: LossKind
     test: str
     value: float
@@ -83,7 +91,7 @@ class Loss:
     def is_hyperbolic(self) -> bool:
         """Whether the eigenvalues keep off the axis all the same: a kink, or a neutral saddle."""
         if self.kind is LossKind.NON_SMOOTH:
-            return self.crossing == SWITCH
+            return self.crossing is Contact.SWITCH
         return self.kind is LossKind.NEUTRAL_SADDLE
 
     @property

@@ -18,7 +18,7 @@ from gsp.critical.branch import Allowance
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.diagnosis import Found
-from gsp.hyperbolicity.losses.kinds import BRANCH_POLE, FIELD_POLE, JUMP, PAIR, SUM, ZERO
+from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.systems.region import Interval
 
@@ -66,7 +66,7 @@ class Locator:
         self.found: list[Found] = []
         self.notes: list[str] = []
 
-    def add(self, z: np.ndarray, crossing: str, *, only_x: bool = False) -> None:
+    def add(self, z: np.ndarray, crossing: Contact, *, only_x: bool = False) -> None:
         """Note a place `z` unless it lies outside the box or is known; `only_x` when y means nothing there."""
         nx = len(self.sampler.system.x)
         checked = np.append(z[:nx], [np.nan] * (len(z) - nx)) if only_x else z
@@ -93,7 +93,7 @@ class Locator:
                 # A graph such as sqrt(x) has no derivative at its fold, but g has.
                 point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
             if point is not None and not self._is_known(point) and self._on_sheet(point, z):
-                self.add(point, ZERO)
+                self.add(point, Contact.ZERO)
 
     def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
         sampler = self.sampler
@@ -166,14 +166,15 @@ class Locator:
         for before, after, from_ in zip(low, last, a):
             values = np.array([sampler.eigenvalues(z[None, :])[0] for z in (from_, before, after)])
             if np.linalg.norm(before) > INFINITE * (1.0 + np.linalg.norm(from_)):
-                self.add(before, BRANCH_POLE, only_x=True)
+                self.add(before, Contact.BRANCH_POLE, only_x=True)
             elif np.abs(values[1]).max() > INFINITE * (1.0 + np.abs(values[0]).max()):
-                self.add(before, FIELD_POLE, only_x=True)
+                self.add(before, Contact.FIELD_POLE, only_x=True)
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
                 least = np.abs(np.real(values)).min(axis=1)
                 jumped = min(least[1], least[2]) > JUMPED * least[0]
-                self.add(after, JUMP if jumped else PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+                still = Contact.PAIR if abs(near.imag) > 1e-6 * self.scale else Contact.ZERO
+                self.add(after, Contact.JUMP if jumped else still)
 
     def sums(self, a: np.ndarray, b: np.ndarray) -> list[Found]:
         """Neutral saddles between linked points a and b (m, n) of one type: real eigenvalues whose sum is zero."""
@@ -196,7 +197,7 @@ class Locator:
                 else:
                     high_x = x
             found.append(low)
-        return [Found(z, SUM) for z in found if self._is_neutral_saddle(z)]
+        return [Found(z, Contact.SUM) for z in found if self._is_neutral_saddle(z)]
 
     def _is_neutral_saddle(self, z: np.ndarray) -> bool:
         values = self.sampler.eigenvalues(z[None, :])[0]
@@ -261,7 +262,7 @@ class Locator:
         """Note a place where an eigenvalue is on the axis without a change of type."""
         values = self.sampler.eigenvalues(z[None, :])[0]
         near = values[np.argmin(np.abs(values.real))]
-        self.add(z, PAIR if abs(near.imag) > 1e-6 * self.scale else ZERO)
+        self.add(z, Contact.PAIR if abs(near.imag) > 1e-6 * self.scale else Contact.ZERO)
 
     # -- poles -------------------------------------------------------------------------------------
 
@@ -272,8 +273,8 @@ class Locator:
         graph = list((sampler.branch.graph or {}).values())
         rates = [*sampler.f, *sampler.g]
         for crossing, divisor in [
-            *((BRANCH_POLE, d) for d in denominators(graph, system.x)),
-            *((FIELD_POLE, d) for d in denominators(rates, system.states)),
+            *((Contact.BRANCH_POLE, d) for d in denominators(graph, system.x)),
+            *((Contact.FIELD_POLE, d) for d in denominators(rates, system.states)),
         ]:
             free = not divisor.has(*system.y)
             value = sampler.compiled([divisor])
@@ -294,7 +295,7 @@ class Locator:
                     continue
                 # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
                 place = np.concatenate([found, sample[nx:]]) if free else found
-                if crossing == BRANCH_POLE or self._is_pole(place):
+                if crossing is Contact.BRANCH_POLE or self._is_pole(place):
                     self.add(place, crossing, only_x=free)
 
     def _is_pole(self, z: np.ndarray) -> bool:

@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.critical.normal_forms import first_lyapunov
-from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, ZERO_TERM, zero
 
 
 def named(diagnosis: Diagnosis, found: Found) -> Loss:
     """The named loss at a place that the search met."""
     z, crossing = found
-    if crossing == kinds.BRANCH_POLE:
+    if crossing is Contact.BRANCH_POLE:
         return diagnosis.loss(
             z, crossing, LossKind.BRANCH_POLE, "denominator of the branch", 0.0, consequences.BRANCH_POLE
         )
-    if crossing == kinds.FIELD_POLE:
+    if crossing is Contact.FIELD_POLE:
         return diagnosis.loss(
             z, crossing, LossKind.FIELD_POLE, "denominator of the field", 0.0, consequences.FIELD_POLE
         )
-    if crossing == kinds.PAIR:
+    if crossing is Contact.PAIR:
         return pair(diagnosis, z)
-    if crossing == kinds.SUM:
+    if crossing is Contact.SUM:
         values = diagnosis.sampler.eigenvalues(z[None, :])[0]
         i, j = np.triu_indices(len(values), 1)
         closest = int(np.argmin(np.abs(values[i] + values[j])))
@@ -37,7 +37,7 @@ def named(diagnosis: Diagnosis, found: Found) -> Loss:
             total,
             consequences.NEUTRAL_SADDLE,
         )
-    if crossing == kinds.JUMP:
+    if crossing is Contact.JUMP:
         value = float(np.abs(diagnosis.sampler.eigenvalues(z[None, :])[0].real).min())
         return diagnosis.loss(z, crossing, LossKind.NON_SMOOTH, "least |Re lambda|", value, consequences.JUMP)
     return zero(diagnosis, z)
@@ -54,7 +54,7 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     if axis.sum() != 2 or not at.is_finite:
         text = "derivatives do not exist here" if not at.is_finite else f"{axis.sum()} eigenvalues on the axis"
         return diagnosis.loss(
-            z, kinds.PAIR, LossKind.DEGENERATE, test, value, consequences.DEGENERATE, note=text
+            z, Contact.PAIR, LossKind.DEGENERATE, test, value, consequences.DEGENERATE, note=text
         )
     omega = float(np.abs(values[axis].imag).max())
     l1, q, p = first_lyapunov(at.A, at.g_yy, at.third, omega)
@@ -81,5 +81,5 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     kind = LossKind.HOPF if reach > ZERO_TERM * diagnosis.scale else LossKind.DEGENERATE
     verdict = consequences.hopf(coefficients) if kind is LossKind.HOPF else consequences.DEGENERATE
     return diagnosis.loss(
-        z, kinds.PAIR, kind, test, value, verdict, coefficients=coefficients, note="; ".join(notes)
+        z, Contact.PAIR, kind, test, value, verdict, coefficients=coefficients, note="; ".join(notes)
     )

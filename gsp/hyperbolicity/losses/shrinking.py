@@ -94,7 +94,7 @@ def _parts(
         bad = sorted(
             loss.extent.get(symbol.name, (loss.point[symbol.name],) * 2)
             for loss in losses
-            if "whole" not in loss.crossing
+            if not loss.crossing.is_everywhere
         )
         edge = low
         for start, end in [*bad, (high, high)]:
@@ -102,7 +102,7 @@ def _parts(
                 free = MARGIN * (start - edge)
                 parts.append((symbol.name, (edge + free * (edge > low), start - free * (start < high))))
             edge = max(edge, end)
-    if not any("whole" in loss.crossing for loss in losses):
+    if not any(loss.crossing.is_everywhere for loss in losses):
         shares = [(b - a) / (region[name][1] - region[name][0]) for name, (a, b) in parts]
         for i in np.argsort(shares)[::-1][:TRIED]:
             if LEAST <= shares[i] < 1.0:

@@ -9,10 +9,9 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.hyperbolicity.losses import kinds
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
 
 NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
@@ -166,7 +165,7 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
     )
     loss = diagnosis.loss(
         z,
-        kinds.SWITCH,
+        Contact.SWITCH,
         LossKind.NON_SMOOTH,
         str(switch.surface),
         float(sampler.compiled([switch.surface])(z[None, :], sampler.p)[0, 0]),

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from gsp.critical.sampling import Sampler
-from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.fibre import FibreOrder
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.systems.region import Interval
 
@@ -113,7 +113,7 @@ def _degenerate_point(diagnosis: Diagnosis, z: np.ndarray, A: np.ndarray, matric
     def loss(kind: LossKind, verdict: Verdict, more: Mapping[str, float] = {}, note: str = "") -> Loss:
         coefficients = {**counts, **more}
         return diagnosis.loss(
-            z, kinds.EVERYWHERE, kind, test, worst, verdict, coefficients=coefficients, note=note
+            z, Contact.EVERYWHERE, kind, test, worst, verdict, coefficients=coefficients, note=note
         )
 
     if zero and dimension > zero:
@@ -242,7 +242,7 @@ def centre_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:
     closest = values[np.argmin(np.abs(values.real))]
     return diagnosis.loss(
         z,
-        kinds.PAIR_EVERYWHERE,
+        Contact.PAIR_EVERYWHERE,
         LossKind.CENTRE,
         "least |Re lambda| at every sample",
         abs(float(closest.real)),

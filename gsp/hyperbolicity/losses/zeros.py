@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from gsp.critical.normal_forms import bogdanov_takens, cubic_coefficient, null_vectors, quadratic_coefficient
-from gsp.hyperbolicity.losses import consequences, kinds
+from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Local
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 
 # A term is zero when it is below this, relative to the largest one, at the size of the region.
 ZERO_TERM = 1e-6
@@ -46,7 +46,7 @@ def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
         if near.all():
             test = f"det g_y = {determinant:.3g}, largest |lambda|"
             return diagnosis.loss(
-                z, kinds.ZERO, LossKind.NILPOTENT, test, np.abs(values).max(), consequences.NILPOTENT
+                z, Contact.ZERO, LossKind.NILPOTENT, test, np.abs(values).max(), consequences.NILPOTENT
             )
         return _degenerate(diagnosis, at, determinant, f"{near.sum()} zero eigenvalues with one null vector")
     others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
@@ -60,7 +60,7 @@ def _degenerate(
     verdict = consequences.DEGENERATE
     return diagnosis.loss(
         at.z,
-        kinds.ZERO,
+        Contact.ZERO,
         LossKind.DEGENERATE,
         "det g_y",
         value,
@@ -85,7 +85,7 @@ def _double_zero(diagnosis: Diagnosis, at: Local, determinant: float) -> Loss:
             kind, verdict = LossKind.NILPOTENT, consequences.NILPOTENT
     double = np.sort(np.abs(np.linalg.eigvals(at.A)))[:2].sum() if len(at.A) > 2 else trace
     return diagnosis.loss(
-        at.z, kinds.ZERO, kind, test, float(double), verdict, coefficients=coefficients, note=note
+        at.z, Contact.ZERO, kind, test, float(double), verdict, coefficients=coefficients, note=note
     )
 
 
@@ -127,7 +127,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
             verdict = consequences.cusp(coefficients, nx)
             test = f"det g_y = {determinant:.3g}, a"
             return diagnosis.loss(
-                at.z, kinds.ZERO, LossKind.CUSP, test, a, verdict, coefficients=coefficients, note=note
+                at.z, Contact.ZERO, LossKind.CUSP, test, a, verdict, coefficients=coefficients, note=note
             )
         return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
     is_zero = max(is_zero, ZERO_TERM * square)
@@ -167,7 +167,7 @@ def _fold(
     verdict = consequences.fold(coefficients, diagnosis.nx)
     return diagnosis.loss(
         at.z,
-        kinds.ZERO,
+        Contact.ZERO,
         LossKind.FOLD,
         "det g_y",
         determinant,
@@ -215,7 +215,7 @@ def _branch_point(
             if fibre is None or not fibre.vanishes:
                 return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
             kind, verdict = LossKind.RANK_CHANGE, consequences.rank_change(coefficients)
-    return diagnosis.loss(at.z, kinds.ZERO, kind, test, value, verdict, coefficients=coefficients, note=note)
+    return diagnosis.loss(at.z, Contact.ZERO, kind, test, value, verdict, coefficients=coefficients, note=note)
 
 
 def _touching(diagnosis: Diagnosis, at, determinant, right, left, V, note, coefficients) -> Loss:

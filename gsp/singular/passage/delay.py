@@ -21,6 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.continuation import SpecialKind
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import compile_flow, compile_function
 from gsp.singular.passage.failure import PassageError
@@ -164,7 +165,7 @@ class DelayedExit:
             ExitKind.ENTRY_EXIT: "int Re lambda is back at 0",
             ExitKind.BUFFER: "no orbit stays longer than to the buffer point",
             ExitKind.AT_LOSS: "the branch is not invariant for epsilon > 0: exit O(epsilon^(1/2)) after the loss"
-            if self.losses and self.losses[-1].kind.value == "transcritical point"
+            if self.losses and self.losses[-1].kind is SpecialKind.TRANSCRITICAL
             else "the branch is not invariant for epsilon > 0: exit O((epsilon ln 1/epsilon)^(1/2)) after the loss",
         }[self.kind]
         extra = ""
