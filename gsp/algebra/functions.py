@@ -49,6 +49,8 @@ RULES: dict[str, Rule] = {
 }
 # Written with `sign`: by `composed`, once for every kind of operand.
 COMPOSED = ("Abs", "Heaviside", "Max", "Min")
+# What has a kink or a jump.
+NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
 CONSTANTS = {"pi": sp.pi, "E": sp.E}
 
 

@@ -321,7 +321,6 @@ def integrate_many(
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
-    before = int(t[0] == first)
     solver = solver_of(chosen, rtol)
     program = solver.program(compiled)
     # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
@@ -336,11 +335,13 @@ def integrate_many(
         MILD if tries else 0.0,
         MILD_ATTEMPTS,
     )
+    # As in `integrate`: read between the steps, or landed on.
+    reads = grid is not None and compiled.expressions.is_smooth
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
     shared = (
-        _INDEX[solver.kernel], program,
-        members.constants.copy(), first, stops_of(grid, first, last), before, control,
+        _INDEX[solver.kernel], solver.check, program,
+        members.constants.copy(), first, stops_of(None if reads else grid, first, last), t.copy(), control,
     )  # fmt: skip
     watched = None
     if flow.is_reduced:
@@ -350,7 +351,7 @@ def integrate_many(
     ends = members.starts.copy()
     reached = np.full(m, first)
     kept = np.full((m, t.size, n), np.nan)
-    if before:
+    if t[0] == first:
         kept[:, 0] = ends
     counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
     codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
@@ -359,11 +360,11 @@ def integrate_many(
 
     def worker() -> Work:
         memory = np.zeros(solver.memory_size(n))
-        times, states = np.empty(length), np.empty((length, n))
+        times, states = np.empty(length + 1), np.empty((length + 1, n))
 
         def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
-            dense = watched is not None or method is Method.DOP853
+            dense = reads or watched is not None or method is Method.DOP853
             return times, states, np.empty((length if dense else 0, rows, n))
 
         record = record_of(chosen, solver.rows)

@@ -61,7 +61,7 @@ Watch = Callable[[np.ndarray, np.ndarray, np.ndarray], bool]
 class Record(NamedTuple):
     """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
 
-    `counters` are the ledger's up to STIFF.
+    `counters` are the ledger's up to STIFF. The first `series` steps were made by Taylor series, before the method.
     """
 
     times: np.ndarray
@@ -70,6 +70,7 @@ class Record(NamedTuple):
     status: Status
     method: Method
     counters: list[int]
+    series: int = 0
 
     @property
     def stats(self) -> Stats:
@@ -138,6 +139,7 @@ def _joined(one: Record, two: Record) -> Record:
         two.status,
         two.method,
         counters,
+        len(one.times) - 1,
     )
 
 

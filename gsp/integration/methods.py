@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gsp.errors import DeclarationError, nearest
-from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dop853 import dop853
+from gsp.kernels.landing import land_dop853, land_radau, land_rodas5p
 from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, launch_taylor
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
@@ -59,27 +60,49 @@ class Method(Enum):
 
 
 class Solver(NamedTuple):
-    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take."""
+    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take.
+
+    `check` says what `kernels.grid` does about the dense output's error, `land` replaces what is in doubt.
+    """
 
     kernel: Callable[..., int]
     launch: Callable[..., int]
     rows: int
     program: Callable[[CompiledFlow], np.ndarray]
+    check: int = grid.TRUSTS
+    land: Callable[..., None] = land_radau
 
     def memory_size(self, n: int) -> int:
         """Entries of `memory` for `n` states."""
         return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
 
 
+# The dense output of order 4 for 5 and of order 7 for 8 is checked; the others are as good as the steps.
 _SOLVERS = {
     Method.RODAS5P: Solver(
-        rodas5p, launch_rodas5p, rodas5p_tableau.DENSE_ROWS, attrgetter("rosenbrock_program")
+        rodas5p,
+        launch_rodas5p,
+        rodas5p_tableau.DENSE_ROWS,
+        attrgetter("rosenbrock_program"),
+        grid.CHECKS,
+        land_rodas5p,
     ),
     **{
-        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages))
-        for method, stages in zip((Method.RADAU5, Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
+        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages), check)
+        for method, stages, check in zip(
+            (Method.RADAU5, Method.RADAU9, Method.RADAU13),
+            radau_tableau.STAGES,
+            (grid.CHECKS, grid.TRUSTS, grid.TRUSTS),
+        )
     },
-    Method.DOP853: Solver(dop853, launch_dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program")),
+    Method.DOP853: Solver(
+        dop853,
+        launch_dop853,
+        dop853_tableau.DENSE_ROWS,
+        attrgetter("explicit_program"),
+        grid.CHECKS_EXPLICIT,
+        land_dop853,
+    ),
 }
 # Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these
 # take 1 to 7 % longer than the best of the even orders from 8 to 24 (geometric means).

@@ -36,6 +36,7 @@ from gsp.integration.methods import (
     choose_method,
     fast_times,
 )
+from gsp.integration.output import Output, read
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.drawn import Drawn
@@ -206,8 +207,9 @@ def integrate(
 
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
-    inside the span in its direction, the result's `t` is `at`, and steps end on each, so that values there have
-    the method's full order; else `t` are the ends of the steps. `method` is by default DOP853 for a flow that is
+    inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
+    dense output or, where its error would be above the tolerance, from a step that ends there; else `t` are the ends
+    of the steps. `method` is by default DOP853 for a flow that is
     not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
     RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
     makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its
@@ -274,6 +276,10 @@ def trajectory_of(
     p = compiled.parameters(epsilon)
     asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
     search = ending = begun = None
+    # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
+    # where events are looked for, since a step may pass over a pulse.
+    reads = grid is not None and asked is None and compiled.expressions.is_smooth
+    stops = stops_of(None if reads else grid, first, last)
     tries = asked is not None and chosen is None and flow.is_stiff
     if tries and begins_with_series(
         compiled, rtol, fast_times(compiled, np.array(p), np.array(y), first, last)
@@ -301,12 +307,12 @@ def trajectory_of(
             p,
             y,
             first,
-            stops_of(grid, first, last),
+            stops,
             method=chosen,
             rtol=rtol,
             atol=atol,
             max_steps=limit,
-            dense=dense or search is not None,
+            dense=dense or reads or search is not None,
             progress=progress,
             watch=search,
             rows_kept=LOOK if search is not None and search.can_end else RECORD,
@@ -330,7 +336,12 @@ def trajectory_of(
         note, override = note or known, override or remedy
     # The checked float, which prints.
     small = None if flow.epsilon is None else p[0]
-    return _trajectory(flow, small, grid, record, crossings, note, override)
+    output = None
+    if grid is not None:
+        output = read(compiled, p, record, grid, rtol=rtol, atol=atol)
+        if not dense:
+            record = record._replace(dense=record.dense[:0].copy())
+    return _trajectory(flow, small, grid, record, output, crossings, note, override)
 
 
 def _ending(
@@ -382,21 +393,17 @@ def _trajectory(
     epsilon: float | None,
     grid: np.ndarray | None,
     record: Record,
+    output: Output | None,
     crossings: Mapping[str, Crossings],
     note: str,
     remedy: str,
 ) -> Trajectory:
     times, states = frozen(record.times), frozen(record.states)
     frozen(record.dense)
-    if grid is None:
-        t, y = times, states.T
-    else:
-        # Steps end on the grid exactly, so that equality is meant here; what was not reached is left out.
-        t, ends = (grid, times) if grid[-1] >= times[0] else (-grid, -times)
-        if not record.status.ok:
-            reached = t.searchsorted(ends[-1], side="right")
-            t, grid = t[:reached], grid[:reached]
-        t, y = frozen(grid), frozen(states[ends.searchsorted(t)].T)
+    t, y = times, states.T
+    if grid is not None and output is not None:
+        # What was not reached is left out.
+        t, y = frozen(grid[: output.reached]), frozen(output.states.T)
     return Trajectory(flow, epsilon, t, y, crossings, record, note, remedy)
 
 

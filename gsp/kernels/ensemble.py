@@ -8,6 +8,8 @@ from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.dop853 import dop853
+from gsp.kernels.grid import TRUSTS, read_grid
+from gsp.kernels.landing import LANDING_RECORD, MOST_STEPS, begin_landing, end_landing
 from gsp.kernels.radau import radau
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
@@ -40,31 +42,61 @@ def advance(kernel, program, p, stops, control, y, rate, memory, counters, recor
 
 
 @kernel
-def keep(times, states, new, stop, stops, before, kept):
-    """Enter the states of the first `new` rows that end on `stops`, from number `stop` on, in `kept` (times, n)."""
-    columns, n = kept.shape
-    for row in range(new):
-        # Steps end on the stops exactly, so that equality is meant here.
-        if stop < stops.shape[0] and times[row] == stops[stop]:
-            if before + stop < columns:
-                for j in range(n):
-                    kept[before + stop, j] = states[row, j]
-            stop += 1
+def keep(kernel, check, program, p, control, record, new, grid, before, kept, counters, memory):
+    """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
+
+    `record` has the start in row 0. What is in doubt is landed on, with `memory` as scratch. Returns how many of the
+    grid are entered by now.
+    """
+    rtol, atol, _ = control
+    times, states, dense = record
+    n = states.shape[1]
+    doubts = np.empty(grid.shape[0], np.int64)
+    ends = times[: new + 1]
+    reached, in_doubt = read_grid(
+        check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, kept, doubts, counters
+    )
+    if in_doubt == 0:
+        return reached
+    rate = np.empty(n)
+    scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
+    for j in range(before, reached):
+        k = doubts[j]
+        if k < 0:
+            continue
+        y, stops, spent = states[k].copy(), grid[j : j + 1], np.zeros(ledger.COUNTERS_SIZE, np.int64)
+        code = ledger.RECORD_FULL
+        if begin_landing(program, p, times[k], y, grid[j], memory, rate):
+            limited = (rtol, atol, MOST_STEPS)
+            while code == ledger.RECORD_FULL:
+                code = advance(kernel, program, p, stops, limited, y, rate, memory, spent, scratch)
+        end_landing(code, y, kept[j], spent, counters)
+    return reached
+
+
+@kernel
+def run_piece(kernel, program, p, stops, control, y, rate, memory, counters, record):
+    """Advance a member by a record of steps behind row 0, which receives where it stands; the code and the steps."""
+    times, states, dense = record
+    times[0] = memory[ledger.TIME]
+    states[0] = y
+    begun = counters[ledger.STEPS]
+    code = advance(
+        kernel, program, p, stops, control, y, rate, memory, counters, (times[1:], states[1:], dense)
+    )
+    return code, counters[ledger.STEPS] - begun
 
 
 @kernel
 def _run_member(
-    kernel, program, p, stops, before, control, halt, y, kept, counters, rate, memory, record
+    kernel, check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
 ):  # fmt: skip
     """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
-    times, states, _ = record
     code = ledger.RECORD_FULL
     while code == ledger.RECORD_FULL and halt[0] == 0:
-        begun = counters[ledger.STEPS]
-        stop = counters[ledger.NEXT_STOP]
-        code = advance(kernel, program, p, stops, control, y, rate, memory, counters, record)
-        keep(times, states, counters[ledger.STEPS] - begun, stop, stops, before, kept)
-    return code
+        code, new = run_piece(kernel, program, p, stops, control, y, rate, memory, counters, record)
+        before = keep(kernel, check, program, p, control, record, new, grid, before, kept, counters, spare)
+    return code, before
 
 
 @kernel
@@ -84,23 +116,24 @@ def any_begins(jacobian, constants, first, last, starts, border):
 
 @kernel
 def run_members(
-    kernel, program, constants, first, stops, before, control, trial, low, high, halt,
+    kernel, check, program, constants, first, stops, grid, control, trial, low, high, halt,
     ends, reached, kept, counters, codes, explicit, rate, memory, record, trial_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
     Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached`, `codes` and `explicit` (members,) is
     member i's: p, its state (the start, then what was reached), the ledger's counters, the time reached, the code,
-    and whether the trial went all the way. Column before + q of `kept` (members, times, n) receives the state at
-    stops[q], if there is such a column. `control` is (rtol, atol, max_steps). `trial` is (kernel, program,
+    and whether the trial went all the way. `kept` (members, m, n) receives the states at `grid` (m,), of which `check`
+    says what `read_grid` does. `control` is (rtol, atol, max_steps). `trial` is (kernel, program,
     border, attempts): where |J| times the span is at most the border at the start, that kernel has so many attempts
     first, as in `integrators.run`.
-    `rate` (n,), `memory` and the records (times, states, dense) are scratch of this call. No step is begun with a
-    fresh record once `halt` (1,) is not 0.
+    `rate` (n,), `memory` and the records (times, states, dense), with a row for the start, are scratch of this call. No
+    step is begun with a fresh record once `halt` (1,) is not 0.
     """
     rtol, atol, max_steps = control
     first_kernel, first_program, border, attempts = trial
     spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    spare = np.empty_like(memory)
     for i in range(low, high):
         if halt[0] != 0:
             return
@@ -109,14 +142,15 @@ def run_members(
         rate[:] = 0.0
         spent[:] = 0
         code = ledger.RECORD_FULL
+        before = 0
         explicit[i] = False
         if border > 0.0:
             begins = _begins(program[ledger.JACOBIAN], constants[i], first, stops[-1], ends[i], border)
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
-                code = _run_member(
-                    first_kernel, first_program, constants[i], stops, before, limited, halt,
-                    ends[i], kept[i], counters[i], rate, memory, trial_record,
+                code, before = _run_member(
+                    first_kernel, TRUSTS, first_program, constants[i], stops, grid, before, limited, halt,
+                    ends[i], kept[i], counters[i], rate, memory, spare, trial_record,
                 )  # fmt: skip
                 used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
                 explicit[i] = code == ledger.FINISHED or halt[0] != 0 or used >= max_steps
@@ -131,9 +165,9 @@ def run_members(
                     rate[:] = 0.0
         if not explicit[i]:
             left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
-            code = _run_member(
-                kernel, program, constants[i], stops, before, left, halt,
-                ends[i], kept[i], counters[i], rate, memory, record,
+            code, before = _run_member(
+                kernel, check, program, constants[i], stops, grid, before, left, halt,
+                ends[i], kept[i], counters[i], rate, memory, spare, record,
             )  # fmt: skip
             for k in range(ledger.STIFF):
                 counters[i, k] += spent[k]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gsp.kernels import ensemble, ledger
 from gsp.kernels.compilation import kernel
 from gsp.kernels.scan import clear_of_zero
@@ -9,7 +11,7 @@ from gsp.kernels.scan import clear_of_zero
 
 @kernel
 def run_watched_members(
-    kernel, program, constants, first, stops, before, control, tests, low, high, halt,
+    kernel, check, program, constants, first, stops, grid, control, tests, low, high, halt,
     ends, reached, kept, counters, codes, ordinary, rate, memory, record,
 ):  # fmt: skip
     """`ensemble.run_members` without its trial, each record of steps looked at by `clear_of_zero` as it is full.
@@ -19,6 +21,7 @@ def run_watched_members(
     where it is, when a look does not find its steps clear.
     """
     times, states, dense = record
+    spare = np.empty_like(memory)
     lift, size, address, outputs, columns, signs, margin, pieces = tests
     for i in range(low, high):
         if halt[0] != 0:
@@ -29,19 +32,28 @@ def run_watched_members(
         memory[ledger.TIME] = first
         rate[:] = 0.0
         code = ledger.RECORD_FULL
+        before = 0
         while code == ledger.RECORD_FULL and halt[0] == 0 and ordinary[i]:
-            begun = counters[i, ledger.STEPS]
-            stop = counters[i, ledger.NEXT_STOP]
-            time = memory[ledger.TIME]
-            state = ends[i].copy()
-            code = ensemble.advance(
+            code, new = ensemble.run_piece(
                 kernel, program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
-            new = counters[i, ledger.STEPS] - begun
-            ensemble.keep(times, states, new, stop, stops, before, kept[i])
+            before = ensemble.keep(
+                kernel,
+                check,
+                program,
+                constants[i],
+                control,
+                record,
+                new,
+                grid,
+                before,
+                kept[i],
+                counters[i],
+                spare,
+            )
             ordinary[i] = clear_of_zero(
                 lift, size, address, outputs, constants[i], columns, signs[i], margin, pieces,
-                time, state, times[:new], states[:new], dense[:new],
+                times[0], states[0], times[1 : new + 1], states[1 : new + 1], dense[:new],
             )  # fmt: skip
         reached[i] = memory[ledger.TIME]
         codes[i] = code

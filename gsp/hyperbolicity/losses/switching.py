@@ -9,12 +9,12 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.functions import NON_SMOOTH
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
 
-NON_SMOOTH = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside, sp.Piecewise, sp.floor, sp.ceiling)
 # A switching function is zero on the branch below this, relative to its largest value over the samples.
 ZERO_SWITCH = 1e-12
 # Distance from the surface at which the two sides are compared, and the share that counts as a jump.

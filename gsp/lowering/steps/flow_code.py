@@ -11,6 +11,7 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.functions import NON_SMOOTH
 from gsp.lowering.steps.emission import Emitter
 from gsp.lowering.steps.straight_line import Elimination, eliminate
 from gsp.lowering.steps.values import load
@@ -41,6 +42,11 @@ class FlowCode:
             for j, state in enumerate(self.states)
             if (entry := derivative(rate, state)) != 0
         }
+
+    @cached_property
+    def is_smooth(self) -> bool:
+        """Whether no rate has a kink or a jump that is written as one."""
+        return not any(rate.has(*NON_SMOOTH) for rate in self.rates)
 
     @property
     def pattern(self) -> list[list[bool]]:

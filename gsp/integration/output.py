@@ -1,0 +1,60 @@
+"""What a run gives at the times asked for: its dense output, and steps of the method where that is in doubt."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gsp.integration.loop import Numbers, Record
+from gsp.integration.methods import Method, solver_of
+from gsp.kernels import grid as kernels
+from gsp.kernels import ledger
+from gsp.kernels.landing import LANDING_RECORD
+from gsp.lowering.compiled_flow import CompiledFlow
+
+
+class Output(NamedTuple):
+    """The states (reached, n) at the first times of a grid, as many as a run `reached`."""
+
+    states: np.ndarray
+    reached: int
+
+
+def read(
+    compiled: CompiledFlow, p: Numbers, record: Record, grid: np.ndarray, *, rtol: float, atol: float
+) -> Output:
+    """The states at the times `grid` (m,) that `record` covers; what that costs is added to its counters.
+
+    The first `record.series` steps were made by Taylor series, before its method went on.
+    """
+    times, states, dense, series = record.times, record.states, record.dense, record.series
+    t, constants = grid.copy(), np.array(p, float)
+    out = np.empty((len(t), states.shape[1]))
+    doubts = np.empty(len(t), np.int64)
+    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    reached = 0
+    for method, rows in ((Method.TAYLOR, slice(series)), (record.method, slice(series, None))):
+        if rows.stop == 0:
+            continue
+        solver = solver_of(method, rtol)
+        ends = slice(rows.start, None if rows.stop is None else rows.stop + 1)
+        part = times[ends], states[ends], dense[rows]
+        before = reached
+        program = solver.program(compiled)
+        reached, in_doubt = kernels.read_grid(
+            solver.check, program, constants, rtol, atol, *part, t, before, out, doubts, counters
+        )
+        if in_doubt:
+            new, n = slice(before, reached), states.shape[1]
+            scratch = (
+                np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n))
+            )  # fmt: skip
+            solver.land(
+                program, constants, rtol, atol, *part[:2], t[new], doubts[new], out[new], counters,
+                np.zeros(solver.memory_size(n)), scratch,
+            )  # fmt: skip
+    if counters[ledger.FIELD_CALLS]:
+        for i, spent in enumerate(counters.tolist()[: len(record.counters)]):
+            record.counters[i] += spent
+    return Output(out[:reached], reached)

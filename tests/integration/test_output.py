@@ -1,0 +1,162 @@
+"""Values at the times asked for: as good as the steps are, whatever the dense output is, and at the cost of no step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.errors import Status
+from gsp.integration.ensemble import integrate_many
+from gsp.integration.methods import Method
+from gsp.integration.trajectory import integrate
+from gsp.systems.system import VectorField
+from tests.integration.test_stiff_accuracy import PROBLEMS, STIFF
+
+x, y, z, u = sp.symbols("x y z u")
+EVERY = pytest.mark.parametrize("method", list(Method))
+# Rodas5P's dense output is 46 times the tolerance off on this one at 1e-6.
+SLAVED = PROBLEMS["line"]
+NOT_STIFF = {
+    "oscillator": ({x: y, y: -x}, {"x": 1, "y": 0}, 30),
+    "Lotka and Volterra": ({x: x * (1 - y), y: y * (x - 1)}, {"x": 2, "y": 1}, 20),
+    "pendulum": ({x: y, y: -sp.sin(x)}, {"x": 2.5, "y": 0}, 20),
+    "logistic": ({x: x * (1 - x)}, {"x": 0.01}, 15),
+    "Lorenz": ({x: 10 * (y - x), y: 28 * x - y - x * z, z: x * y - 8 * z / 3}, dict.fromkeys("xyz", 1), 3),
+}
+
+
+def worst(found: np.ndarray, exact: np.ndarray, rtol: float, floor: float | np.ndarray) -> float:
+    return float((np.abs(found - exact) / (rtol * np.maximum(np.abs(exact), floor))).max())
+
+
+@pytest.mark.parametrize("method", STIFF)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_values_at_the_times_asked_for_are_within_ten_tolerances_or_the_steps_error(name, method):
+    problem = PROBLEMS[name]
+    field = VectorField(problem.rates, epsilon=None)
+    times = np.linspace(0.0, problem.end, 100)
+    for rtol in (2.9e-4, 2e-5, 1e-6, 1e-8):
+        for start in problem.starts:
+            options = {"span": (0, problem.end), "rtol": rtol, "atol": 1e-3 * rtol, "method": method}
+            named = {s.name: value for s, value in start.items()}
+            free = integrate(field, start=named, **options)
+            read = integrate(field, start=named, at=times, **options)
+            exact = [
+                np.array([problem.exact(t, start)[s] * np.ones_like(t) for s in field.states])
+                for t in (times, free.t)
+            ]
+            steps = worst(free.y, exact[1], rtol, 1e-2)
+            assert worst(read.y, exact[0], rtol, 1e-2) < max(10.0, 1.5 * steps), (rtol, start)
+            # As many steps as without a grid.
+            assert read.stats.steps == free.stats.steps
+
+
+@EVERY
+@pytest.mark.parametrize("name", NOT_STIFF)
+def test_values_of_runs_that_are_not_stiff_are_as_good_as_the_steps(name, method):
+    rates, start, end = NOT_STIFF[name]
+    field = VectorField(rates, epsilon=None)
+    times = np.linspace(0, end, 200)[1:]
+
+    def exact(t):
+        return integrate(
+            field, start=start, span=(0, end), rtol=1e-13, atol=1e-14, at=t, method=Method.RADAU13
+        ).y  # fmt: skip
+
+    for rtol in (1e-4, 1e-7, 1e-10):
+        options = {"start": start, "span": (0, end), "rtol": rtol, "atol": 1e-2 * rtol, "method": method}
+        free, read = integrate(field, **options), integrate(field, at=times, **options)
+        sizes = np.abs(tight := exact(times)).max(axis=1, keepdims=True)
+        steps = worst(free.y[:, 1:], exact(free.t[1:]), rtol, sizes)
+        assert worst(read.y, tight, rtol, sizes) < max(10.0, 4.0 * steps), rtol
+        assert read.stats.steps == free.stats.steps
+
+
+def test_where_the_dense_output_is_in_doubt_a_step_ends_on_the_time():
+    field, start = VectorField(SLAVED.rates, epsilon=None), SLAVED.starts[0]
+    times = np.linspace(0, SLAVED.end, 100)
+    options = {
+        "start": {s.name: value for s, value in start.items()}, "span": (0, SLAVED.end), "rtol": 1e-6, "atol": 1e-9
+    }  # fmt: skip
+    exact = np.array([SLAVED.exact(times, start)[s] * np.ones_like(times) for s in field.states])
+    run = integrate(field, at=times, method=Method.RODAS5P, **options)
+    landed = (run.at(times) != run.y).any(axis=0)
+    assert worst(run.at(times), exact, 1e-6, 1e-2) > 20
+    assert worst(run.y, exact, 1e-6, 1e-2) < 10
+    # What is not in doubt is read.
+    assert 0 < landed.sum() < 95
+    # The work is counted.
+    free = integrate(field, method=Method.RODAS5P, **options)
+    assert run.stats.field_calls >= free.stats.field_calls + 8 * landed.sum()
+    assert run.stats.decompositions > free.stats.decompositions + landed.sum()
+    # Members of an ensemble are read alike, bit for bit.
+    many = integrate_many(field, [options.pop("start")], at=times, method=Method.RODAS5P, **options)
+    assert np.array_equal(many.y[0], run.y)
+    assert many.member(0).stats == run.stats
+
+
+@EVERY
+def test_the_methods_without_doubt_are_read_off_the_dense_output(method):
+    field = VectorField(NOT_STIFF["pendulum"][0], epsilon=None)
+    times = np.linspace(0, 20, 333)
+    run = integrate(field, start={"x": 2.5, "y": 0}, span=(0, 20), at=times, rtol=1e-9, method=method)
+    assert run.status is Status.SUCCESS
+    if method in (Method.RADAU9, Method.RADAU13, Method.TAYLOR):
+        assert np.array_equal(run.at(times), run.y)
+    assert run.at(times) == pytest.approx(run.y, abs=1e-6)
+    assert run.at(20.0) == pytest.approx(run.y[:, -1], abs=0)
+
+
+@pytest.mark.parametrize("method", [m for m in Method if m is not Method.TAYLOR])
+@pytest.mark.parametrize("rate", [sp.Abs(x - 1), sp.Heaviside(x - 1), sp.Max(x, 1)], ids=str)
+def test_steps_end_on_the_grid_where_a_field_has_kinks_or_jumps(method, rate):
+    field = VectorField({x: sp.Integer(1), y: rate}, epsilon=None)
+    times = np.linspace(0, 2, 23)
+    for at in (times, times[1:-3]):
+        run = integrate(field, start={"x": 0, "y": 0}, span=(0, 2), at=at, rtol=1e-8, method=method)
+        assert np.isin(at, run._record.times).all()
+        assert np.array_equal(run.at(at), run.y)
+    many = integrate_many(field, {"x": 0, "y": 0}, span=(0, 2), at=at, rtol=1e-8, method=method)
+    assert np.array_equal(many.y[0], run.y)
+
+
+@EVERY
+def test_backward_and_on_part_of_the_span(method):
+    field = VectorField({x: y, y: -x}, epsilon=None)
+    at = np.linspace(9, 1, 50)
+    run = integrate(field, start={"x": 1, "y": 0}, span=(10, 0), at=at, rtol=1e-9, atol=1e-11, method=method)
+    assert np.array_equal(run.t, at)
+    assert run["x"] == pytest.approx(np.cos(at - 10), abs=1e-7)
+    assert run.at(0.0) == pytest.approx([np.cos(10), np.sin(10)], abs=1e-7)
+
+
+@EVERY
+def test_a_run_that_fails_keeps_the_times_it_reached(method):
+    field = VectorField({x: x**2}, epsilon=None)
+    at = np.linspace(0, 2, 40)
+    run = integrate(field, start={"x": 1}, span=(0, 2), at=at, method=method)
+    assert not run.status.ok
+    assert np.array_equal(run.t, at[:20])
+    assert run["x"] == pytest.approx(1 / (1 - run.t), rel=1e-6)
+    many = integrate_many(field, {"x": 1}, span=(0, 2), at=at, method=method)
+    assert np.array_equal(many.y[0, :, :20], run.y)
+    assert np.isnan(many.y[0, :, 20:]).all()
+
+
+def test_a_run_that_was_handed_over_is_read_by_the_method_of_each_step():
+    """Robertson's start looks harmless; Rodas5P goes on, and only its steps are in doubt."""
+    slow, fast = x / 25 - 10**4 * y * z, 3 * 10**7 * y**2
+    field = VectorField({x: -slow, y: slow - fast, z: fast}, epsilon=None)
+    options = {"span": (0, 40), "rtol": 1e-3, "atol": 1e-10}
+    at = np.geomspace(1e-5, 40, 300)
+    run = integrate(field, start={"x": 1, "y": 0, "z": 0}, at=at, **options)
+    assert run.stats.method is Method.RODAS5P
+    assert run._record.series > 1
+    tight = integrate(field, start={"x": 1, "y": 0, "z": 0}, at=at, **options | {"rtol": 1e-10, "atol": 1e-16})
+    assert worst(run.y, tight.y, 1e-3, 0.0) < 10
+    many = integrate_many(field, [{"x": 1, "y": 0, "z": 0}], at=at, **options)
+    assert np.array_equal(many.y[0], run.y)
+    assert many.member(0).stats == replace(run.stats, method=many.member(0).stats.method)
