@@ -39,7 +39,8 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
             # Where libm is not among the process's global symbols the linker must be told.
             function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), symbol)
             llvm.add_symbol(symbol, ctypes.cast(function, ctypes.c_void_p).value)
-    module = llvm.parse_assembly(text)
+    # In a context of its own: what is unique to a module stays in LLVM's global one for ever.
+    module = llvm.parse_assembly(text, context=llvm.create_context())
     module.triple = llvm.get_process_triple()
     module.verify()
     name, features = processor()
@@ -56,4 +57,7 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
         builder.getModulePassManager().run(module, builder)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
+    # The machine code stands; the intermediate code is as large and is needed no more.
+    engine.remove_module(module)
+    module.close()
     return engine
