@@ -24,6 +24,7 @@ import ensembles
 import integrators
 import series
 import slow_manifold
+import whole_calls
 from page import render, targets
 from problems import PROBLEMS, RING
 from rivals import PEERS
@@ -95,6 +96,11 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
         calls.show(cold, overhead, reduced)
         return {"cold": cold, "overhead": overhead, "reduced": reduced}
 
+    def whole() -> dict:
+        data = whole_calls.measure(quick=quick)
+        whole_calls.show(data)
+        return data
+
     data = {
         "generated": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "quick": quick,
@@ -109,6 +115,7 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
         "series": timed(spent, "series", exact),
         "slow_manifold": timed(spent, "slow manifold", pointwise),
         "calls": timed(spent, "calls", around),
+        "whole_calls": timed(spent, "whole calls", whole),
     }
     return rounded(data | {"seconds": spent}), rounded(ladders)
 

@@ -16,6 +16,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import coefficients
 from gsp.errors import BranchError, DeclarationError
+from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet
 from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
 from gsp.systems.arguments import check_array, shown
 from gsp.systems.flow import Point, as_points, complete
@@ -85,6 +86,9 @@ class Branch:
             y, good = self._newton(array, guess)
             self._require(good, array, "Newton's method found no point near the given one")
         elif self.seed is not None:
+            if len(array) == 1:
+                y = self.over(array[0])[np.newaxis]
+                return y[0] if single else y
             y, good = self.follow(array)
             if not good.all():
                 self._require(good, array, self._ending(array[np.argmin(good)]))
@@ -195,6 +199,27 @@ class Branch:
         good[pending[~arrived]] = False
         return result, good
 
+    def over(self, point: np.ndarray) -> np.ndarray:
+        """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
+        functions, x0, y0 = self._sheet
+        for pieces in PIECES:
+            y = y0.copy()
+            # In compiled code as far as the line need not be cut anew.
+            if follow_sheet(*functions, x0, y, point, pieces, NEWTON_TOLERANCE, NEWTON_STEPS):
+                return y
+        rows = point[np.newaxis]
+        found, good = self.follow(rows)
+        if not good[0]:
+            self._require(good, rows, self._ending(point))
+        return found[0]
+
+    @cached_property
+    def _sheet(self) -> tuple[tuple[int, int, int, np.ndarray], np.ndarray, np.ndarray]:
+        """What `follow_sheet` takes of the branch, and its seed."""
+        assert self.seed is not None
+        functions = self._residual.address, self._jacobian.address, self._slow_jacobian.address
+        return (*functions, self._values.copy()), np.array(self.seed[0]), np.array(self.seed[1])
+
     def _walked(
         self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray, allowance: Allowance | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -232,7 +257,7 @@ class Branch:
         corrected, good = self._newton(x + step, predicted)
         moved = np.linalg.norm(predicted - y, axis=1) + np.linalg.norm(step, axis=1)
         correction = np.linalg.norm(corrected - predicted, axis=1)
-        return corrected, usable & good & (correction <= 0.25 * moved + 1e-9)
+        return corrected, usable & good & (correction <= TRUSTED * moved + ROUNDING)
 
     def _orientation(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Sign of det g_y: constant on a sheet, since it changes at folds only."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -16,6 +17,9 @@ from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Flow, Point, Values, check_order, named
 from gsp.systems.system import SlowFastSystem
+
+if TYPE_CHECKING:
+    from gsp.integration.reduction_end.quiet import Look
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,28 +61,50 @@ class ReducedFlow(Flow):
         nearer. Quantities that are reconstructed start at 0 when not named.
         """
         given = named(start, what="start")
-        system = self.manifold.branch.system
-        slow = [x.name for x in system.x]
-        allowed = {*(s.name for s in system.states), *(s.name for s in self.driven)}
-        unknown = sorted(set(given) - allowed)
-        missing = [name for name in slow if name not in given]
-        if unknown or missing:
+        slow, allowed, own, driven = self._names
+        if not allowed.issuperset(given) or not given.keys() >= slow.keys():
+            unknown = sorted(set(given) - allowed)
+            missing = [name for name in slow if name not in given]
             fact = f"start names {', '.join(unknown)}, unknown here" if unknown else ""
             lack = f"start gives no value for {', '.join(missing)}" if missing else ""
             raise DeclarationError(
                 f"{'; '.join(filter(None, (fact, lack)))}. Got {given}. "
                 f"A reduced flow starts at its slow variables {', '.join(slow)}."
             )
-        x = np.array([given[name] for name in slow])
         branch = self.manifold.branch
-        fast = [given[y.name] for y in system.y if y.name in given]
-        if branch.is_explicit:
-            z = np.concatenate([x, np.full(len(system.y), np.nan)])
-        else:
-            near = fast if len(fast) == len(system.y) and branch.seed is None else None
-            z = np.concatenate([x, branch.points(x[None, :], near=near)[0]])
-        own = [float(z[system.states.index(s)]) for s in self.manifold.coordinates]
-        return (*own, *(given.get(s.name, 0.0) for s in self.driven))
+        values = given
+        if not branch.is_explicit:
+            system = branch.system
+            x = np.array([given[name] for name in slow])
+            fast = [given[y.name] for y in system.y if y.name in given]
+            near = fast if len(fast) == len(system.y) else None
+            y = branch.points(x[None, :], near=near)[0] if branch.seed is None else branch.over(x)
+            values = dict(zip([state.name for state in system.states], [*x.tolist(), *y.tolist()]))
+        return (*[values[name] for name in own], *[given.get(name, 0.0) for name in driven])
+
+    def look(self, p: Sequence[float], first: float, y: Sequence[float]) -> Look:
+        """What sees, in compiled code, whether anything may happen along the run from `y` at `first`."""
+        return self._look(p, first, y)
+
+    @cached_property
+    def _look(self) -> Callable[[Sequence[float], float, Sequence[float]], Look]:
+        # Imported here: what is watched is made of this flow.
+        from gsp.integration.reduction_end.quiet import Look
+        from gsp.integration.reduction_end.validity import validity_of
+
+        return partial(Look, validity_of(self))
+
+    @cached_property
+    def _names(self) -> tuple[dict[str, None], frozenset[str], tuple[str, ...], tuple[str, ...]]:
+        """Of the slow variables, in order, of what a start may name, the manifold's coordinates and what is driven."""
+        system = self.manifold.branch.system
+        driven = tuple(s.name for s in self.driven)
+        return (
+            dict.fromkeys(x.name for x in system.x),
+            frozenset([*(s.name for s in system.states), *driven]),
+            tuple(s.name for s in self.manifold.coordinates),
+            driven,
+        )
 
     def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
         """State array (m, n) of many starts; on an explicit branch no start costs more than its copy."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import sympy as sp
@@ -44,6 +44,7 @@ from gsp.systems.arguments import check_array, check_flag, check_noun, check_pro
 from gsp.systems.flow import Flow, Point, Question, frozen
 
 if TYPE_CHECKING:
+    from gsp.integration.reduced_flow import ReducedFlow
     from gsp.integration.reduction_end.endings import Ending
 
 _SHOWN_STATES = 4
@@ -291,7 +292,16 @@ def trajectory_of(
         )  # fmt: skip
         if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
             return found
-    if asked is not None or flow.is_reduced:
+    record = None
+    if flow.is_reduced and asked is None and progress is None:
+        # Most runs keep clear of every loss; what is seen of one that does not is made and told again below.
+        record = run(
+            compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=limit,
+            watch=cast("ReducedFlow", flow).look(p, first, y), rows_kept=LOOK, keeps=keeps,
+        )  # fmt: skip
+    if record is not None and record.status is Status.SUCCESS:
+        pass
+    elif asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(compiled, rtol)
         stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
         state = np.array(y)  # pyright: ignore[reportAssignmentType]
@@ -301,7 +311,7 @@ def trajectory_of(
         search = _search(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
     if begun is not None:
         record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
-    else:
+    elif record is None or record.status not in (Status.SUCCESS, Status.INTERRUPTED):
         record = run(
             compiled,
             p,

@@ -65,9 +65,7 @@ class WatchedMembers:
             except GspError as error:
                 raise type(error)(f"member {i}: {error}") from None
         self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1)
-        self._tests = (
-            lift.address, lift.outputs, tests.address, tests.outputs, columns, signs, float(DIP), SUBDIVISIONS
-        )  # fmt: skip
+        self._tests = (validity.functions, columns, signs, float(DIP), SUBDIVISIONS)
 
     def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:
         """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""

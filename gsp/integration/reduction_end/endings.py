@@ -133,10 +133,9 @@ class Ending:
         self, time: float, state: np.ndarray, times: np.ndarray, states: np.ndarray, dense: np.ndarray
     ) -> bool:
         """Whether all test functions surely stay positive over these steps."""
-        lift, tests = self.validity.lift, self.validity.tests
         return clear_of_zero(
-            lift.address, lift.outputs, tests.address, tests.outputs, self.stepper.p, self._columns,
-            self._orientation, DIP, SUBDIVISIONS, time, state, times, states, dense,
+            self.validity.functions, self.stepper.p, self._columns, self._orientation, DIP, SUBDIVISIONS,
+            time, state, times, states, dense,
         )  # fmt: skip
 
     def at_start(self, t: float, y: np.ndarray) -> Settled | None:

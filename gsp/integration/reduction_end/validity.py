@@ -142,6 +142,18 @@ class Validity:
         return columns, signs[:, columns]
 
     @cached_property
+    def functions(self) -> np.ndarray:
+        """`lift` and `tests` as `kernels.scan` takes them."""
+        count, lift, tests = len(self._coordinates) - len(self._driven), self.lift, self.tests
+        flags = self.watches_pairs, self.order > 0
+        return np.array((count, lift.address, lift.outputs, tests.address, tests.outputs, *flags), np.int64)
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """Which of the `tests` (w,) a run watches."""
+        return self.watched(np.zeros((1, self.tests.outputs)))[0]
+
+    @cached_property
     def lift(self) -> CompiledFunction:
         """(x, y) on M0 over the states of the reduced flow, and by how much the squares of the last two terms fall."""
         fall: sp.Expr = sp.S.Zero

@@ -1,0 +1,96 @@
+"""Runs of reduced flows in which nothing happens: looked at in compiled code, with the numbers of the long way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gsp.errors import BranchError, HyperbolicityError
+from gsp.integration import trajectory as module
+from gsp.integration.trajectory import integrate
+from gsp.kernels.sheets import follow_sheet
+from gsp.models import load
+from gsp.scenes.study import study
+
+QUIET = ("chaplygin_sleigh", "michaelis_menten", "van_der_pol", "koper", "fitzhugh_nagumo", "lindemann")
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("name", QUIET)
+def test_a_run_away_from_every_loss_is_that_of_the_long_way_and_never_goes_it(name, order, monkeypatch):
+    found = study(load(name))
+    flow = found.reduced(order)
+    options = {
+        "start": dict(found.start),
+        "span": found.scene.span,
+        "epsilon": found.scene.epsilon,
+        "rtol": 1e-9,
+    }
+    # What asks for progress is watched step by step.
+    long = integrate(flow, progress=lambda done: None, **options)
+    times = np.linspace(*found.scene.span, 17)[1:-1]
+    on_grid = integrate(flow, progress=lambda done: None, at=times, **options)
+    looked = []
+    ending = module._ending
+    monkeypatch.setattr(module, "_ending", lambda *arguments: looked.append(1) or ending(*arguments))
+    quick = integrate(flow, **options)
+    assert quick.status is long.status
+    assert np.array_equal(quick.t, long.t)
+    assert np.array_equal(quick.y, long.y)
+    assert quick.stats == long.stats
+    assert quick.message == long.message
+    assert np.array_equal(integrate(flow, at=times, **options).y, on_grid.y)
+    # The scenes' spans end before anything happens.
+    assert looked == ([] if long.status.ok else [1, 1])
+
+
+def test_a_run_of_many_looks_is_that_of_the_long_way():
+    found = study(load("chaplygin_sleigh"))
+    flow = found.reduced(1)
+    options = {"start": dict(found.start), "span": (0, 400), "epsilon": found.scene.epsilon, "rtol": 1e-12}
+    quick, long = integrate(flow, **options), integrate(flow, progress=lambda done: None, **options)
+    assert quick.stats.steps > module.LOOK
+    assert np.array_equal(quick.y, long.y)
+    assert quick.stats == long.stats
+
+
+def test_a_run_into_a_fold_and_a_start_on_it_end_as_they_do_the_long_way():
+    found = study(load("van_der_pol"))
+    for order in (0, 1, 2):
+        options = {"start": {"x": 2, "y": 2 / 3}, "span": (0, 3), "epsilon": 0.01}
+        quick = integrate(found.reduced(order), **options)
+        long = integrate(found.reduced(order), progress=lambda done: None, **options)
+        assert not quick.status.ok
+        assert quick.message == long.message
+        assert np.array_equal(quick.y, long.y)
+        with pytest.raises((HyperbolicityError, BranchError)):
+            integrate(found.reduced(order), start={"x": 1, "y": -2 / 3}, span=(0, 1), epsilon=0.01)
+
+
+@pytest.mark.parametrize("name", ["van_der_pol", "koper", "fitzhugh_nagumo"])
+def test_one_point_of_a_sheet_is_what_following_it_gives(name):
+    branch = study(load(name)).branch
+    assert branch.seed is not None
+    rng = np.random.default_rng(0)
+    near = np.array(branch.seed[0])
+    reached = 0
+    for _ in range(60):
+        x = near + rng.normal(size=near.size)
+        y, good = branch.follow(x[np.newaxis])
+        if good[0]:
+            assert branch.over(x) == pytest.approx(y[0], rel=1e-12, abs=1e-12)
+            reached += 1
+        else:
+            with pytest.raises(BranchError, match="ends at"):
+                branch.over(x)
+    assert reached > 15
+
+
+def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
+    branch = study(load("van_der_pol")).branch
+    functions, x0, y0 = branch._sheet
+    # From x = 2 the sheet ends at y = -2/3; Newton's method alone would find a point of the other one.
+    y = y0.copy()
+    for pieces in (1, 4, 16):
+        assert not follow_sheet(*functions, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
+    assert np.array_equal(y, y0)
