@@ -8,6 +8,9 @@ import flint
 import numpy as np
 import sympy as sp
 
+# Powers of one generator that are nested in one another.
+LONGEST = 64
+
 
 def rational(value: flint.fmpq) -> sp.Rational:
     """A python-flint number as a SymPy one."""
@@ -33,7 +36,10 @@ def polynomial_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Exp
 
 
 def horner_expression(polynomial: flint.fmpq_mpoly, meaning: Sequence[sp.Expr]) -> sp.Expr:
-    """The polynomial in nested form, the generator that occurs in most terms outermost."""
+    """The polynomial in nested form, the generator that occurs in most terms outermost.
+
+    More than `LONGEST` powers of a generator are a sum of nested forms, or SymPy's recursions end in the stack's limit.
+    """
     return _horner(polynomial.to_dict(), list(range(len(meaning))), meaning)
 
 
@@ -54,8 +60,15 @@ def _horner(terms: dict, variables: list[int], meaning: Sequence[sp.Expr]) -> sp
     by_power: dict[int, dict] = {}
     for m, c in terms.items():
         by_power.setdefault(int(m[first]), {})[m] = c
-    powers = sorted(by_power, reverse=True)
-    result: sp.Expr = sp.Integer(0)
-    for power, below in zip(powers, [*powers[1:], 0]):
-        result = (result + _horner(by_power[power], rest, meaning)) * meaning[first] ** (power - below)
-    return result
+
+    def nested(powers: list[int], below: int) -> sp.Expr:
+        """The part with `powers`, highest first, divided by the power `below`."""
+        if len(powers) > LONGEST:
+            half = len(powers) // 2
+            return nested(powers[half:], below) + nested(powers[:half], below)
+        result: sp.Expr = sp.Integer(0)
+        for power, lower in zip(powers, [*powers[1:], below]):
+            result = (result + _horner(by_power[power], rest, meaning)) * meaning[first] ** (power - lower)
+        return result
+
+    return nested(sorted(by_power, reverse=True), 0)

@@ -262,7 +262,8 @@ def _measured(
     if model.kind is ModelKind.FULL or outlook is None:
         own = run_model(flow, start, scene, piece, rtol, at=grid)
         predicted = rtol
-        scale = {name: float(np.abs(reference[name]).max()) or 1.0 for name in names}
+        # A run that ends early may have no row on the piece; nothing is measured then.
+        scale = {name: float(np.abs(reference[name]).max(initial=0.0)) or 1.0 for name in names}
     elif model.kind is ModelKind.SOLVED:
         assert surface is not None
         own = run_model(surface.flow, surface.start, scene, piece, rtol, at=grid)

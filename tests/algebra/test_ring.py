@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gsp.algebra.functions import RULES, are_rational
+from gsp.algebra.polynomials import LONGEST
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.errors import HyperbolicityError, UnsupportedFunctionError
 
@@ -173,3 +174,14 @@ def test_room_is_made_for_as_many_functions_as_are_adjoined() -> None:
     assert early.key == key
     assert (early - read(sp.exp(x) / (1 + sp.exp(x)), ring, {})).reduced().is_zero
     assert same(ring.to_sympy(ring.derive(early * element, 0).reduced()), sp.diff(many / (1 + sp.exp(-x)), x))
+
+
+@pytest.mark.parametrize("power", [LONGEST - 1, LONGEST, 5 * LONGEST + 1])
+def test_the_nested_form_of_a_long_polynomial_is_shallow_and_has_its_value(power: int) -> None:
+    ring = ring_for(x + 1)
+    nested = ring.horner(read((x + 1) ** power, ring, {}))
+    depth, level = 0, {nested}
+    while level:
+        depth, level = depth + 1, {part for e in level for part in e.args}
+    assert depth <= 3 * LONGEST
+    assert same(nested, (x + 1) ** power)

@@ -360,3 +360,23 @@ def test_a_start_outside_the_domain_of_the_field_is_refused() -> None:
     outside = scene(-x, sp.log(x) - y, region={"x": (-2, 2)}, start={"x": -1, "y": 1})
     with pytest.raises(DeclarationError, match="not finite at the scene's start: the rate of y"):
         choose(outside)
+
+
+def test_a_full_run_that_ends_before_the_piece_is_named_and_nothing_is_measured() -> None:
+    """x leaves every bound at t = 3e-30, before the part of the span over which models are compared."""
+    growing = (x + y + sp.Rational(3, 2)) ** 100
+    asked = {"region": {"x": (0.1, 0.4)}, "start": {"x": 0.2, "y": 0.2}, "span": (0, 0.2), "tolerance": 1e-6}
+    choice = choose(scene(-x + growing, x - y, **asked, epsilon=0.02))
+    full = choice.candidates[-1]
+    assert full.kind is ModelKind.FULL
+    assert not full.valid
+    assert "stopped after" in str(choice)
+    assert np.isnan(choice.measured)
+
+
+def test_a_power_of_a_hundred_is_no_matter_of_the_depth_of_the_stack() -> None:
+    growing = (x / 4 + y / 4 + sp.Rational(1, 3)) ** 100
+    choice = choose(
+        scene(-x + growing, x - y, region={"x": (0.1, 0.4)}, start={"x": 0.2, "y": 0.2}), orders=(1, 2)
+    )
+    assert [c.order for c in choice.candidates[:2]] == [1, 2]
