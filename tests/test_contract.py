@@ -104,7 +104,7 @@ KEYWORDS = {
     ),
     "max_steps": LIMIT,
     "threads": LIMIT,
-    **dict.fromkeys(("dense", "backward", "symbolic", "numeric", "fast", "solve", "switch_branches"), FLAG),
+    **dict.fromkeys(("dense", "backward", "symbolic", "numeric", "fast", "solve", "switch_branches", "prove"), FLAG),
     "progress": CALLABLE,
     "direction": SIGN,
     "start": POINT,

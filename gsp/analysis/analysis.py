@@ -19,7 +19,7 @@ from gsp.choice.choice import Choice, choose
 from gsp.comparison.comparison import Comparison, compare, on_manifold
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.critical.continuation import CriticalCurve, CriticalSheet
-from gsp.errors import BudgetError, HyperbolicityError, MissingPartError
+from gsp.errors import BranchError, BudgetError, HyperbolicityError, MissingPartError, UnsupportedFunctionError
 from gsp.fibres.base_points import BasePoint
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.reduced_flow import ReducedFlow
@@ -33,6 +33,8 @@ from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_order, check_orders
 
+# Boxes that are tried for a proof: a fraction of a second.
+PROOF_BOXES = 500
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
 PICTURED = (2.0, 1.0, 0.4)
 # Runs for pictures: their error is far below the width of a line.
@@ -172,7 +174,7 @@ def analyse(
     with stage("split"):
         _ = study.region, study.branch
     with stage("hyperbolicity"):
-        hyperbolicity = study.hyperbolicity
+        hyperbolicity = _with_proof(study.hyperbolicity)
         _require_hyperbolic(hyperbolicity)
     parts: dict[str, Any] = {}
 
@@ -228,11 +230,20 @@ def _series(study: Study, order: int) -> SeriesManifold:
         return study.series(order, symbolic=False)
 
 
+def _with_proof(hyperbolicity: Hyperbolicity) -> Hyperbolicity:
+    """With a certificate where a small budget gives one; what has no enclosure stays sampled."""
+    try:
+        return hyperbolicity.with_proof(most_boxes=PROOF_BOXES)
+    except (BranchError, UnsupportedFunctionError):
+        return hyperbolicity
+
+
 def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     if hyperbolicity.kind is not Kind.LOST:
         return
     failed = [str(condition) for condition in hyperbolicity.conditions if not condition.holds]
     where = "; ".join(loss.headline for loss in hyperbolicity.losses[:3]) or "; ".join(failed)
+    where = where or hyperbolicity.evidence
     part = hyperbolicity.sub_region
     shrink = f"The conditions hold {part}. " if part is not None else ""
     raise HyperbolicityError(

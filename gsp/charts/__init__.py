@@ -22,6 +22,7 @@ from gsp.charts.manifolds import distance, manifold
 from gsp.charts.methods import composite, method_errors
 from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
+from gsp.charts.proofs import has_boxes, proof
 from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
 from gsp.charts.runs import periodic_orbit, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
@@ -73,6 +74,7 @@ __all__ = [
     "periodic_orbit",
     "phase_portrait",
     "png",
+    "proof",
     "relaxation",
     "save",
     "shape",
@@ -162,6 +164,8 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     charts["phase_portrait"] = phase_portrait
     if attempt("the eigenvalues", lambda: has_constant_eigenvalues(analysis)) is not True:
         charts["eigenvalues"] = eigenvalues
+    if has_boxes(analysis):
+        charts["proof"] = proof
     if "boundary" in analysis.lost or analysis.surroundings is not None:
         charts["critical_manifold"] = surroundings
     # In higher dimensions `manifold` is the distance already, and nothing when no run lands.

@@ -209,7 +209,7 @@ class _Search:
         """At which points the fast Jacobian in doubles is what it is in balls, to rounding."""
         matrices = self.sampler.fast_jacobian(points).reshape(len(points), -1)
         room = ROUNDED * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
-        exact = np.isfinite(matrices).all(axis=1)
+        exact = np.array(np.isfinite(matrices).all(axis=1))
         for i in np.flatnonzero(exact):
             place = [balls.exact(float(v)) for v in points[i]]
             entries = self.equations.derivative(place[: self.nx], place[self.nx :])

@@ -8,9 +8,10 @@ excluded as far as `exclusion` goes, and the verdict says how far; `gsp.certify`
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +23,12 @@ from gsp.hyperbolicity.losses import Loss, LossKind, ends_on_grid, examine, shee
 from gsp.hyperbolicity.losses.examination import Examination
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
-from gsp.systems.arguments import check_noun
+from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon
 from gsp.systems.region import Interval, check_region
+
+if TYPE_CHECKING:
+    from gsp.proofs.certificate import Certificate
 
 EQUILIBRIUM_TOLERANCE = 1e-9
 # The least gap is refined to about this share of it.
@@ -82,6 +86,7 @@ class Hyperbolicity:
     and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
     neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says
     where between the samples a loss is not excluded; None when one was found at them.
+    `certificate` is what is proved, when that was asked for: a REFUTED one makes the kind "lost".
     """
 
     branch: Branch
@@ -96,11 +101,34 @@ class Hyperbolicity:
     looked_at: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
     exclusion: Exclusion | None = None
+    certificate: Certificate | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether every condition holds at the samples."""
-        return all(condition.holds for condition in self.conditions)
+        """Whether every condition holds at the samples, and none is refuted."""
+        refuted = self.certificate is not None and self.certificate.verdict.name == "REFUTED"
+        return not refuted and all(condition.holds for condition in self.conditions)
+
+    def with_proof(self, *, epsilon: float | None = None, most_boxes: int | None = None) -> Hyperbolicity:
+        """The verdict with its `certificate`: what `certify` proves over the region with `most_boxes` boxes.
+
+        With `epsilon` the condition r >= 1 is to be proved there too. Ctrl-C goes on upwards. Raises
+        `UnsupportedFunctionError` for a function without an enclosure, `BranchError` for more than one sheet.
+        """
+        from gsp.proofs.certification import MOST_BOXES, certify_branch
+
+        budget = MOST_BOXES if most_boxes is None else most_boxes
+        found = certify_branch(self.branch, region=self.region, epsilon=epsilon, most_boxes=budget)
+        if found.is_interrupted:
+            raise KeyboardInterrupt
+        if found.verdict.name == "REFUTED" and found.witness is not None:
+            evidence = f"refuted on {found.where}: {found.witness.statement}"
+            return replace(self, kind=Kind.LOST, certificate=found, evidence=evidence)
+        if found.verdict.name == "PROVED" and self.kind is not Kind.LOST:
+            evidence = f"proved on {found.where}"
+        else:
+            evidence = f"{self.evidence}; {found.reason}"
+        return replace(self, certificate=found, evidence=evidence)
 
     @cached_property
     def sub_region(self) -> SubRegion | None:
@@ -129,19 +157,24 @@ class Hyperbolicity:
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
         lines += [f"  note: {note}" for note in self.notes]
-        if self.exclusion is not None and self.exclusion.is_complete and self.kind is not Kind.LOST:
+        if self.certificate is not None:
+            lines.append(f"  {str(self.certificate).replace(newline, newline + '  ')}")
+        elif self.exclusion is not None and self.exclusion.is_complete and self.kind is not Kind.LOST:
             lines.append(f"  samples: {self.exclusion}")
         if self.sub_region is not None:
             lines.append(f"  holds: {self.sub_region}")
         return "\n".join(lines)
 
 
-def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float | None = None) -> Hyperbolicity:
+def classify(
+    branch: Branch, *, region: Mapping[str, Interval], epsilon: float | None = None, prove: bool = False
+) -> Hyperbolicity:
     """Where and how strongly `branch` is normally hyperbolic over `region`.
 
     `region` bounds every slow variable, and fast ones where a sheet of an implicit branch is meant; with
     `epsilon` the condition r >= 1 is decided at that value too. A loss is knowledge, not an error: the kind is
-    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on.
+    then "lost", and `losses` name each, with its coefficients, what follows, and whether reduction may go on. With
+    `prove` the verdict has a `certificate` beside it, what `certify` proves over the region.
     Raises `DeclarationError` for a region that is not one and `BranchError` when the branch has no real point in it.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
@@ -151,6 +184,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
     """
     check_noun(branch, Branch, verb="classify")
     epsilon = None if epsilon is None else check_epsilon(epsilon)
+    prove = check_flag(prove, what="prove")
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
     sampler = Sampler(branch)
@@ -169,7 +203,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
         evidence += f"; {exclusion}"
     rates = Rates(judged.gap, sampler.tangential_rate(z))
     found = judged.found
-    return Hyperbolicity(
+    verdict = Hyperbolicity(
         branch=branch,
         region=box,
         kind=Kind.LOST if lost else _kind(int(kinds[0]), len(system.y)),
@@ -185,6 +219,7 @@ def classify(branch: Branch, *, region: Mapping[str, Interval], epsilon: float |
         notes=found.notes,
         exclusion=exclusion,
     )
+    return verdict.with_proof(epsilon=epsilon) if prove else verdict
 
 
 @dataclass(frozen=True, eq=False)

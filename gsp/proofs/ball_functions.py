@@ -137,7 +137,7 @@ class BallFunction(Program):
         return total
 
     def _product(self, expression: Any) -> int:
-        above, below = expression.as_numer_denom()
+        above, below = _fraction(expression) if expression.has(sp.exp) else expression.as_numer_denom()
         if below != 1 and above != expression:
             return self._operation(balls.quotient, self._written(above), self._written(below))
         coefficient, rest = expression.as_coeff_Mul()
@@ -160,6 +160,20 @@ class BallFunction(Program):
             return self._written(sp.exp(exponent, evaluate=False))
         inside = self._operation(balls.product, self._written(exponent), self._written(sp.log(base)))
         return self._operation(balls.exp, inside)
+
+
+def _fraction(product: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Numerator and denominator as they are written: exp(-u) as 1/exp(u) would be a ball about 0 for a large u."""
+    above, below = [], []
+    for factor in sp.Mul.make_args(product):
+        if factor.is_Rational:
+            above.append(sp.Integer(factor.p))
+            below.append(sp.Integer(factor.q))
+        elif factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative:
+            below.append(factor.base**-factor.exp)
+        else:
+            above.append(factor)
+    return sp.Mul(*above), sp.Mul(*below)
 
 
 def undefined_within(

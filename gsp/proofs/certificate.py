@@ -44,7 +44,7 @@ class Certificate:
     - UNDECIDED: neither. `undecided` are the boxes that are left, `undecided_volume` their share of the region's
       volume; over the others all of it holds, each by itself. `reason` is one sentence.
 
-    `tried` boxes were looked at, and `boxes` hold what is proved.
+    `tried` boxes were looked at, and `boxes` hold what is proved; `is_interrupted` by Ctrl-C.
     """
 
     branch: Branch
@@ -66,6 +66,13 @@ class Certificate:
     _covering: Covering
     # The tangential rate once it is asked for; it costs more than the proof.
     _rate: dict[str, float] = field(default_factory=dict)
+    is_interrupted: bool = False
+
+    @property
+    def gaps(self) -> tuple[float, ...]:
+        """The proved least |Re lambda| over each of the `boxes`."""
+        spectra = [piece.spectrum for piece in self._covering.pieces]
+        return tuple(math.nan if found is None else found.gap for found in spectra)
 
     @property
     def tangential(self) -> float:

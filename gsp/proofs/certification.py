@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import flint
@@ -130,12 +131,10 @@ def _judged(problem: _Problem, covering: Covering) -> Certificate:
         _slow=tuple(problem.slow),
         _covering=covering,
     )
-    if covering.interrupted:
-        return certificate
-    try:
-        return _decided(problem, covering, certificate)
-    except KeyboardInterrupt:
-        return certificate
+    if not covering.interrupted:
+        with suppress(KeyboardInterrupt):
+            return _decided(problem, covering, certificate)
+    return replace(certificate, is_interrupted=True)
 
 
 def _decided(problem: _Problem, covering: Covering, certificate: Certificate) -> Certificate:

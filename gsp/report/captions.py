@@ -150,6 +150,21 @@ def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
     ).format(number(analysis.hyperbolicity.gap), analysis.hyperbolicity.kind)
 
 
+def _proof(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.hyperbolicity.certificate
+    assert found is not None
+    how = "height" if len(analysis.study.system.x) == 1 else "colour"
+    text = Markup(
+        "The {} boxes of the {}. Their {} is the distance from the imaginary axis, in fast time, that is proved of "
+        "every eigenvalue over the box: {} at least."
+    ).format(
+        len(found.boxes), "proof" if not found.undecided else "attempt at a proof", how, number(min(found.gaps))
+    )
+    if found.undecided:
+        text += Markup(" Over the {} hatched boxes nothing is proved.").format(len(found.undecided))
+    return text
+
+
 def _critical_manifold(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.surroundings
     assert found is not None
@@ -220,6 +235,7 @@ _CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
     "distance": _distance,
     "critical_manifold": _critical_manifold,
     "eigenvalues": _eigenvalues,
+    "proof": _proof,
     "time_series": _time_series,
     "failure_map": _failure_map,
 }

@@ -113,6 +113,7 @@ def hyperbolicity_as_json(found: Hyperbolicity, *, epsilon: float | None = None)
             "share": found.exclusion.share,
             "reason": found.exclusion.reason,
         },
+        "certificate": None if found.certificate is None else found.certificate.as_dict(),
     }
     return plain(content)
 

@@ -35,6 +35,7 @@ FIGURES = (
     "manifold",
     "distance",
     "eigenvalues",
+    "proof",
     "time_series",
     "failure_map",
 )

@@ -179,7 +179,7 @@ class Page:
             "kind": lambda: Markup("normally hyperbolic, {} ({}){}").format(
                 found.kind, found.evidence, self.leaving()
             ),
-            "gap": lambda: Markup("{} in fast time").format(number(found.gap, 4)),
+            "gap": self.gap,
             "series": lambda: Markup("through order {}, exact").format(self.analysis.series.order),
             "conditions": lambda: Markup("{}").format(self.conditions()),
             "errors": self.measured,
@@ -187,6 +187,27 @@ class Page:
         }
         told = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
         return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in told.items()]
+
+    def gap(self) -> Markup:
+        """The least |Re lambda| that was met, and what is proved of it."""
+        found = self.analysis.hyperbolicity
+        text = Markup("{} in fast time").format(number(found.gap, 4))
+        certificate = found.certificate
+        if certificate is None or not certificate.stable + certificate.unstable:
+            return text
+        boxes = "1 box" if len(certificate.boxes) == 1 else f"{len(certificate.boxes)} boxes"
+        return text + Markup(", proved to be at least {} in {}").format(number(certificate.gap, 4), boxes)
+
+    def evidence(self) -> str:
+        """How the verdict is known, as a sentence."""
+        found = self.analysis.hyperbolicity
+        text = found.evidence[0].upper() + found.evidence[1:]
+        if found.certificate is not None and found.certificate.verdict.name == "PROVED":
+            return (
+                f"{text}, in ball arithmetic: the kind, and that no eigenvalue comes nearer to the axis than proved. "
+                f"The numbers above are the worst of {found.samples} samples, refined."
+            )
+        return f"{text}, the worst of them refined. This is evidence, not a proof."
 
     def _slopes(self) -> Markup:
         comparison = self.analysis.comparison

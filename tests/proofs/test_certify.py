@@ -79,6 +79,14 @@ def test_a_loss_between_all_samples_is_refuted() -> None:
     assert 0.30 < low < high < 0.32
 
 
+def test_a_loss_between_samples_that_fades_exponentially_is_refuted() -> None:
+    # Taken for 1/exp(u^2), exp(-u^2) has no finite enclosure a little away from u = 0.
+    rate = 1 - sp.Rational(11, 10) * sp.exp(-(((x - sp.Rational(3086, 10000)) * 2000) ** 2))
+    found = certify(branch({y: -rate * y}), region={"x": (-1, 1)})
+    assert found.verdict is REFUTED
+    assert found.tried < 200
+
+
 @pytest.mark.parametrize("width", [10.0**-k for k in range(1, 13)])
 def test_a_sliver_of_any_width_is_never_called_proved(width: float) -> None:
     place, size = sp.Rational(3086, 10000), sp.Rational(Fraction(width))

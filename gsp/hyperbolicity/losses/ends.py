@@ -53,7 +53,7 @@ def ends_on_grid(z: np.ndarray, rows: np.ndarray, x: np.ndarray) -> list[Pair]:
 
 
 def _spread(pairs: Sequence[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
-    return [pairs[i] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS)).astype(int)]
+    return [pairs[int(i)] for i in np.linspace(0, len(pairs) - 1, min(len(pairs), ENDS))]
 
 
 def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:

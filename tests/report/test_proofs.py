@@ -1,0 +1,128 @@
+"""The certificate beside the verdict, and in a report: its words, its numbers and its picture."""
+
+import json
+from pathlib import Path
+
+import matplotlib.patches
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp import charts
+from gsp.analysis.analysis import Analysis, analyse
+from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.hyperbolicity.hyperbolicity import Kind, classify
+from gsp.report import hyperbolicity_as_json, write_report
+
+x, y, eps = sp.symbols("x y epsilon")
+
+
+def branch(g: sp.Expr):
+    system = gsp.SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: g}, epsilon=eps)
+    return gsp.solve_critical(system).branches[0]
+
+
+@pytest.fixture(scope="module")
+def van_der_pol() -> Analysis:
+    return analyse(gsp.models.load("van_der_pol"), order=1, orders=(0, 1))
+
+
+def test_a_proof_stands_beside_the_verdict() -> None:
+    found = classify(branch(x - 2 * y), region={"x": (0, 1)}, epsilon=0.1, prove=True)
+    assert found.holds
+    assert found.evidence == "proved on x in [0, 1]"
+    assert found.certificate is not None
+    assert found.certificate.gap == 2.0
+    assert found.certificate.epsilon == 0.1
+    assert "proved on x in [0, 1]" in str(found)
+    assert classify(branch(x - 2 * y), region={"x": (0, 1)}).certificate is None
+
+
+def test_a_refutation_makes_the_verdict_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gsp.hyperbolicity import hyperbolicity as module
+    from gsp.hyperbolicity.exclusion import Exclusion
+
+    # With nothing looked at between its samples the verdict holds; the proof refutes it.
+    monkeypatch.setattr(module, "exclude", lambda *_: Exclusion(0, ({"x": (-1.0, 1.0)},), 1.0))
+    rate = 1 - sp.Rational(11, 10) * sp.exp(-(((x - sp.Rational(3086, 10000)) * 2000) ** 2))
+    assert classify(branch(-rate * y), region={"x": (-1, 1)}).holds
+    found = classify(branch(-rate * y), region={"x": (-1, 1)}, prove=True)
+    assert found.kind is Kind.LOST
+    assert not found.holds
+    assert found.evidence.startswith("refuted on x in [-1, 1]: ")
+
+
+def test_what_is_undecided_stays_sampled() -> None:
+    # The gap is 0 at one point and positive beside it: no box that holds it is ever decided.
+    found = classify(branch(-y / (x - 2) ** 2), region={"x": (0, 1)}).with_proof(most_boxes=1)
+    assert found.certificate is not None
+    assert found.certificate.verdict.name == "UNDECIDED" or found.evidence.startswith("proved")
+    touching = classify(branch(-(x**2 + sp.Rational(1, 10**9)) * y), region={"x": (-1, 1)}).with_proof(
+        most_boxes=5
+    )
+    assert touching.certificate is not None
+    assert touching.certificate.verdict.name == "UNDECIDED"
+    assert "the budget of 5 boxes is spent" in touching.evidence
+    assert touching.evidence.startswith("sampled at ")
+
+
+def test_what_cannot_be_proved_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedFunctionError, match="erf"):
+        classify(branch(-(2 + sp.erf(x)) * y), region={"x": (0, 1)}, prove=True)
+
+
+def test_ctrl_c_during_a_proof_goes_on_upwards(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gsp.proofs import certification
+
+    def stop(*_: object) -> list:
+        raise KeyboardInterrupt
+
+    found = classify(branch(x - 2 * y), region={"x": (0, 1)})
+    monkeypatch.setattr(certification, "glue", stop)
+    with pytest.raises(KeyboardInterrupt):
+        found.with_proof()
+
+
+def test_a_report_proves_and_says_so(van_der_pol: Analysis, tmp_path: Path) -> None:
+    certificate = van_der_pol.hyperbolicity.certificate
+    assert certificate is not None
+    assert certificate.verdict.name == "PROVED"
+    page = write_report(van_der_pol, tmp_path).read_text(encoding="utf-8")
+    assert "(proved on " in page
+    assert f"in {len(certificate.boxes)} boxes" in page
+    assert "not a proof" not in page
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert content["hyperbolicity"]["certificate"]["verdict"] == "proved"
+    assert content["hyperbolicity"]["certificate"]["gap"] == certificate.gap
+    assert content["hyperbolicity"]["exclusion"]["left"] == []
+    assert "proof.png" in content["figures"]
+    assert (tmp_path / "proof.png").stat().st_size > 10_000
+
+
+def test_the_picture_draws_every_box_at_its_height(van_der_pol: Analysis) -> None:
+    certificate = van_der_pol.hyperbolicity.certificate
+    assert certificate is not None
+    axes = charts.proof(van_der_pol)
+    drawn = [p for p in axes.patches if isinstance(p, matplotlib.patches.Rectangle)]
+    shown = sorted((p.get_x(), p.get_x() + p.get_width(), p.get_height()) for p in drawn)
+    known = sorted((low, high, gap) for ((low, high),), gap in zip(certificate.boxes, certificate.gaps))
+    assert np.array(shown) == pytest.approx(np.array(known))
+    sampled = axes.lines[0]
+    for (low, high), gap in zip([box[0] for box in certificate.boxes], certificate.gaps):
+        inside = [v for u, v in zip(sampled.get_xdata(), sampled.get_ydata()) if low <= u <= high]
+        assert min(inside, default=gap) >= gap * (1 - 1e-9)
+
+
+def test_without_boxes_there_is_no_picture() -> None:
+    found = analyse(gsp.models.load("linear"), order=1, orders=(0, 1))
+    assert found.hyperbolicity.evidence.startswith("proved on ")
+    assert "proof" not in charts.applicable(found)
+    with pytest.raises(DeclarationError, match="boxes of a proof"):
+        charts.proof(found)
+
+
+def test_json_has_no_certificate_where_none_was_asked_for() -> None:
+    content = hyperbolicity_as_json(classify(branch(x - 2 * y), region={"x": (0, 1)}))
+    assert content["certificate"] is None
+    assert content["exclusion"] == {"boxes": 1, "left": [], "share": 0, "reason": ""}
