@@ -159,6 +159,22 @@ def test_no_module_evaluates_text() -> None:
                 assert name not in forbidden, f"{name} in {path.name}:{node.lineno}"
 
 
+MOST_ARGUMENTS = 10
+# The verb itself, as it is called by users and, in `trajectory_of`, by other verbs.
+VERBS = {"integrate", "integrate_many", "trajectory_of"}
+
+
+def test_a_run_is_one_record_and_no_row_of_arguments() -> None:
+    long = [
+        f"{path.name}:{node.name}"
+        for package, path in modules()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if package == "integration" and isinstance(node, ast.FunctionDef) and node.name not in VERBS
+        if len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs) > MOST_ARGUMENTS
+    ]
+    assert long == []
+
+
 # Attributes and variables that hold sentences, and what takes a sentence apart.
 SENTENCES = {"message", "reason", "reasons", "why", "why_not", "note", "notes", "meaning", "remedy", "ended"}
 TAKING_APART = {

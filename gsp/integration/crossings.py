@@ -11,12 +11,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.loop import Record, advance
+from gsp.integration.loop import Record, Run, advance
 from gsp.integration.methods import Method
 from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
@@ -54,9 +54,14 @@ class Stepper:
     def between(self, first: float, y: np.ndarray, last: float) -> Record:
         """The run from `y` at `first` to `last`, in one step when its error allows."""
         return advance(
-            self.compiled, self.p, y, first, np.array([last]),
-            method=self.method, rtol=self.rtol, atol=self.atol, max_steps=1000,
-            rows_kept=LOOK, first_step=last - first,
+            self.run(y, first, np.array([last]), max_steps=1000, first_step=last - first), self.method
+        )
+
+    def run(self, y: np.ndarray, first: float, stops: np.ndarray, *, max_steps: int, **more: Any) -> Run:
+        """What is to be run from `y` at `first`, with short records; `more` is the run's own."""
+        return Run(
+            self.compiled, self.p, y, first, stops, self.method, self.rtol, self.atol, max_steps,
+            rows_kept=LOOK, **more,
         )  # fmt: skip
 
 

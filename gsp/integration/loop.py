@@ -84,46 +84,51 @@ class Record(NamedTuple):
         return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
-def run(
-    compiled: CompiledFlow,
-    p: Numbers,
-    y: Numbers,
-    first: float,
-    stops: np.ndarray,
-    *,
-    method: Method | None,
-    rtol: float,
-    atol: float,
-    max_steps: int,
-    dense: bool = True,
-    progress: Callable[[float], object] | None = None,
-    watch: Watch | None = None,
-    rows_kept: int = RECORD,
-    keeps: bool = False,
-) -> Record:
-    """`advance` by `method`, or by default as `choose_method` says, explicitly where the start is not stiff.
+class Run(NamedTuple):
+    """What is to be run: `compiled` with p = (epsilon, *parameters), from `y` (n,) at `first` to the last of `stops`.
+
+    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
+    by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
+    `dense` has no rows. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
+    """
+
+    compiled: CompiledFlow
+    p: Numbers
+    y: Numbers
+    first: float
+    stops: np.ndarray
+    method: Method | None
+    rtol: float
+    atol: float
+    max_steps: int
+    dense: bool = True
+    progress: Callable[[float], object] | None = None
+    watch: Watch | None = None
+    rows_kept: int = RECORD
+    first_step: float = 0.0
+    keeps: bool = False
+
+
+def run(asked: Run) -> Record:
+    """`advance` by the run's method, or by default as `choose_method` says, explicitly where the start is not stiff.
 
     The explicit method has the few steps that such a span takes. If they do not suffice, or it fails, the implicit one
     goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
     """
-    chosen = method or choose_method(compiled, rtol)
-    tries = method is None and compiled.is_stiff
-    record = advance(
-        compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=max_steps,
-        dense=dense, progress=progress, watch=watch, rows_kept=rows_kept, tries=tries, keeps=keeps,
-    )  # fmt: skip
+    if asked.method is not None:
+        return advance(asked, asked.method)
+    chosen = choose_method(asked.compiled, asked.rtol)
+    tries = asked.compiled.is_stiff
+    record = advance(asked, chosen, tries)
     if not tries or record.method is not Method.TAYLOR:
         return record
     used = record.attempts
-    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= max_steps:
+    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= asked.max_steps:
         return record
-    t = record.times[-1]
+    t, stops = record.times[-1], asked.stops
     ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
-    rest = advance(
-        compiled, p, record.states[-1], float(t), ahead, method=chosen, rtol=rtol, atol=atol,
-        max_steps=max_steps - used, dense=dense, progress=progress, keeps=keeps,
-    )  # fmt: skip
-    return _joined(record, rest)
+    left = asked._replace(y=record.states[-1], first=float(t), stops=ahead, max_steps=asked.max_steps - used)
+    return _joined(record, advance(left, chosen))
 
 
 def _joined(one: Record, two: Record) -> Record:
@@ -143,32 +148,28 @@ def _joined(one: Record, two: Record) -> Record:
     )
 
 
-def advance(
-    compiled: CompiledFlow,
-    p: Numbers,
-    y: Numbers,
-    first: float,
-    stops: np.ndarray,
-    *,
-    method: Method,
-    rtol: float,
-    atol: float,
-    max_steps: int,
-    dense: bool = True,
-    progress: Callable[[float], object] | None = None,
-    watch: Watch | None = None,
-    rows_kept: int = RECORD,
-    first_step: float = 0.0,
-    tries: bool = False,
-    keeps: bool = False,
-) -> Record:
-    """Run `method` from `y` (n,) at `first` to the last of `stops` (s,); `p` is (epsilon, *parameters).
+def advance(asked: Run, method: Method, tries: bool = False) -> Record:
+    """The run by `method`.
 
-    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
-    by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
-    `dense` has no rows. If it `tries` and the start is such, Taylor series run in place of `method`, with their
-    attempts. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps that were made.
+    If it `tries` and the start is such, Taylor series run in place of `method`, with their attempts.
     """
+    (
+        compiled,
+        p,
+        y,
+        first,
+        stops,
+        _,
+        rtol,
+        atol,
+        max_steps,
+        dense,
+        progress,
+        watch,
+        rows_kept,
+        first_step,
+        keeps,
+    ) = asked
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
     if tries:

@@ -19,6 +19,7 @@ from gsp.integration.explanations import explain
 from gsp.integration.loop import (
     RECORD,
     Record,
+    Run,
     Stats,
     check_grid,
     check_span,
@@ -295,10 +296,11 @@ def trajectory_of(
     record = None
     if flow.is_reduced and asked is None and progress is None:
         # Most runs keep clear of every loss; what is seen of one that does not is made and told again below.
-        record = run(
-            compiled, p, y, first, stops, method=chosen, rtol=rtol, atol=atol, max_steps=limit,
+        quick = Run(
+            compiled, p, y, first, stops, chosen, rtol, atol, limit,
             watch=cast("ReducedFlow", flow).look(p, first, y), rows_kept=LOOK, keeps=keeps,
         )  # fmt: skip
+        record = run(quick)
     if record is not None and record.status is Status.SUCCESS:
         pass
     elif asked is not None or flow.is_reduced:
@@ -312,22 +314,13 @@ def trajectory_of(
     if begun is not None:
         record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
     elif record is None or record.status not in (Status.SUCCESS, Status.INTERRUPTED):
-        record = run(
-            compiled,
-            p,
-            y,
-            first,
-            stops,
-            method=chosen,
-            rtol=rtol,
-            atol=atol,
-            max_steps=limit,
-            dense=dense or reads or search is not None,
-            progress=progress,
-            watch=search,
-            rows_kept=LOOK if search is not None and search.can_end else RECORD,
+        rows = LOOK if search is not None and search.can_end else RECORD
+        keeps_dense = dense or reads or search is not None
+        asked_run = Run(
+            compiled, p, y, first, stops, chosen, rtol, atol, limit, keeps_dense, progress, search, rows,
             keeps=keeps,
-        )
+        )  # fmt: skip
+        record = run(asked_run)
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: Mapping[str, Crossings] = _NO_EVENTS
     if search is not None:

@@ -10,7 +10,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsp.integration.loop import advance
+from gsp.integration import loop
 from gsp.integration.methods import Method, program_of, solver_of
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
@@ -496,9 +496,11 @@ def test_a_launched_run_is_the_kernels_own_bit_by_bit(method, first_step) -> Non
     if first_step:
         by_hand.force_step(first_step)
     assert by_hand.advance() == ledger.FINISHED
-    record = advance(
-        compiled, (np.nan,), (2.0, 0.0), 0.0, np.array([30.0, 60.0]),
-        method=Method(method), rtol=1e-8, atol=1e-10, max_steps=10**9, first_step=first_step, rows_kept=100,
+    record = loop.run(
+        loop.Run(
+            compiled, (np.nan,), (2.0, 0.0), 0.0, np.array([30.0, 60.0]), Method(method), 1e-8, 1e-10, 10**9,
+            first_step=first_step, rows_kept=100,
+        )
     )  # fmt: skip
     assert np.array_equal(record.times, np.concatenate(by_hand.times))
     assert np.array_equal(record.states, np.concatenate(by_hand.states))

@@ -16,7 +16,6 @@ import numpy as np
 from gsp.errors import HyperbolicityError, Status
 from gsp.integration.crossings import (
     DIP,
-    LOOK,
     SUBDIVISIONS,
     Piece,
     Search,
@@ -202,11 +201,8 @@ class Ending:
             0.0,
             begun,
         )
-        record = advance(
-            inner.compiled, stepper.p, begun, 0.0, np.array([length]),
-            method=inner.method, rtol=inner.rtol, atol=inner.atol, max_steps=MAX_STEPS,
-            watch=search, rows_kept=LOOK,
-        )  # fmt: skip
+        asked = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
+        record = advance(asked, inner.method)
         end = record.states[-1] if search.end is None else search.end.y
         reached = validity.crossing(end, stepper.p)
         is_fold = search.end is not None and bool(abs(reached[1]) > TRANSVERSAL * abs(slope))
@@ -330,12 +326,11 @@ class Ending:
         stepper = self.stepper
         record = None
         if t != fold.t:
-            record = advance(
-                stepper.compiled, stepper.p, y, t, np.append(self._between(t, fold.t), fold.t),
-                method=stepper.method, rtol=stepper.rtol, atol=stepper.atol, max_steps=MAX_STEPS,
-                watch=lambda times, states, dense: not self._holds(states).all(), rows_kept=LOOK,
-                first_step=fold.t - t,
+            asked = stepper.run(
+                y, t, np.append(self._between(t, fold.t), fold.t), max_steps=MAX_STEPS,
+                watch=lambda times, states, dense: not self._holds(states).all(), first_step=fold.t - t,
             )  # fmt: skip
+            record = advance(asked, stepper.method)
         if record is None:
             return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
         times, states, dense = record.times, record.states, record.dense
