@@ -25,6 +25,7 @@ RTOL, ATOL = 1e-11, 1e-13
 # Explicit steps against implicit ones: with so many times the field calls stability holds them back.
 RIVALS, WASTE = (Method.RADAU9, Method.DOP853), 4.0
 MAX_STEPS = 20_000
+NEWTON_STEPS = 50
 # Relative errors that differ by less are equal to rounding; it is what the points of reference are asked for.
 ROUNDING = 1e-13
 
@@ -230,10 +231,10 @@ class Survey:
         }
 
 
-def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray, *, most: int = 50) -> np.ndarray | None:
+def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
     """Plain Newton's method for g(x, y, 0) = 0 in y from `y` (n_fast,) at fixed x; None when it does not converge."""
     nx = x.size
-    for _ in range(most):
+    for _ in range(NEWTON_STEPS):
         z = np.concatenate([x, y])[None, :]
         value, slope = sampler.equilibria(z)[0], sampler.equilibria_jacobian(z)[0][:, nx:]
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):

@@ -162,7 +162,7 @@ class LagrangianSystem:
         """The algebra of functions of (q, qdot, t) that the Lagrangian and the forces are made of."""
         return self.raw_algebra(())
 
-    def raw_algebra(self, further: Sequence[sp.Expr], sines: frozenset[sp.Expr] = frozenset()) -> Algebra:
+    def raw_algebra(self, further: Sequence[sp.Expr]) -> Algebra:
         """The algebra of (q, qdot, t) with what `further` expressions need.
 
         Derivation 0 is d/dt at constant velocity, derivation 1 + i the one by velocity i.
@@ -173,7 +173,6 @@ class LagrangianSystem:
             tuple(self.values),
             expressions,
             derivations=1 + len(self.velocities),
-            sines=sines,
         )
         ring = algebra.ring
         for i, (x, v) in enumerate(zip(self.coordinates, self.velocities)):

@@ -233,7 +233,7 @@ def check_each(
     return tuple(check(value) for value in listed)
 
 
-def check_array(values: Any, *, what: str, be: str, remedy: str = "") -> np.ndarray:
+def check_array(values: Any, *, what: str, be: str) -> np.ndarray:
     """`values` as an array of floats: numbers only, no text and no truth values, finite or not."""
     try:
         if isinstance(values, (list, tuple)) and any(isinstance(value, (bool, np.bool_)) for value in values):
@@ -249,7 +249,7 @@ def check_array(values: Any, *, what: str, be: str, remedy: str = "") -> np.ndar
                 return np.array(flat).reshape(array.shape)
     except (TypeError, ValueError):
         pass
-    raise DeclarationError(_sentence(what, be, values, remedy))
+    raise DeclarationError(_sentence(what, be, values, ""))
 
 
 def _sentence(what: str, be: str, value: object, remedy: str) -> str:

@@ -176,9 +176,11 @@ def check_epsilons(values: Iterable[float], *, what: str = "epsilon") -> tuple[f
     )
 
 
-def check_order(value: int, *, what: str = "order", most: int = HIGHEST_ORDER) -> int:
-    """`value` as an order of a series; raises `DeclarationError` unless it is an integer from 0 to `most`."""
-    return check_whole(value, what=what, most=most, be=f"a non-negative integer, {most} at most")
+def check_order(value: int, *, what: str = "order") -> int:
+    """`value` as an order of a series; raises `DeclarationError` unless it is an integer from 0 to HIGHEST_ORDER."""
+    return check_whole(
+        value, what=what, most=HIGHEST_ORDER, be=f"a non-negative integer, {HIGHEST_ORDER} at most"
+    )
 
 
 def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = False) -> tuple[int, ...]:

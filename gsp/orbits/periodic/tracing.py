@@ -114,8 +114,6 @@ class Tracer:
         guess: Cycle,
         reference: Cycle,
         condition: Callable[[Cycle], Condition],
-        *,
-        steps: int = CORRECTIONS,
     ) -> Solution:
         """Newton's method with that condition, the phase held against `reference`."""
         scales = scales_of(reference)
@@ -124,7 +122,7 @@ class Tracer:
             guess,
             scales=scales,
             conditions=lambda cycle: [phase_condition(cycle, reference, scales), condition(cycle)],
-            steps=steps,
+            steps=CORRECTIONS,
             damped=False,
         )
 

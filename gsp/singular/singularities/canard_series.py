@@ -57,10 +57,10 @@ class FormalCanard:
 
 
 def formal_canard(
-    field: PlanarField, scalars: Rationals, point: dict[sp.Symbol, Scalar], *, order: int, spare: int = 2
+    field: PlanarField, scalars: Rationals, point: dict[sp.Symbol, Scalar], *, order: int
 ) -> FormalCanard:
-    """The solution of (2) through a_`order` at the canard point; `spare` further Taylor coefficients are kept."""
-    ring = TaylorRing(scalars, 2 * order + spare + 2)
+    """The solution of (2) through a_`order` at the canard point, with a few further Taylor coefficients."""
+    ring = TaylorRing(scalars, 2 * order + 4)
     x, y, a = field.symbols
     X = [ring.scalar(point[x])]
     A = [ring.scalar(point[a])]
