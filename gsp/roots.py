@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-# What two neighbouring results of double precision differ by; `brentq` takes no less than four of it.
+# What two neighbouring results of double precision differ by.
 ROUNDING = 2.0**-52
 # Brent's method needs about ten evaluations; this many only where the function jumps.
 MOST = 400
@@ -63,10 +63,9 @@ def root(
 
     width = max(apart, ROUNDING * max(abs(a), abs(b)))
     try:
-        # With full output the answer comes without an exception after the last evaluation too.
-        return brentq(value, a, b, xtol=width, rtol=4.0 * ROUNDING, maxiter=MOST, full_output=True, disp=False)[
-            0
-        ]
+        # With full output the answer comes without an exception after the last evaluation too; its relative width is
+        # four roundings where none is given, the least that it takes.
+        return brentq(value, a, b, xtol=width, maxiter=MOST, full_output=True, disp=False)[0]
     except _Undefined:
         return None
 
