@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError, GspError, Status
-from gsp.integration.loop import advance
+from gsp.integration.loop import Run, run
 from gsp.integration.trajectory import Method, integrate
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -57,8 +57,8 @@ def test_a_grid_is_returned_exactly(method, grid):
 def stopped(method, stops):
     """A run of the oscillator whose steps end on the stops."""
     flow = compile_flow(OSCILLATOR)
-    options = {"method": method, "rtol": 1e-8, "atol": 1e-10, "max_steps": 10_000}
-    return advance(flow, flow.parameters(None), [1.0, 0.0], 0.0, np.append(stops, 40.0), **options).stats
+    start, ends = (flow.parameters(None), [1.0, 0.0], 0.0), np.append(stops, 40.0)
+    return run(Run(flow, *start, ends, Method(method), 1e-8, 1e-10, 10_000)).stats
 
 
 @BOTH
