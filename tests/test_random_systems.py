@@ -9,10 +9,13 @@ import pytest
 from tests.random_systems import Ending
 
 
+# Over the starts of seeds 48 and 93 g has no real zero: no root of 3.67 - 15 y + 11 exp(y/2), and a complex graph.
 @pytest.mark.parametrize(
-    ("first", "last"), [(0, 10), pytest.param(10, 200, marks=pytest.mark.exhaustive)], ids=["sample", "all"]
+    ("first", "last", "refused"),
+    [(0, 10, 0), pytest.param(10, 200, 2, marks=pytest.mark.exhaustive)],
+    ids=["sample", "all"],
 )
-def test_random_systems_are_judged_and_none_is_lost(first, last):
+def test_random_systems_are_judged_and_none_is_lost(first, last, refused):
     # In a process of its own: what checks the systems is forked from it, which no process with threads should be.
     done = subprocess.run(
         [sys.executable, "-m", "tests.random_systems", str(first), str(last)],
@@ -21,8 +24,7 @@ def test_random_systems_are_judged_and_none_is_lost(first, last):
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    # No general error hides all verdicts: a refusal is the exception.
-    assert f"{last - first} systems, 0 lost, 0 refused" in done.stdout
+    assert f"{last - first} systems, 0 lost, {refused} refused" in done.stdout
 
 
 @pytest.mark.parametrize(
