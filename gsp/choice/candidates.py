@@ -256,6 +256,7 @@ def run_model(
         rtol=max(rtol, SMALLEST_RTOL),
         atol=1e-2 * max(rtol, SMALLEST_RTOL),
         at=at,
+        lands=at is not None,
         method=method,
         max_steps=MAX_STEPS,
     )

@@ -259,11 +259,13 @@ def trajectory_of(
     events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
     keeps: bool = False,
+    lands: bool = False,
     state: tuple[float, ...] | None = None,
 ) -> Trajectory:
     """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
 
-    With `keeps` it is `integrate`, which returns what was made until then. `state` is what `flow.initial(start)`
+    With `keeps` it is `integrate`, which returns what was made until then. With `lands` a step ends on every time of
+    `at`, whose values are then better than the tolerance by as much as the steps are: for references. `state` is what `flow.initial(start)`
     gives, where that is known.
     """
     y = _start(flow, start) if state is None else state
@@ -280,7 +282,7 @@ def trajectory_of(
     search = ending = begun = None
     # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
     # where events are looked for, since a step may pass over a pulse.
-    reads = grid is not None and asked is None and compiled.expressions.is_smooth
+    reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
     stops = stops_of(None if reads else grid, first, last)
     tries = asked is not None and chosen is None and flow.is_stiff
     if tries and begins_with_series(

@@ -11,7 +11,7 @@ from gsp import models
 from gsp.choice.candidates import Candidate, ModelKind
 from gsp.choice.choice import choose, select
 from gsp.choice.forecast import foresee, foresee_surface
-from gsp.choice.prediction import CLEARER, Failure
+from gsp.choice.prediction import Failure
 from gsp.comparison.comparison import on_manifold
 from gsp.errors import DeclarationError
 from gsp.integration.surface_flow import flow_on
@@ -194,8 +194,7 @@ def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> N
     assert choice.model.valid
     assert choice.predicted <= choice.tolerance
     assert choice.measured <= choice.tolerance
-    # The reference is known to this share of the tolerance, and no better.
-    assert choice.measured <= 3 * (choice.predicted_on_piece + CLEARER * choice.tolerance)
+    assert choice.measured <= 3 * choice.predicted_on_piece + ROUNDING
     assert choice.piece[0] == choice.scene.span[0]
     assert choice.piece[1] < choice.scene.span[1]
 
