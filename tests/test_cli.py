@@ -114,6 +114,7 @@ epsilon = 0.02
 """
 
 
+@pytest.mark.exhaustive
 def test_coefficients_too_long_to_read_are_counted_and_shortened(tmp_path) -> None:
     # Two slow and two fast variables on an implicit branch with four parameters: h_3 has 25009 terms.
     file = tmp_path / "long.toml"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import matplotlib
 import numpy as np
@@ -13,18 +14,24 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 from gsp import SlowFastSystem, analyse, charts, compare, models
+from gsp.analysis.analysis import Analysis
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.classical_table import method_table
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene
+from tests.cases import sampled
 from tests.example_systems import saddle_scene
 
+# Of every run: a skate with a path, an oscillator with folds, a surface, a body with several fast variables.
+FEW = ("chaplygin_sleigh", "van_der_pol", "koper", "michaelis_menten", "falling_disc")
 
-@pytest.fixture(scope="module")
-def analyses():
-    return {name: analyse(models.load(name)) for name in models.names()}
+
+@cache
+def analysis_of(name: str) -> Analysis:
+    """The scene `name`, analysed once by whichever test asks first."""
+    return analyse(models.load(name))
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +39,12 @@ def saddle():
     return analyse(saddle_scene())
 
 
-@pytest.mark.parametrize("name", models.names())
-def test_every_chart_that_applies_draws_with_labels(analyses, name):
-    drawn = charts.applicable(analyses[name])
+@pytest.mark.parametrize("name", sampled(models.names(), always=FEW))
+def test_every_chart_that_applies_draws_with_labels(name):
+    drawn = charts.applicable(analysis_of(name))
     assert {"phase_portrait", "convergence", "error_against_epsilon", "manifold", "time_series"} <= set(drawn)
     for chart, draw in drawn.items():
-        axes = draw(analyses[name])
+        axes = draw(analysis_of(name))
         assert axes.get_xlabel(), chart
         assert axes.get_ylabel(), chart
         assert axes.lines or axes.collections, chart
@@ -57,41 +64,41 @@ def test_a_saddle_draws_without_landing_runs(saddle):
         charts.distance(saddle)
 
 
-def test_png_draws_the_figure_and_equal_figures_are_equal_files(analyses, tmp_path):
-    first, second = (charts.png(charts.time_series(analyses["linear"])) for _ in range(2))
+def test_png_draws_the_figure_and_equal_figures_are_equal_files(tmp_path):
+    first, second = (charts.png(charts.time_series(analysis_of("linear"))) for _ in range(2))
     assert first.startswith(b"\x89PNG")
     assert first == second
-    written = charts.save(charts.time_series(analyses["linear"]), tmp_path / "figure.png")
+    written = charts.save(charts.time_series(analysis_of("linear")), tmp_path / "figure.png")
     assert written.read_bytes() == first
 
 
-def test_given_axes_are_drawn_on(analyses):
+def test_given_axes_are_drawn_on():
     axes = Figure().add_subplot()
-    assert charts.phase_portrait(analyses["linear"], axes) is axes
+    assert charts.phase_portrait(analysis_of("linear"), axes) is axes
     assert axes.lines
 
 
-def test_a_surface_refuses_plane_axes(analyses):
+def test_a_surface_refuses_plane_axes():
     with pytest.raises(DeclarationError, match="three-dimensional"):
-        charts.manifold(analyses["chaplygin_sleigh"], Figure().add_subplot())
+        charts.manifold(analysis_of("chaplygin_sleigh"), Figure().add_subplot())
 
 
-def test_style_does_not_leak(analyses):
+def test_style_does_not_leak():
     before = dict(matplotlib.rcParams)
-    charts.png(charts.error_against_epsilon(analyses["linear"].comparison))
+    charts.png(charts.error_against_epsilon(analysis_of("linear").comparison))
     assert dict(matplotlib.rcParams) == before
 
 
-def test_measured_and_expected_slopes_stand_in_the_legend(analyses):
-    comparison = analyses["michaelis_menten"].comparison
+def test_measured_and_expected_slopes_stand_in_the_legend():
+    comparison = analysis_of("michaelis_menten").comparison
     texts = [t.get_text() for t in charts.error_against_epsilon(comparison).get_legend().get_texts()]
     assert f"order 2: slope {comparison.slopes[2]:.2f}, expected 3" in texts
-    exact = charts.error_against_epsilon(analyses["davis_skodje"].comparison)
+    exact = charts.error_against_epsilon(analysis_of("davis_skodje").comparison)
     assert "order 0: exact to rounding" in [t.get_text() for t in exact.get_legend().get_texts()]
 
 
-def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane(analyses):
-    sleigh = analyses["chaplygin_sleigh"]
+def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane():
+    sleigh = analysis_of("chaplygin_sleigh")
     portrait, path = charts.phase_portrait(sleigh), charts.path(sleigh)
     assert (portrait.get_xlabel(), portrait.get_ylabel()) == ("$v$", r"$\omega$")
     assert portrait.get_aspect() == 1.0
@@ -99,17 +106,17 @@ def test_the_sleigh_is_seen_in_its_raw_variables_and_in_the_plane(analyses):
     assert charts.heading_of(sleigh) == "phi"
 
 
-def test_a_path_needs_a_scene_that_has_one(analyses):
+def test_a_path_needs_a_scene_that_has_one():
     with pytest.raises(DeclarationError, match="draws no path"):
-        charts.path(analyses["linear"])
+        charts.path(analysis_of("linear"))
 
 
-def test_constant_eigenvalues_are_known(analyses):
-    assert charts.has_constant_eigenvalues(analyses["chaplygin_sleigh"])
-    assert not charts.has_constant_eigenvalues(analyses["van_der_pol"])
-    assert "eigenvalues" not in charts.applicable(analyses["chaplygin_sleigh"])
+def test_constant_eigenvalues_are_known():
+    assert charts.has_constant_eigenvalues(analysis_of("chaplygin_sleigh"))
+    assert not charts.has_constant_eigenvalues(analysis_of("van_der_pol"))
+    assert "eigenvalues" not in charts.applicable(analysis_of("chaplygin_sleigh"))
     # In the complex plane, where there is nothing to see over the region.
-    assert charts.eigenvalues(analyses["chaplygin_sleigh"]).get_ylabel()
+    assert charts.eigenvalues(analysis_of("chaplygin_sleigh")).get_ylabel()
 
 
 def test_names_that_matplotlib_cannot_set_become_plain_text():
@@ -140,24 +147,24 @@ def test_importing_the_package_does_not_import_matplotlib():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_critical_curves_and_sheets_show_their_special_points(analyses):
-    curve = charts.surroundings(analyses["van_der_pol"])
+def test_critical_curves_and_sheets_show_their_special_points():
+    curve = charts.surroundings(analysis_of("van_der_pol"))
     labels = [text.get_text() for text in curve.get_legend().get_texts()]
     assert {"attracting", "repelling", "fold"} <= set(labels)
-    sheet = charts.surroundings(analyses["koper"])
+    sheet = charts.surroundings(analysis_of("koper"))
     assert "folds" in [text.get_text() for text in sheet.get_legend().get_texts()]
     with pytest.raises(DeclarationError, match="explicit graph"):
-        charts.surroundings(analyses["linear"])
+        charts.surroundings(analysis_of("linear"))
 
 
-def test_methods_and_composites_are_drawn_with_their_parts(analyses):
-    scene = analyses["michaelis_menten"].scene
+def test_methods_and_composites_are_drawn_with_their_parts():
+    scene = analysis_of("michaelis_menten").scene
     table = method_table(scene, refinements=(0, 1), iterates=(1,), orders=(0, 1))
     axes = charts.method_errors(table)
     assert len(axes.get_lines()) == len(table.rows)
-    study = analyses["michaelis_menten"].study
-    solution = composite(analyses["michaelis_menten"].series, study.start, span=scene.span, epsilon=0.05)
-    axes = charts.composite(solution, name="c", full=analyses["michaelis_menten"].full)
+    study = analysis_of("michaelis_menten").study
+    solution = composite(analysis_of("michaelis_menten").series, study.start, span=scene.span, epsilon=0.05)
+    axes = charts.composite(solution, name="c", full=analysis_of("michaelis_menten").full)
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert labels == {"full run", "outer: slow flow", "inner: layer", "composite"}
 
@@ -185,8 +192,8 @@ def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
     assert "runs that have not landed on it" in labels
 
 
-def test_bands_and_orders_are_told_apart(analyses):
-    axes = charts.error_against_epsilon(analyses["michaelis_menten"].comparison)
+def test_bands_and_orders_are_told_apart():
+    axes = charts.error_against_epsilon(analysis_of("michaelis_menten").comparison)
     assert "bands: expected slopes" in {text.get_text() for text in axes.get_legend().get_texts()}
     assert len(set(LADDER)) == 5
 

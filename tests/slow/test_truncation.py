@@ -57,6 +57,7 @@ def battery(seed: int, count: int):
             yield branch, points, epsilon, solved.evaluate(points), solved.error_estimate
 
 
+@pytest.mark.exhaustive
 def test_the_truncation_error_is_honest_on_random_systems() -> None:
     ratios = []
     for branch, points, epsilon, true, floor in battery(seed=11, count=20):
