@@ -265,8 +265,8 @@ def trajectory_of(
     """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
 
     With `keeps` it is `integrate`, which returns what was made until then. With `lands` a step ends on every time of
-    `at`, whose values are then better than the tolerance by as much as the steps are: for references. `state` is what `flow.initial(start)`
-    gives, where that is known.
+    `at`, whose values are then better than the tolerance by as much as the steps are: for references. `state` is what
+    `flow.initial(start)` gives, where that is known.
     """
     y = _start(flow, start) if state is None else state
     first, last = check_span(span)
