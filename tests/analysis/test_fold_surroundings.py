@@ -7,7 +7,8 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.analysis.fold_surroundings import boundary_of
+from gsp.analysis.fold_surroundings import boundary_of, never_folds
+from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
@@ -90,3 +91,13 @@ def test_no_orbit_starts_on_a_repelling_branch() -> None:
     assert ends.has_folds
     assert ends.orbit is None
     assert "repelling" in ends.orbit_reason
+
+
+@pytest.mark.parametrize(
+    ("graph", "never"),
+    [(y**3 + sp.exp(y) / 7, True), (sp.tanh(y), True), (sp.asin(y / 9), False), (sp.sqrt(9 - y), False)],
+    ids=str,
+)
+def test_a_graph_has_no_folds_where_none_of_its_functions_ends(graph, never) -> None:
+    system = SlowFastSystem(slow={y: -y}, fast={x: graph - x}, epsilon=epsilon)
+    assert never_folds(solve_critical(system).branches[0]) is never

@@ -414,3 +414,17 @@ def test_a_run_keeps_the_checked_epsilon_and_prints() -> None:
         run = integrate(system, start={"y": 1, "x": 1}, span=(0, 1), epsilon=value)
         assert run.epsilon == 0.01
         assert "epsilon = 0.01" in str(run)
+
+
+def test_a_run_of_one_step_holds_nothing_inside_it_unless_asked_to():
+    short = {"span": (0, 1e-12), "method": Method.RADAU5}
+    assert oscillate(**short).stats.steps == 1
+    assert oscillate(**short).at(5e-13) == pytest.approx([1.0, -5e-13], abs=1e-15)
+    with pytest.raises(GspError, match="holds no values between its steps"):
+        oscillate(dense=False, **short).at(5e-13)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3)])
+def test_times_in_rows_and_columns_are_refused(shape):
+    with pytest.raises(GspError, match=r"one-dimensional array. Got the shape"):
+        oscillate().at(np.full(shape, 0.5))

@@ -131,6 +131,7 @@ def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatc
     found = analyse(combined.scene)
     assert "the <stage> fails. Got this. Try that." in found.lost.values()
     assert "not made: " in str(found)
+    assert ("no comparison" in repr(found)) == ("comparison" in found.lost)
     text, content = read(write_report(found, tmp_path / "report"))
     assert "Normal hyperbolicity" in text
     assert "the &lt;stage&gt; fails" in text

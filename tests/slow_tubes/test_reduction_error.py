@@ -171,3 +171,13 @@ def test_bad_input_is_refused() -> None:
         bound_reduction(series({x: y}, {y: x - y**5 / 5 - y}, 1), start={"x": 1.0}, span=(0, 1), epsilon=0.1)
     with pytest.raises(UnsupportedFunctionError, match="sin"):
         bound_reduction(series({x: sp.sin(x) + y}, {y: -y + x}, 1), start={"x": 1.0}, span=(0, 1), epsilon=0.1)
+
+
+def test_a_span_counts_from_its_beginning_and_a_proof_says_what_carried_it() -> None:
+    manifold = michaelis_menten(1)
+    asked = {"start": {"s": 1.0}, "epsilon": 0.03125, "steps": 40}
+    one = bound_reduction(manifold, span=(0, 0.5), **asked)
+    late = bound_reduction(manifold, span=(1, 1.5), **asked)
+    assert late.verdict is one.verdict is ProofVerdict.PROVED
+    assert (late.times[-1], late.bound) == (one.times[-1], one.bound) == (0.5, one.bound)
+    assert "to the end" in one.reason

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
-from gsp.splitting.splitting import Splitting, split
+from gsp.splitting.splitting import Splitting, _vanishing_factors, split
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, u, v, w, a, k, eps = sp.symbols("x y z u v w a k epsilon")
@@ -353,3 +353,13 @@ def test_an_integral_that_an_odd_root_inverts_gives_a_standard_form() -> None:
     raw = {"x": 1.3, "y": 0.7}
     assert found.to_raw(found.to_new(raw)) == pytest.approx(raw)
     assert found.to_raw(found.to_new({"x": -1.3, "y": 0.7})) == pytest.approx({"x": -1.3, "y": 0.7})
+
+
+def test_what_drifts_by_epsilon_alone_does_not_move_at_leading_order() -> None:
+    found = split(field({x: eps * y, y: (x - y) / eps + y}))
+    assert list(found.reduced_field.subs({y: x})) == [0, 0]
+
+
+def test_only_factors_that_may_vanish_are_named() -> None:
+    determinant = -3 * x**2 * sp.exp(y) * (1 + x) * sp.Pow(k, -3)
+    assert set(_vanishing_factors(determinant)) == {x, 1 + x, k}
