@@ -31,6 +31,8 @@ GRID_POINTS = 97
 # Seconds are the least of so many runs.
 RUNS = 5
 MAX_STEPS = 1_000_000
+# What a run over a smaller share of the span costs says nothing about the whole of it.
+LEAST_SHARE = 1e-3
 
 
 class ModelKind(StrEnum):
@@ -102,9 +104,9 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
-    if not end > first:
+    if not end - first > LEAST_SHARE * (last - first):
         nothing = float("nan")
-        why = why or f"it ends where it begins: {prediction.runs[order].status.meaning}"
+        why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
         return Candidate(
             *(
                 ModelKind.REDUCED,
