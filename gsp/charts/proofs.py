@@ -47,8 +47,7 @@ def proof(analysis: Analysis, axes: Axes) -> None:
     name_axes(axes, *names)
     if len(names) == 1:
         axes.set_ylabel(r"$\min\,|\mathrm{Re}\,\lambda|$ in fast time")
-    if len(names) == 1 or found.undecided:
-        legend(axes)
+    legend(axes)
 
 
 def _heights(analysis: Analysis, axes: Axes, boxes: Boxes, gaps: np.ndarray, undecided: Boxes) -> None:
@@ -77,6 +76,7 @@ def _colours(axes: Axes, boxes: Boxes, gaps: np.ndarray, undecided: Boxes) -> No
     picture = PatchCollection(patches, cmap="cividis", edgecolor=INK, linewidth=0.8)
     picture.set_array(gaps)
     axes.add_collection(picture)
+    axes.scatter([], [], marker="s", color=INK, facecolors="none", label=f"proved: {len(boxes)}")
     figure = cast(Figure, axes.figure)
     bar = figure.colorbar(
         picture, ax=axes, pad=0.03, label=r"proved $\min\,|\mathrm{Re}\,\lambda|$, in fast time"

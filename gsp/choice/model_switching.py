@@ -86,6 +86,8 @@ class _Sheet:
     @cached_property
     def flows(self) -> dict[int, ReducedFlow]:
         orders = range(self.order, self.order + AHEAD + 1)
+        if self.series.branch == self.study.free_branch:
+            return {k: self.study.reduced(k, sheet=False) for k in orders}
         return {
             k: restrict(self.series, order=k, reconstruction=self.study.scene.reconstruction) for k in orders
         }

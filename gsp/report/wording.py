@@ -27,9 +27,9 @@ def number(value: float, digits: int = 3) -> Markup:
     return power if mantissa == "1" else Markup("{}×{}").format(mantissa, power)
 
 
-def signed(value: float) -> Markup:
+def signed(value: float, digits: int = 3) -> Markup:
     """A number as a further term of a sum: its sign as an operator, apart."""
-    return Markup("{} {}").format("−" if value < 0.0 else "+", number(abs(value)))
+    return Markup("{} {}").format("−" if value < 0.0 else "+", number(abs(value), digits))
 
 
 def scientific(value: float) -> Markup:

@@ -170,6 +170,9 @@ class SeriesManifold:
         terms = np.where(np.isfinite(terms), terms, np.nan)
         result = terms[:, : n + 1].sum(axis=1)
         estimates = errors(np.linalg.norm(terms, axis=2), n)
+        if past(estimates).any():
+            # Looked at again without the terms that are rounding altogether, as `optimal_order` does.
+            estimates = errors(self._ahead._known_sizes(x, terms, epsilon, near), n)
         beyond = past(estimates)
         if beyond.any():
             if masked:
@@ -257,11 +260,13 @@ class SeriesManifold:
         """Estimated errors (m, order + 1) at every order, NaN at orders whose terms have no digits."""
         ahead = self._ahead
         terms, single = ahead._terms(x, epsilon, near)
+        return errors(ahead._known_sizes(x, terms, epsilon, near), self.order), single
+
+    def _known_sizes(self, x, terms: np.ndarray, epsilon: float, near) -> np.ndarray:
+        """Sizes (m, k) of `terms` (m, k, n_fast), NaN where they have no digits: those say nothing about the error."""
         sizes = np.linalg.norm(terms, axis=2)
-        last = ahead._last_with_digits(x, terms, epsilon, near)
-        # Terms without digits say nothing about the error either.
-        sizes[np.arange(sizes.shape[1]) > last[:, None]] = np.nan
-        return errors(sizes, self.order), single
+        sizes[np.arange(sizes.shape[1]) > self._last_with_digits(x, terms, epsilon, near)[:, None]] = np.nan
+        return sizes
 
     def _beyond(self, x, estimates: np.ndarray, beyond: np.ndarray) -> str:
         """What is beyond the reach, for a warning."""
@@ -271,10 +276,14 @@ class SeriesManifold:
         place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, array[i]))
         many = f", and at {beyond.sum() - 1} more of {len(beyond)} points" if beyond.sum() > 1 else ""
         order, last = int(best(estimates[i : i + 1])[0]), estimates.shape[1] - 1
+        why = (
+            f"its terms fall no more after order {order}, and the error is about {estimates[i, -1]:.2g}"
+            if np.isfinite(estimates[i, -1])
+            else f"cancellation leaves its terms without digits, and order {order} is the best"
+        )
         return (
-            f"the series through order {last} is beyond its reach at {place}{many}: its terms fall no more after order "
-            f"{order}, and the error is about {estimates[i, -1]:.2g}. Take order=series.optimal_order(x, epsilon), a "
-            "smaller epsilon, or solve_manifold; masked=True gives NaN."
+            f"the series through order {last} is beyond its reach at {place}{many}: {why}. Take "
+            "order=series.optimal_order(x, epsilon), a smaller epsilon, or solve_manifold; masked=True gives NaN."
         )
 
     def _terms(self, x, epsilon: float, near, *, masked: bool = False) -> tuple[np.ndarray, bool]:
