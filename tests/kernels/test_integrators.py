@@ -302,12 +302,31 @@ def test_every_method_is_exact_for_constant_fields_and_for_their_dense_output():
         assert run.at([0.3, 1.9]) == pytest.approx(np.array([[1.9, 6.7], [-0.15, -0.95]]), rel=1e-14)
 
 
+# Roundings of a step that may add up, on any processor.
+ROUNDINGS = 8.0
+
+
+def grown(method: str) -> float:
+    """What a step may multiply roundings of its stages by.
+
+    Rodas5P adds increments with the weights of A; those of a Radau step go through T^-1 and come back through T.
+    """
+    if method not in STAGES:
+        return float(np.abs(rodas5p_tableau.A).sum(axis=1).max())
+    stages = STAGES[method]
+    family = radau_tableau.STAGES.index(stages)
+    there, back = (
+        np.abs(matrix[family, :stages, :stages]) for matrix in (radau_tableau.T_INVERSE, radau_tableau.T)
+    )
+    return float((back @ there).sum(axis=1).max())
+
+
 @pytest.mark.parametrize("method", ["rodas5p", *STAGES])
 def test_an_infinitely_stiff_component_is_damped_in_one_step(method):
     """Stiff accuracy: R(infinity) = 0, so one step of any length forgets the start."""
     compiled = compile_flow(VectorField({x: -(10**15) * (x - 2)}, epsilon=None))
     run = fixed_steps(method, compiled, (5.0,), end=1.0, count=1)
-    assert run.y[0] == pytest.approx(2.0, abs=1e-12)
+    assert abs(run.y[0] - 2.0) <= ROUNDINGS * np.finfo(float).eps * grown(method) * 3.0
 
 
 def test_dense_output_meets_the_steps_exactly():
