@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import sympy as sp
+from sympy.core.function import Application
 from sympy.polys.matrices import DomainMatrix
 
 from gsp.algebra.factorisation import factor_list, lowest_terms
@@ -71,7 +72,7 @@ def _numerators(expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
 def _coefficient_rows(expressions: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[dict]:
     """Each expression as {monomial: coefficient}, monomials in the states and in functions of them."""
     numerators = [sp.expand(e) for e in _numerators(expressions)]
-    functions = {p for e in numerators for p in e.atoms(sp.Function, sp.Pow) if p.has(*states)}
+    functions = {p for e in numerators for p in e.atoms(Application, sp.Pow) if p.has(*states)}
     # Functions of the states count as further unknowns, independent of the states themselves.
     stand_in = {p: sp.Dummy() for p in functions if not (p.is_Pow and p.exp.is_Integer and p.exp > 0)}
     gens = (*states, *stand_in.values())

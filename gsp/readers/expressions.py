@@ -347,6 +347,9 @@ class _Parser:
                 self.spend(sp.Integer(0), position)
         else:
             degree *= self.check_exponent(e, position)
+            # SymPy works b^(c + x) out as b^c b^x.
+            if b.is_Rational and b not in (0, 1, -1) and _bits(b) * _ceiling(e.as_coeff_Add()[0]) > BITS:
+                self.fail("a power of a number is too large", position, "Use a smaller exponent.")
         self.check_degree(degree, position)
         if b.is_zero is True and not (e.is_Rational and e >= 0):
             self.fail(

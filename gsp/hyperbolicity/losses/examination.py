@@ -159,7 +159,8 @@ def _spread_rates(sampler: Sampler, z: np.ndarray, eigenvalues: np.ndarray, epsi
         return []
     sizes = np.sort(np.abs(eigenvalues), axis=1)
     ratio = float((sizes[:, 0] / sizes[:, -1]).min())
-    if ratio > epsilon:
+    # A rate that is zero is a loss, which is named as such.
+    if not 0.0 < ratio <= epsilon:
         return []
     faster = float(sizes[:, 0].min()) / epsilon
     slow = sampler.tangential_rate(z)
