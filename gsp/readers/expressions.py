@@ -70,6 +70,7 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
 RESERVED = frozenset(FUNCTIONS) - {"ln"} | {"pi"}
 """Words of the grammar, which cannot be names of states or parameters; `ln`, the second name of log, can."""
 
+_UNITS: frozenset[sp.Expr] = frozenset({sp.S.Zero, sp.S.One, sp.S.NegativeOne})
 _SUM, _PRODUCT, _POWER = 1, 2, 3
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "^": _POWER, "**": _POWER}
 
@@ -339,7 +340,7 @@ class _Parser:
             degree = base.degree * size
             coefficient = b.as_coeff_Mul()[0]
             bits = _bits(coefficient)
-            if coefficient not in (0, 1, -1):
+            if coefficient not in _UNITS:
                 # Bounded before it is computed: 9^9^9^9 has more digits than there are atoms.
                 if bits * size > BITS:
                     self.fail("a power of a number is too large", position, "Use a smaller exponent.")
@@ -348,7 +349,7 @@ class _Parser:
         else:
             degree *= self.check_exponent(e, position)
             # SymPy works b^(c + x) out as b^c b^x.
-            if b.is_Rational and b not in (0, 1, -1) and _bits(b) * _ceiling(e.as_coeff_Add()[0]) > BITS:
+            if b.is_Rational and b not in _UNITS and _bits(b) * _ceiling(e.as_coeff_Add()[0]) > BITS:
                 self.fail("a power of a number is too large", position, "Use a smaller exponent.")
         self.check_degree(degree, position)
         if b.is_zero is True and not (e.is_Rational and e >= 0):
