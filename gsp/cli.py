@@ -96,6 +96,11 @@ _OPTIONS = {
 }  # fmt: skip
 
 
+def _output_option(text: str) -> Callable[[Any], Any]:
+    """Give a command the option -o, whose help is `text`."""
+    return click.option("-o", "--output", type=click.Path(path_type=Path), help=text)
+
+
 def _asks(*names: str) -> Callable[[Any], Any]:
     """Give a command the argument MODEL and the options `names`; the command takes the scene that results."""
 
@@ -265,12 +270,7 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
 @cli.command()
 @_asks("set", "epsilon", "region")
 @click.option("--prove", is_flag=True, help="Prove it in ball arithmetic instead of sampling.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    help="Write the proof to this file; `gsp verify` checks it.",
-)
+@_output_option("Write the proof to this file; `gsp verify` checks it.")
 @_json_option
 def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None:
     """Check the conditions of normal hyperbolicity of MODEL over its region.
@@ -402,12 +402,7 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
 @_asks("set", "epsilon", "region")
 @click.option("--order", type=int, help="Highest order of the reduced models.")
 @click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    help="File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].",
-)
+@_output_option("File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="Write the data to this file too.")
 @_json_option
 def chart(
@@ -486,9 +481,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
 
 @cli.command()
 @_asks("set", "epsilon", "region")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Folder for the report [gsp-report-NAME]."
-)
+@_output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @_json_option
 def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
