@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from numba import njit
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 
 class CacheWarning(UserWarning):
@@ -34,17 +37,47 @@ def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
+class _Files(IndexDataCacheFile):
+    """One file for each signature and processor, named after both.
+
+    numba numbers its files and keeps the numbers in an index. Two processes that compile at the same time, or two hosts
+    that share a home folder, can take the same number for different code, and the index then hands out the wrong one.
+    """
+
+    def save(self, key, data):
+        self._save_data(self._name(key), (self._version, self._source_stamp, data))
+
+    def load(self, key):
+        try:
+            version, stamp, data = self._load_data(self._name(key))
+        except FileNotFoundError:
+            return None
+        return data if (version, stamp) == (self._version, self._source_stamp) else None
+
+    def flush(self):
+        """Nothing: the file that could not be read is replaced by the next `save`."""
+
+    def _name(self, key) -> str:
+        return (
+            f"{self._index_name.removesuffix('.nbi')}.{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc"
+        )
+
+
 class _Cache(FunctionCache):
+    def __init__(self, function):
+        super().__init__(function)
+        impl: Any = self._impl
+        self._cache_file = _Files(
+            cache_path=self._cache_path,
+            filename_base=impl.filename_base,
+            source_stamp=(impl.locator.get_source_stamp(), _stamp(Path(function.__code__.co_filename).parent)),
+        )
+
     def load_overload(self, sig, target_context):
         try:
             return super().load_overload(sig, target_context)
-        except Exception as error:
+        except Exception:
             # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
-            try:
-                self.flush()
-            except OSError:
-                self.disable()
-                _say(error)
             return None
 
     def save_overload(self, sig, data):
@@ -53,6 +86,13 @@ class _Cache(FunctionCache):
         except OSError as error:
             self.disable()
             _say(error)
+
+
+@cache
+def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Names, times and sizes of the sources in a folder: a kernel holds the code of those that it calls."""
+    found = ((path.name, path.stat()) for path in sorted(folder.glob("*.py")))
+    return tuple((name, about.st_mtime_ns, about.st_size) for name, about in found)
 
 
 _said = False

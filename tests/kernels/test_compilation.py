@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 
 from gsp.kernels import compilation
 from gsp.kernels.compilation import CacheWarning, kernel
@@ -60,8 +61,8 @@ def numbers(package: Path, **environment: str) -> subprocess.CompletedProcess[st
 def test_cut_off_files_are_replaced(package: Path) -> None:
     first = numbers(package)
     assert first.stdout == "True 0.5\n", first.stderr
-    kept = [*package.rglob("*.nbi"), *package.rglob("*.nbc")]
-    assert len(kept) == 4
+    kept = list(package.rglob("*.nbc"))
+    assert len(kept) == 2
     for share in (0.5, 0.0):
         sizes = {path: path.stat().st_size for path in kept}
         for path in kept:
@@ -70,6 +71,40 @@ def test_cut_off_files_are_replaced(package: Path) -> None:
         assert again.stdout == first.stdout, again.stderr
         assert again.stderr == ""
         assert all(path.stat().st_size == size for path, size in sizes.items())
+
+
+def test_processes_that_compile_at_once_never_share_a_file(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [
+        compilation._Files(cache_path=str(package), filename_base="sum", source_stamp=(1,)) for _ in range(2)
+    ]
+    waiting = {"float64": "code for doubles", "int64": "code for integers"}
+    with monkeypatch.context() as at_once:
+        # Neither has seen the other's, so that numba's index gives both the first free number.
+        at_once.setattr(IndexDataCacheFile, "_load_index", lambda self: {})
+        for file, (signature, code) in zip(files, waiting.items()):
+            file.save((signature, "a processor"), code)
+    for file in files:
+        assert [file.load((signature, "a processor")) for signature in waiting] == list(waiting.values())
+        assert file.load(("float64", "another processor")) is None
+
+
+def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed(package: Path) -> None:
+    (package / "inner.py").write_text(
+        "from kernels_apart.compilation import kernel\n@kernel\ndef factor(x):\n    return 2.0 * x\n"
+    )
+    (package / "outer.py").write_text(
+        "from kernels_apart.compilation import kernel\nfrom kernels_apart.inner import factor\n"
+        "@kernel\ndef doubled(x):\n    return factor(x)\n"
+    )
+    run = [sys.executable, "-c", "from kernels_apart.outer import doubled; print(doubled(1.0))"]
+    environment = {**os.environ, "PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    for text, value in (("2.0 * x", "2.0"), ("3.0 * x ", "3.0")):
+        source = (package / "inner.py").read_text().replace("2.0 * x", text)
+        (package / "inner.py").write_text(source)
+        found = subprocess.run(run, env=environment, capture_output=True, text=True, timeout=300, check=False)
+        assert found.stdout.strip() == value, found.stderr
 
 
 def test_without_a_folder_for_it_the_cache_is_left_out_and_that_is_said_once(
