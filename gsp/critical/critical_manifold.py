@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch, place
 from gsp.critical.elimination import pieces
 from gsp.errors import BranchError, GspError
+from gsp.lowering.compiled_flow import compile_flow, compile_function
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Point
@@ -44,7 +46,7 @@ class CriticalManifold:
         for branch in self.branches:
             try:
                 sheet = branch.through(point)
-                distance = float(np.linalg.norm(sheet.points(x, near=y) - y))
+                distance = math.hypot(*np.ravel(sheet.points(x, near=y) - y))
             except BranchError as error:
                 reasons.append(str(error))
                 continue
@@ -64,12 +66,11 @@ class CriticalManifold:
     def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:
         """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""
         system = self.system
-        values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
         for piece in self.unsolved:
-            slopes = [_real(derivative(piece, s).xreplace(values)) for s in system.y]
+            height, *slopes = _values([piece, *(derivative(piece, s) for s in system.y)], system, x, y)
             # To first order, and in the fast directions, as the distance of a branch is meant.
             length = float(np.linalg.norm(slopes))
-            if length > 0.0 and abs(_real(piece.xreplace(values))) / length < distance:
+            if length > 0.0 and abs(height) / length < distance:
                 raise BranchError(
                     f"the start is nearest to the piece {piece} = 0 of the critical manifold, which is no graph of "
                     f"{', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
@@ -82,31 +83,34 @@ class CriticalManifold:
     __str__ = __repr__
 
 
-def _real(constant: sp.Expr) -> float:
-    """The value of a constant, not a number where it is not real or not finite."""
-    number = sp.N(constant)
-    return float(number) if number.is_Float or number.is_Rational else np.nan
+def _values(expressions: Sequence[sp.Expr], system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Values (k,) at one point, not a number where an expression is not real there."""
+    function = compile_function(
+        expressions, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
+    )
+    return function(np.concatenate([x, y]), compile_flow(system).constants)
 
 
 def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
     """Whether the branch's equations E and E_y are both singular at a point, to `ON_FOLD` of their terms' sizes."""
     system = branch.system
-    values = {**system.parameters, **dict(zip(system.states, map(float, (*x, *y))))}
 
-    def at(e: sp.Expr) -> tuple[float, float]:
-        # What is not real or not finite at the point is not a number, and no fold.
-        terms = [_real(term.xreplace(values)) for term in sp.Add.make_args(e)]
-        return sum(terms), sum(map(abs, terms))
+    def at(expressions: Sequence[sp.Expr]) -> tuple[np.ndarray, np.ndarray]:
+        """Values of sums, and the sums of their terms' magnitudes."""
+        terms = [sp.Add.make_args(e) for e in expressions]
+        values = _values([term for row in terms for term in row], system, x, y)
+        rows = np.split(values, np.cumsum([len(row) for row in terms])[:-1])
+        return np.array([row.sum() for row in rows]), np.array([np.abs(row).sum() for row in rows])
 
-    residuals = [at(e) for e in branch.equations]
-    if not all(abs(value) <= ON_FOLD * size for value, size in residuals):
+    residuals, sizes = at(branch.equations)
+    if not (np.abs(residuals) <= ON_FOLD * sizes).all():
         return False
-    slopes = [[at(derivative(e, s)) for s in system.y] for e in branch.equations]
-    matrix = np.array([[value for value, _ in row] for row in slopes])
-    if not np.isfinite(matrix).all():
+    slopes, sizes = at([derivative(e, s) for e in branch.equations for s in system.y])
+    if not np.isfinite(slopes).all():
         return False
+    matrix = slopes.reshape(len(branch.equations), -1)
     least = np.linalg.svd(matrix, compute_uv=False)[-1]
-    return bool(least <= ON_FOLD * max(size for row in slopes for _, size in row))
+    return bool(least <= ON_FOLD * sizes.max())
 
 
 def solve_critical(system: SlowFastSystem) -> CriticalManifold:

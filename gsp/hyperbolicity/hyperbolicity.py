@@ -24,7 +24,7 @@ from gsp.hyperbolicity.losses.examination import Examination
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
 from gsp.systems.arguments import check_flag, check_noun
-from gsp.systems.flow import as_points, check_epsilon
+from gsp.systems.flow import LARGEST, as_points, check_epsilon
 from gsp.systems.region import Interval, check_region
 
 if TYPE_CHECKING:
@@ -264,10 +264,23 @@ def _sampled(sampler: Sampler, box: Mapping[str, Interval]) -> _Samples:
             f"the branch {branch} has no real point in the region {_shown(box)}. "
             "Move the region, or take another branch."
         )
+    _refuse_beyond_doubles(branch, z, box)
     eigenvalues = sampler.eigenvalues(z)
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
     return _Samples(z[finite], eigenvalues[finite], links, missing, ends)
+
+
+def _refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Interval]) -> None:
+    """Raise `BranchError` when the branch goes where no region may: losses are told by third powers."""
+    place, k = np.unravel_index(np.argmax(np.where(np.isfinite(z), np.abs(z), 0.0)), z.shape)
+    if abs(z[place, k]) > LARGEST:
+        names = [s.name for s in branch.system.states]
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
+        raise BranchError(
+            f"the branch {branch} reaches beyond {LARGEST:g} in the region {_shown(box)}: {at}. "
+            f"Rescale {names[k]}, or bound it in the region."
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,10 @@ import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
+from gsp.systems.declaration import BITS, DEGREE
 
 CHARACTERS = 10_000
 DEPTH = 100
-DEGREE = 100
-"""Bound on the total degree, so that nested powers cannot reach a polynomial nobody could expand."""
-BITS = 4096
-"""Bound on a numerator or denominator: Python prints no integer above 4300 digits, 14_000 bits."""
 CALLS = 120
 CALL_DEPTH = 8
 COST = {"sinh": 3, "cosh": 4, "tanh": 3, "sqrt": 3}
@@ -374,9 +371,11 @@ class _Parser:
                 )
         try:
             value = build()
-        except (ArithmeticError, NotImplementedError, TypeError, ValueError) as error:
+        # AttributeError: SymPy's cache stumbles over the message of a TypeError.
+        except (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError) as error:
+            reason = "" if isinstance(error, AttributeError) else f" ({error})"
             self.fail(
-                f"{token.text!r} cannot be worked out here ({error})", token.position, "Correct its argument."
+                f"{token.text!r} cannot be worked out here{reason}", token.position, "Correct its argument."
             )
         if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
             self.fail(f"{token.text!r} is not real and finite here", token.position, "Correct its argument.")

@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.factorisation import factored, lowest_terms
 from gsp.algebra.first_integrals import common_factor
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import SplittingError
@@ -43,7 +44,7 @@ def principal_part(field: VectorField) -> tuple[list[sp.Expr], list[sp.Expr]]:
                 residue = laurent(part, epsilon, order=-1)[-1]
                 pole.append(residue)
                 if (part - residue / epsilon).expand() != 0:
-                    regular.append(sp.cancel(part - residue / epsilon))
+                    regular.append(lowest_terms(part - residue / epsilon))
         total = sp.Add(*pole)
         layer.append(tidy(total))
         drift.append(sp.Add(*regular))
@@ -141,7 +142,7 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
     if rank == 1:
         f = common_factor(layer, states)
         if f.has(*states):
-            return sp.ImmutableMatrix((L / f).applyfunc(sp.cancel)), sp.ImmutableMatrix([f])
+            return sp.ImmutableMatrix((L / f).applyfunc(lowest_terms)), sp.ImmutableMatrix([f])
     DL = jacobian(L, states)
     values = {
         s: sp.Rational(sp.prime(i + 3), sp.prime(i + 6)) for i, s in enumerate((*states, *field.parameters))
@@ -179,7 +180,7 @@ def _determinant(matrix: sp.Matrix) -> sp.Expr:
 def reduced(expression: sp.Expr) -> sp.Expr:
     """`expression` in lowest terms, unless it is long: `cancel` takes minutes on nested sines and roots."""
     limit = RATIONAL_LIMIT if expression.is_rational_function() else TIDY_LIMIT
-    return expression if sp.count_ops(expression) > limit else sp.cancel(expression)
+    return expression if sp.count_ops(expression) > limit else lowest_terms(expression)
 
 
 def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matrix:
@@ -191,7 +192,7 @@ def tidy(expression: sp.Expr) -> sp.Expr:
     """The shortest of a few equal forms; long expressions are left as they are."""
     if sp.count_ops(expression) > TIDY_LIMIT:
         return expression
-    forms = (expression, sp.factor(expression), sp.cancel(expression), sp.factor_terms(expression))
+    forms = (expression, factored(expression), lowest_terms(expression), sp.factor_terms(expression))
     return min(forms, key=sp.count_ops)
 
 

@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.factorisation import factored
 from gsp.algebra.first_integrals import first_integrals
 from gsp.algebra.inversion import solve_for
 from gsp.algebra.laurent import laurent, pole_order
@@ -230,7 +231,7 @@ def _fast_choices(integrals, layer, field: VectorField, rank: int):
         if any(states[i] in own for i in chosen):
             continue
         others = [i for i in range(len(states)) if i not in chosen]
-        determinant = sp.factor(gradient[:, others].det(method="berkowitz"))
+        determinant = factored(gradient[:, others].det(method="berkowitz"))
         at_values = determinant.subs(dict(field.parameters))
         if determinant == 0 or at_values == 0:
             continue
@@ -279,7 +280,7 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
     )
     N, f = factorised(layer, field, len(fast))
     gradient = sp.Matrix([[sp.diff(coordinates[s], z) for z in unknown] for s in equations])
-    determinant = sp.factor(gradient.det(method="berkowitz")) if unknown else sp.Integer(1)
+    determinant = factored(gradient.det(method="berkowitz")) if unknown else sp.Integer(1)
     return Splitting(
         field=field,
         system=system,

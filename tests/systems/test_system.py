@@ -87,6 +87,34 @@ REFUSED = {
         "no plain word",
     ),
     "a very long name": (lambda: standard(f=sp.Symbol("q" * 65), parameters={}), "no plain word"),
+    "a power too large at its parameters": (
+        lambda: standard(f=3**a * x, parameters={a: 10**8}),
+        r"3\*\*a is too large. Got a = 100000000. Rescale",
+    ),
+    "a tower of powers": (
+        lambda: standard(f=x + 2 ** (2 ** (2**a)), parameters={a: 40}),
+        r"2\*\*\(2\*\*a\) is too large. Got a = 40",
+    ),
+    "a degree too high at its parameters": (
+        lambda: standard(f=(x + y) ** a, parameters={a: 101}),
+        r"\(x \+ y\)\*\*a has an exponent above 100. Got a = 101. Use a smaller one",
+    ),
+    "a division by a parameter that is zero": (
+        lambda: standard(f=x / a, parameters={a: 0}),
+        "1/a is zero to a power that is not always positive. Got a = 0",
+    ),
+    "zero to a state": (
+        lambda: standard(f=a**x, parameters={a: 0}),
+        r"a\*\*x is zero to a power that is not always positive",
+    ),
+    "a negative number to a state": (
+        lambda: standard(f=a**x, parameters={a: -2}),
+        r"a\*\*x is not real. Got a = -2. Keep its base positive",
+    ),
+    "a comparison of what is not real": (
+        lambda: standard(f=sp.Min(x, sp.acos(a)), parameters={a: 1000}),
+        r"Min\(x, acos\(a\)\) compares what is not real. Got a = 1000. Keep its arguments real",
+    ),
     "an empty field": (lambda: VectorField({}, epsilon=epsilon), "at least one state"),
     "a field without its epsilon": (
         lambda: VectorField({x: -x}, epsilon=epsilon),
@@ -100,6 +128,13 @@ def test_a_declaration_that_is_not_well_formed_is_refused_by_name(case: str) -> 
     declare, words = REFUSED[case]
     with pytest.raises(DeclarationError, match=words):
         declare()
+
+
+@pytest.mark.parametrize(
+    "rate", [3**a, (x + y) ** a, a ** sp.Rational(1, 3), 1 / (a - 1), sp.Min(x, sp.acos(a / 100))]
+)
+def test_powers_and_comparisons_of_parameters_that_are_numbers_are_taken(rate: sp.Expr) -> None:
+    assert standard(f=rate * x, parameters={a: 100}).parameters == {a: 100}
 
 
 def test_an_unknown_symbol_is_answered_with_the_nearest_known_one() -> None:
