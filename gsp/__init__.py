@@ -33,6 +33,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     choose                        the cheapest model that meets a scene's tolerance, "no" among the answers
     simulate                      that model over the span, the full system where it does not hold
     analyse, write_report         all of it for one scene
+    demo, write_demo              one HTML file in which the scene's model runs: to move, to show, to teach
 """
 
 import lazy_loader

@@ -29,6 +29,9 @@ from .critical.continuation import switch_branch as switch_branch
 from .critical.critical_manifold import Branch as Branch
 from .critical.critical_manifold import CriticalManifold as CriticalManifold
 from .critical.critical_manifold import solve_critical as solve_critical
+from .demos.demo import Demo as Demo
+from .demos.demo import demo as demo
+from .demos.demo import write_demo as write_demo
 from .errors import BeyondReachWarning as BeyondReachWarning
 from .errors import GspError as GspError
 from .errors import Status as Status

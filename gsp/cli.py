@@ -1,4 +1,5 @@
-"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp verify`, `gsp choose`, `gsp report`.
+"""The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp verify`, `gsp choose`, `gsp report`,
+`gsp demo`.
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold or `verify` that a
 proof does not, 2 on bad input or when the output cannot be written, 3 when `check --prove` leaves it undecided, 70 on
@@ -67,6 +68,7 @@ def cli() -> None:
     gsp expand van_der_pol --order 5   the slow manifold as a series in epsilon
     gsp check my_model.toml            is it normally hyperbolic in its region?
     gsp choose my_model.toml           the cheapest model that meets its tolerance
+    gsp demo van_der_pol               a page in which the model runs, to move and to show
     """
 
 
@@ -518,6 +520,65 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
     for name, reason in written["missing"].items():
         click.echo(f"not made: {name}: {reason}")
     click.echo(f"report: {page}")
+
+
+@cli.command()
+@click.argument("model", required=False)
+@_OPTIONS["set"]
+@_OPTIONS["epsilon"]
+@_output_option("File for the page [gsp-demo-NAME.html].")
+@click.option("--open/--no-open", "opened", default=True, help="Show the page in the browser [yes].")
+@_json_option
+def demo(
+    model: str | None,
+    settings: tuple[str, ...],
+    epsilon: str | None,
+    output: Path | None,
+    opened: bool,
+    as_json: bool,
+) -> None:
+    """Write a page in which MODEL runs: drag epsilon, the parameters and the start. Without MODEL list the demos.
+
+    The page is one HTML file that needs no network. A built-in scene with a story is told in steps.
+    """
+    from gsp.demos.demo import demo as make_demo
+    from gsp.demos.demo import stories
+
+    if model is None:
+        if settings or epsilon is not None or output is not None:
+            raise DeclarationError(
+                "a demo is made of a model. Got options and no MODEL. Name a scene or a model file."
+            )
+        _list_demos(stories(), as_json)
+        return
+    scene = _asked(load_scene(model), settings, epsilon, ())
+    target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
+    if not target.absolute().parent.is_dir():
+        raise GspError(f"there is no folder {target.absolute().parent}. Make it, or give another path.")
+    with _compiling_told():
+        page = make_demo(scene)
+    _check_interrupt()
+    page.save(target)
+    _wrote(target)
+    if as_json:
+        _print_json({"name": scene.name, "file": str(target), "bytes": target.stat().st_size})
+    else:
+        click.echo(f"demo: {target}")
+    if opened and click.launch(target.absolute().as_uri()) != 0 and not as_json:
+        click.echo("No browser was found here; open the file in one.")
+
+
+def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
+    """Scenes with a story first, then the others."""
+    from gsp.models import summary
+
+    rows = sorted(summary(), key=lambda row: row[0] not in told)
+    if as_json:
+        _print_json([{"name": name, "title": title, "told": name in told} for name, title in rows])
+        return
+    width = max(len(name) for name, _ in rows)
+    for name, title in rows:
+        click.echo(f"{name:{width}}  {'told in steps' if name in told else '':13}  {title}")
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+from gsp import models
 from gsp.cli import cli, main
 from gsp.errors import GspError
 
@@ -40,7 +41,7 @@ def exit_status(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 
 def test_help_names_every_command() -> None:
     text = run("--help").output
-    for command in ("models", "split", "expand", "check", "folds", "report"):
+    for command in ("models", "split", "expand", "check", "folds", "report", "demo"):
         assert command in text
 
 
@@ -173,6 +174,30 @@ def test_a_chart_is_drawn_and_its_runs_are_written(tmp_path) -> None:
     assert "reduced 4" in result.stdout
     assert "SciPy LSODA" in table.read_text(encoding="utf-8")
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_demo_is_written_where_it_was_asked_for(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr("click.launch", lambda url: shown.append(url) or 0)
+    page = tmp_path / "page.html"
+    got = run("demo", "linear", "-o", str(page), "--no-open", "--json")
+    assert json.loads(got.output) == {"name": "linear", "file": str(page), "bytes": page.stat().st_size}
+    assert shown == []
+    monkeypatch.chdir(tmp_path)
+    assert run("demo", "linear", "--epsilon", "0.02").output == "demo: gsp-demo-linear.html\n"
+    assert shown == [(tmp_path / "gsp-demo-linear.html").as_uri()]
+    assert '"epsilon":0.02' in (tmp_path / "gsp-demo-linear.html").read_text(encoding="utf-8")
+
+
+def test_demo_without_a_model_lists_the_demos() -> None:
+    rows = json.loads(run("demo", "--json").output)
+    assert rows[0]["told"]
+    assert {row["name"] for row in rows} == set(models.names())
+    assert "told in steps" in run("demo").output
+    with pytest.raises(GspError, match="no MODEL"):
+        run("demo", "--epsilon", "0.1")
+    with pytest.raises(GspError, match="there is no folder"):
+        run("demo", "linear", "-o", "nowhere/page.html", "--no-open")
 
 
 def test_a_report_is_written_where_it_was_asked_for(tmp_path) -> None:

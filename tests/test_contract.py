@@ -333,6 +333,8 @@ CONTRACTS = {
     "write_report": Contract(
         ("Analysis",), lambda: blank(gsp.Analysis), lambda: {"folder": "report"}, {"folder": FOLDER}
     ),
+    "demo": Contract(("Scene", "Study"), michaelis, dict),
+    "write_demo": Contract(("Scene", "Study"), michaelis, lambda: {"path": "demo.html"}, {"path": kind("text")}),
     "SlowFastSystem": Contract(
         ("BasePoint",), lambda: {y: -y}, lambda: {"fast": {x: y - x}, "epsilon": epsilon},
         {"fast": EXPRESSIONS, "epsilon": kind(), "parameters": EXPRESSIONS, "name": kind("text"),

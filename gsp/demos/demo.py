@@ -1,0 +1,128 @@
+"""A demo: one HTML file in which the model of a scene itself runs."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gsp import models
+from gsp.analysis.fold_surroundings import surroundings
+from gsp.critical.continuation import SpecialKind
+from gsp.demos.page import render
+from gsp.demos.program import program_of
+from gsp.errors import DeclarationError, GspError, printable
+from gsp.results.files import write_file
+from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study, study_of
+from gsp.systems.arguments import shown
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Demo:
+    """A page to move: `html` is a whole file, which runs the model without a network."""
+
+    scene: Scene
+    html: str = field(repr=False)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to `path`, whole or not at all; raises `OutputError` when that cannot be done."""
+        if not isinstance(path, (str, Path)):
+            raise DeclarationError(f"path is the name of a file. Got {shown(path)}.")
+        return write_file(self.html.encode(), path)
+
+    def __repr__(self) -> str:
+        return (
+            f"Demo({self.scene.name or self.scene.title or 'unnamed'}, {len(self.html.encode()) / 1000:.0f} kB)"
+        )
+
+
+def demo(scene: Scene | Study) -> Demo:
+    """The demo of a scene: a page whose sliders move epsilon, the parameters and the start, with the model inside.
+
+    A built-in scene that has a story is told by it. What of the reduction cannot be had on the page, because the
+    field has no standard form or the series is too long, the page says. Raises `UnsupportedFunctionError` when the
+    field holds a function that JavaScript does not have.
+
+    >>> from gsp import models
+    >>> demo(models.load("linear")).html[:15]
+    '<!doctype html>'
+    """
+    return _demo(scene, verb="demo")
+
+
+def write_demo(scene: Scene | Study, path: str | Path) -> Path:
+    """Write the demo of a scene to `path`, whole or not at all; returns the path. Raises what `demo` raises."""
+    return _demo(scene, verb="write_demo").save(path)
+
+
+def stories() -> tuple[str, ...]:
+    """Names of the scenes that have a story."""
+    folder = files("gsp.demos").joinpath("stories")
+    return tuple(
+        sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    )
+
+
+def _demo(scene: Scene | Study, *, verb: str) -> Demo:
+    study = study_of(scene, verb=verb)
+    scene = study.scene
+    program = program_of(study)
+    told = _story(scene)
+    quantities = program.parts["quantities"]
+    axes = told.get("axes") or _axes(program.parts)
+    data = {
+        "title": scene.title,
+        "description": printable(scene.description),
+        "source": printable(scene.source),
+        "epsilon": scene.epsilon,
+        "start": list(scene.full_start.values()),
+        "span": list(scene.span),
+        "axes": axes,
+        "trace": told.get("trace") or axes[1],
+        "path": None if scene.path is None else list(scene.path),
+        "body": told.get("body"),
+        "ranges": told.get("ranges", {}),
+        "story": told.get("steps", []),
+        "folds": _folds(study, quantities),
+    }
+    title = scene.title or scene.name or scene.system.name or "A slow-fast system"
+    return Demo(scene, render(program, data, title=title))
+
+
+def _axes(parts: Mapping[str, Any]) -> list[str]:
+    """The plane that shows most at once: a slow variable across and a fast one up, or the first two states."""
+    reduction = parts["reduction"]
+    if not reduction["reason"]:
+        return [reduction["slow"][0], reduction["fast"][0]]
+    names = [*parts["quantities"], parts["quantities"][0]]
+    return names[:2]
+
+
+def _story(scene: Scene) -> dict[str, Any]:
+    """The story of a built-in scene, as data; empty for any other scene, and for one that was changed."""
+    if scene.name not in stories() or scene != models.load(scene.name):
+        return {}
+    text = files("gsp.demos").joinpath("stories", f"{scene.name}.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def _folds(study: Study, quantities: list[str]) -> list[list[float | None]]:
+    """Folds of M0 around the region at the declared parameters, as rows of quantities, None where one is not known."""
+    try:
+        found = surroundings(study)
+    except (GspError, np.linalg.LinAlgError):
+        return []
+    if found is None:
+        return []
+    points: list[Mapping[str, float]] = [
+        point.point for point in getattr(found, "special", ()) if point.kind is SpecialKind.FOLD
+    ]
+    if study.splitting is not None:
+        points = [{**point, **study.splitting.to_raw(point)} for point in points]
+    return [[float(point[name]) if name in point else None for name in quantities] for point in points]

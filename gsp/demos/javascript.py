@@ -1,0 +1,179 @@
+"""Expressions as JavaScript: SymPy's printer after common-subexpression elimination, numbers to the last bit.
+
+A symbol becomes a place in an array, `z[0]` or `p[2]`, so that no name of a model ever stands in code. Whole powers are
+products, and every other power is `Math.pow`, which has no value where a real power has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import sympy as sp
+from sympy.printing.jscode import JavascriptCodePrinter
+
+from gsp.errors import BudgetError, UnsupportedFunctionError
+
+# Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
+EXACT = 2**53
+# Functions of one argument that go by this name in both languages.
+SAME = (
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asin",
+    "acos",
+    "atan",
+    "asinh",
+    "acosh",
+    "atanh",
+)
+# What JavaScript has no function for; `page/functions.js` defines it.
+OWN = ("erf",)
+
+
+def function(
+    name: str, outputs: Sequence[sp.Expr], arguments: Mapping[str, Sequence[sp.Symbol]], *, into: str = "out"
+) -> str:
+    """A JavaScript function `name(*arguments, into)` that fills the array `into` with the values of `outputs`.
+
+    `arguments` maps the name of each array argument to the symbols that stand in it, in order. Raises
+    `UnsupportedFunctionError` for what JavaScript has no function for, and for a symbol that stands nowhere.
+
+    >>> x, k = sp.symbols("x k")
+    >>> print(function("rate", [k - x], {"z": [x], "p": [k]}), end="")
+    function rate(z, p, out) {
+      out[0] = p[0] - z[0];
+    }
+    """
+    places = {
+        symbol: sp.Dummy(f"{a}[{i}]") for a, symbols in arguments.items() for i, symbol in enumerate(symbols)
+    }
+    placed = [expression.xreplace(places) for expression in outputs]
+    steps, results = sp.cse(placed, symbols=(sp.Dummy() for _ in iter(int, 1)), order="none")
+    printer = _Printer(set(places.values()))
+    for symbol, expression in steps:
+        printer.define(symbol, expression)
+    assignments = [f"{into}[{i}] = {printer.text(result)};" for i, result in enumerate(results)]
+    body = "".join(f"  {line}\n" for line in (*printer.lines, *assignments))
+    return f"function {name}({', '.join((*arguments, into))}) {{\n{body}}}\n"
+
+
+class _Printer(JavascriptCodePrinter):
+    """Prints to single expressions; what is used more than once, and every power, gets a line of its own before."""
+
+    def __init__(self, places: Iterable[sp.Symbol]) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+        self._names = {symbol: symbol.name for symbol in places}
+        self._known: dict[str, str] = {}
+
+    def text(self, expression: Any) -> str:
+        """One expression; what it needs first has been added to `lines`."""
+        return str(self.doprint(expression))
+
+    def define(self, symbol: sp.Symbol, expression: sp.Expr) -> None:
+        """A constant for `symbol`, which later expressions use."""
+        self._names[symbol] = self._constant(self.text(expression))
+
+    def _constant(self, text: str) -> str:
+        name = f"t{len(self.lines)}"
+        self.lines.append(f"const {name} = {text};")
+        return name
+
+    def _print_Symbol(self, expr: sp.Symbol) -> str:
+        if expr not in self._names:
+            raise UnsupportedFunctionError(f"{expr} stands for no argument. Got an expression that holds it.")
+        return self._names[expr]
+
+    _print_Dummy = _print_Symbol
+
+    def _print_Integer(self, expr: sp.Integer) -> str:
+        return str(int(expr)) if abs(int(expr)) <= EXACT else _double(expr)
+
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        p, q = int(expr.p), int(expr.q)
+        return f"{p}/{q}" if max(abs(p), q) <= EXACT else _double(expr)
+
+    def _print_Pow(self, expr: sp.Pow) -> str:
+        base, exponent = expr.as_base_exp() if not expr.is_Pow else expr.args
+        if exponent.is_Integer:
+            count = abs(int(exponent))
+            text = self.text(base)
+            if count > 1 or exponent.is_negative:
+                text = self._power(self._once(text), count)
+            return f"(1/{text})" if exponent.is_negative else text
+        if exponent == sp.Rational(1, 2):
+            return f"Math.sqrt({self.text(base)})"
+        if exponent == sp.Rational(-1, 2):
+            return f"(1/Math.sqrt({self.text(base)}))"
+        return f"Math.pow({self.text(base)}, {self.text(exponent)})"
+
+    def _once(self, text: str) -> str:
+        """A name for the value of `text`, which is computed there once."""
+        if text.isidentifier() or text in self._names.values():
+            return text
+        if text not in self._known:
+            self._known[text] = self._constant(text)
+        return self._known[text]
+
+    def _power(self, text: str, exponent: int) -> str:
+        """The name `text` to a whole power as products, short ones in place."""
+        if exponent <= 3:
+            return "(" + "*".join([text] * exponent) + ")" if exponent > 1 else text
+        half = self._once(self._power(text, exponent // 2))
+        return self._once(f"{half}*{half}*{text}" if exponent % 2 else f"{half}*{half}")
+
+    def _print_Abs(self, expr: Any) -> str:
+        return f"Math.abs({self.text(expr.args[0])})"
+
+    def _print_sign(self, expr: Any) -> str:
+        return f"Math.sign({self.text(expr.args[0])})"
+
+    def _print_Heaviside(self, expr: Any) -> str:
+        at_zero = self.text(expr.args[1]) if len(expr.args) > 1 else "0.5"
+        argument = self._once(self.text(expr.args[0]))
+        return f"({argument} > 0 ? 1 : {argument} < 0 ? 0 : {argument} === 0 ? {at_zero} : NaN)"
+
+    def _print_Max(self, expr: Any) -> str:
+        return f"Math.max({', '.join(self.text(a) for a in expr.args)})"
+
+    def _print_Min(self, expr: Any) -> str:
+        return f"Math.min({', '.join(self.text(a) for a in expr.args)})"
+
+    def _print_Pi(self, expr: Any) -> str:
+        return "Math.PI"
+
+    def _print_Exp1(self, expr: Any) -> str:
+        return "Math.E"
+
+    def _print_Function(self, expr: Any) -> str:
+        name = type(expr).__name__
+        if len(expr.args) == 1 and name in SAME:
+            return f"Math.{name}({self.text(expr.args[0])})"
+        if len(expr.args) == 1 and name in OWN:
+            return f"{name}({self.text(expr.args[0])})"
+        return self._print_not_supported(expr)
+
+    _print_exp = _print_Function
+
+    def _print_not_supported(self, expr: Any) -> str:
+        raise UnsupportedFunctionError(
+            f"{type(expr).__name__} has no counterpart in JavaScript. Got {str(expr)[:80]}. Use other functions."
+        )
+
+
+def _double(number: sp.Rational) -> str:
+    """The nearest double of a number that is longer than a double."""
+    try:
+        return repr(int(number.p) / int(number.q))
+    except OverflowError:
+        raise BudgetError(
+            f"a number of {len(str(abs(int(number.p))))} digits is beyond double precision. "
+            "Give one below 1e308."
+        ) from None

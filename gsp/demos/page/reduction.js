@@ -1,0 +1,441 @@
+// The model of a page: full runs, the point where they have reached the slow manifold, reduced runs of every order from
+// there, and how far apart the two are. A setting is {epsilon, parameters, start, span}, start in the states as declared
+// and what is reconstructed.
+
+// Steps of a run, for a picture and for a measurement; the tolerances of both.
+const PICTURE = { rtol: 1e-6, atol: 1e-8, maxSteps: 6000 };
+const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000 };
+// Errors are measured at so many times.
+const GRID = 60;
+// Pieces of slow motion between jumps that are reduced, each from where the full run has reached the manifold again.
+const PIECES = 9;
+// A step of Newton's method below this, relative to the point, ends it.
+const NEWTON = 1e-13;
+// An order is past the best one when its error is larger by this factor; estimates are thrice the first term left out.
+const GROWN = 2;
+const ESTIMATE = 3;
+// The sheet counts as lost where the rate of attraction has fallen to this share.
+const FADED = 0.1;
+
+// The largest real part of the eigenvalues of a small matrix: roots of its characteristic polynomial, by Faddeev and
+// LeVerrier's recursion and Durand and Kerner's iteration.
+function spectralAbscissa(A, n) {
+  if (n === 1) return A[0];
+  const c = [1];
+  let M = new Float64Array(n * n);
+  for (let k = 1; k <= n; k++) {
+    const next = new Float64Array(n * n);
+    for (let i = 0; i < n; i++) {
+      for (let j = 0; j < n; j++) {
+        let total = 0;
+        for (let q = 0; q < n; q++) total += A[i * n + q] * (M[q * n + j] + (q === j ? c[k - 1] : 0));
+        next[i * n + j] = total;
+      }
+    }
+    let trace = 0;
+    for (let i = 0; i < n; i++) trace += next[i * n + i];
+    c.push(-trace / k);
+    M = next;
+  }
+  if (n === 2) {
+    const half = -c[1] / 2;
+    const square = half * half - c[2];
+    return square > 0 ? half + Math.sqrt(square) : half;
+  }
+  let radius = 0;
+  for (let k = 1; k <= n; k++) radius = Math.max(radius, Math.pow(Math.abs(c[k]), 1 / k));
+  const re = new Float64Array(n);
+  const im = new Float64Array(n);
+  for (let i = 0; i < n; i++) {
+    re[i] = radius * Math.cos((2 * Math.PI * i) / n + 0.4);
+    im[i] = radius * Math.sin((2 * Math.PI * i) / n + 0.4);
+  }
+  for (let sweep = 0; sweep < 80; sweep++) {
+    let moved = 0;
+    for (let i = 0; i < n; i++) {
+      let [pr, pi, qr, qi] = [1, 0, 1, 0];
+      for (let k = 1; k <= n; k++) [pr, pi] = [pr * re[i] - pi * im[i] + c[k], pr * im[i] + pi * re[i]];
+      for (let j = 0; j < n; j++) {
+        if (j === i) continue;
+        const [dr, di] = [re[i] - re[j], im[i] - im[j]];
+        [qr, qi] = [qr * dr - qi * di, qr * di + qi * dr];
+      }
+      const size = qr * qr + qi * qi || 1e-300;
+      const [sr, si] = [(pr * qr + pi * qi) / size, (pi * qr - pr * qi) / size];
+      re[i] -= sr;
+      im[i] -= si;
+      moved = Math.max(moved, Math.abs(sr) + Math.abs(si));
+    }
+    if (moved < 1e-10 * radius) break;
+  }
+  return Math.max(...re);
+}
+
+function makeModel(data, program) {
+  const { model, rodas5p } = data;
+  const reduction = model.reduction;
+  const reducible = reduction.reason === "";
+  const nRaw = model.states.length;
+  const nDriven = model.driven.length;
+  const n = nRaw + nDriven;
+  const nSlow = reducible ? reduction.slow.length : 0;
+  const nFast = reducible ? reduction.fast.length : 0;
+
+  const constants = (s) => [s.epsilon, ...s.parameters];
+
+  function atDeclared(s) {
+    return s.parameters.every((value, i) => value === model.values[i]);
+  }
+
+  // The functions of the series that hold at a setting, and through which order.
+  function seriesAt(s) {
+    const label = reduction.declared > reduction.anywhere && atDeclared(s) ? "Declared" : "";
+    return {
+      label,
+      order: label ? reduction.declared : reduction.anywhere,
+      coordinates: reduction[`coordinates${label}`],
+    };
+  }
+
+  function full(s, accuracy, end = s.span[1]) {
+    const p = constants(s);
+    return integrateStiff(
+      rodas5p, (z, out) => program.field(z, p, out), (z, out) => program.jacobian(z, p, out),
+      s.start, s.span[0], end, accuracy,
+    );
+  }
+
+  function quantitiesAt(z, p, out) {
+    program.quantities(z, p, out);
+    return out;
+  }
+
+  // y on M0 over x, nearest to `y` in Newton's sense; false where there is none.
+  function onSheet(x, y, p) {
+    if (reduction.explicit) {
+      program.graph(x, p, y);
+      return allFinite(y);
+    }
+    const u = new Float64Array(nSlow + nFast);
+    const residual = new Float64Array(nFast);
+    const J = new Float64Array(nFast * nFast);
+    const pivots = new Int32Array(nFast);
+    u.set(x);
+    for (let step = 0; step < 30; step++) {
+      u.set(y, nSlow);
+      program.sheet(u, p, residual);
+      program.sheetJacobian(u, p, J);
+      if (!factorise(J, nFast, pivots)) return false;
+      solveFactorised(J, nFast, pivots, residual);
+      let size = 0;
+      for (let i = 0; i < nFast; i++) {
+        y[i] -= residual[i];
+        size = Math.max(size, Math.abs(residual[i]) / (1 + Math.abs(y[i])));
+      }
+      if (!Number.isFinite(size)) return false;
+      if (size < NEWTON) return true;
+    }
+    return false;
+  }
+
+  // The slowest rate of attraction, in fast time, at (x, y); negative where a direction repels.
+  function gapAt(u, p) {
+    const J = new Float64Array(nFast * nFast);
+    program.fastJacobian(u, p, J);
+    return allFinite(J) ? -spectralAbscissa(J, nFast) : NaN;
+  }
+
+  function toNew(z, p) {
+    const u = new Float64Array(nSlow + nFast);
+    program.toNew(z, p, u);
+    return u;
+  }
+
+  // Where, from node `from` on, the full run has spent `wanted` e-folds over the attracting part: past its layer.
+  function arrival(run, s, from, wanted) {
+    const p = constants(s);
+    let folds = 0;
+    let before = NaN;
+    for (let i = from; i < run.times.length; i++) {
+      const gap = gapAt(toNew(run.states[i], p), p);
+      if (i > from) {
+        const rate = (0.5 * (gap + before)) / s.epsilon;
+        folds = rate > 0 ? folds + rate * (run.times[i] - run.times[i - 1]) : 0;
+        if (folds >= wanted && gap > 0) return i;
+      }
+      before = gap;
+    }
+    return -1;
+  }
+
+  // e-folds after which what is left of the layer is below the smallest error that is looked at.
+  function layerFolds(s) {
+    return Math.min(30, Math.max(6, 6 * Math.log(1 / s.epsilon)));
+  }
+
+  // Fills `y` with h through `order` at coordinates c, and with `rates` also x'. Returns the sizes of the terms.
+  function sum(kind, order, c, s, p, out) {
+    const term = new Float64Array(out.length);
+    out.fill(0);
+    let power = 1;
+    const { label } = seriesAt(s);
+    for (let k = 0; k <= order; k++) {
+      program[`${kind}${k}${label}`](c, p, term);
+      for (let i = 0; i < out.length; i++) out[i] += power * term[i];
+      power *= s.epsilon;
+    }
+  }
+
+  function coordinatesOf(x, y0, s) {
+    const { coordinates } = seriesAt(s);
+    return coordinates.map((place) => (place < nSlow ? x[place] : y0[place - nSlow]));
+  }
+
+  // The order at which the series is best cut at (x, y0), and the sizes of its terms: the envelope of the next two terms
+  // tells the error, and where none is known the last term does.
+  function bestOrder(c, s) {
+    const { order, label } = seriesAt(s);
+    const p = constants(s);
+    const term = new Float64Array(nFast);
+    const sizes = [];
+    for (let k = 0; k <= order; k++) {
+      program[`h${k}${label}`](c, p, term);
+      sizes.push(Math.pow(s.epsilon, k) * Math.hypot(...term));
+    }
+    const errors = sizes.map((own, k) => ESTIMATE * Math.max(sizes[k + 1] ?? (sizes.length > 1 ? own : 0), sizes[k + 2] ?? 0));
+    let best = 0;
+    errors.forEach((e, k) => {
+      if (e <= errors[best]) best = k;
+    });
+    const reached = errors.map((e, k) => k <= best || e <= GROWN * errors[best]);
+    return { best, sizes, reached };
+  }
+
+  // A reduced run of `order` through the slow state of the full run at node `at`, to `end` and, with `back`, back to the
+  // beginning of the span. The states are x and what is reconstructed; `points` makes z of them.
+  function reduced(run, s, at, order, end, back, accuracy) {
+    const p = constants(s);
+    const u = toNew(run.states[at], p);
+    const y0 = u.slice(nSlow);
+    const begun = run.times[at];
+    const x = u.slice(0, nSlow);
+    if (!onSheet(x, y0, p)) return { order, status: "no sheet", begun, parts: [] };
+    const seen = new Float64Array(nFast);
+    const y = new Float64Array(nFast);
+    const point = new Float64Array(n);
+    const rate = new Float64Array(n);
+    const uPoint = new Float64Array(nSlow + nFast);
+    const J = new Float64Array(nFast * nFast);
+    const slow = new Float64Array(nSlow);
+    const near = Float64Array.from(y0);
+
+    // z over (x, driven), with y through `order`; false where the sheet has ended.
+    function lift(state, out) {
+      const xNow = state.subarray(0, nSlow);
+      seen.set(near);
+      if (!onSheet(xNow, seen, p)) return null;
+      const c = coordinatesOf(xNow, seen, s);
+      sum("h", order, c, s, p, y);
+      uPoint.set(xNow);
+      uPoint.set(y, nSlow);
+      program.toRaw(uPoint, p, out);
+      for (let i = 0; i < nDriven; i++) out[nRaw + i] = state[nSlow + i];
+      return c;
+    }
+
+    function field(state, out) {
+      const c = lift(state, point);
+      if (c === null) {
+        out.fill(NaN);
+        return;
+      }
+      sum("f", order, c, s, p, slow);
+      out.set(slow);
+      if (nDriven) {
+        program.field(point, p, rate);
+        for (let i = 0; i < nDriven; i++) out[nSlow + i] = rate[nRaw + i];
+      }
+    }
+
+    // After each step: the sheet is followed, and the run ends where it no longer attracts.
+    let lost = false;
+    function stop(t, state) {
+      const xNow = state.subarray(0, nSlow);
+      seen.set(near);
+      if (!onSheet(xNow, seen, p)) return (lost = true);
+      near.set(seen);
+      uPoint.set(xNow);
+      uPoint.set(near, nSlow);
+      program.fastJacobian(uPoint, p, J);
+      return (lost = !(spectralAbscissa(J, nFast) < 0));
+    }
+
+    const start = new Float64Array(nSlow + nDriven);
+    start.set(x);
+    for (let i = 0; i < nDriven; i++) start[nSlow + i] = run.states[at][nRaw + i];
+    const limits = { ...accuracy, maxSteps: Math.min(accuracy.maxSteps, 3000), stop };
+    const forward = integrateExplicit(field, start, begun, end, limits);
+    const parts = [forward];
+    const last = near.slice();
+    if (back && begun > s.span[0]) {
+      near.set(y0);
+      parts.unshift(integrateExplicit(field, start, begun, s.span[0], limits));
+    }
+    const ended = forward.times[forward.times.length - 1];
+    // Towards a fold the rate of attraction falls to nothing, whatever stops the run first.
+    uPoint.set(forward.states[forward.states.length - 1].subarray(0, nSlow));
+    uPoint.set(last, nSlow);
+    const faded = !(gapAt(uPoint, p) > FADED * gapAt(Float64Array.of(...x, ...y0), p));
+    const status = lost || (faded && forward.status !== "reached") ? "lost" : forward.status;
+    const reachedBack = parts.length > 1 ? parts[0].times[parts[0].times.length - 1] : begun;
+    const state = new Float64Array(nSlow + nDriven);
+    return {
+      order, status, begun, ended, first: reachedBack, last,
+      // z at time t, on the sheet near y0.
+      at(t, out) {
+        const part = parts.length > 1 && t < begun ? parts[0] : forward;
+        stateAt(part, t, state);
+        // The sheet is found from the one nearest in time that is known.
+        near.set(nearest(part, t, state, y0, begun));
+        return lift(state, out) !== null;
+      },
+    };
+
+    function nearest(part, t, now, from) {
+      if (reduction.explicit) return from;
+      if (!part.sheets) part.sheets = followed(part, from);
+      let low = 0;
+      let high = part.times.length - 1;
+      const sign = part.times[high] >= part.times[0] ? 1 : -1;
+      while (high - low > 1) {
+        const middle = (low + high) >> 1;
+        if (sign * part.times[middle] <= sign * t) low = middle;
+        else high = middle;
+      }
+      return part.sheets[low];
+    }
+
+    function followed(part, from) {
+      const known = Float64Array.from(from);
+      return part.states.map((node) => {
+        const trial = Float64Array.from(known);
+        if (onSheet(node.subarray(0, nSlow), trial, p)) known.set(trial);
+        return Float64Array.from(known);
+      });
+    }
+  }
+
+  // Everything a picture shows: the full run, and reduced runs of `orders` on every slow piece of it.
+  function simulate(s, orders, accuracy = PICTURE) {
+    const result = { full: full(s, accuracy), pieces: [], rivals: [], layerEnd: NaN, notes: [] };
+    if (!reducible) return result;
+    const { order } = seriesAt(s);
+    const possible = orders.filter((k) => k <= order);
+    let from = 0;
+    const pieces = accuracy.pieces ?? PIECES;
+    for (let piece = 0; piece < pieces && from < result.full.times.length - 1; piece++) {
+      const at = arrival(result.full, s, from, layerFolds(s));
+      if (at < 0) break;
+      if (piece === 0) result.layerEnd = result.full.times[at];
+      const end = s.span[1];
+      const runs = possible.map((k) => reduced(result.full, s, at, k, end, piece === 0, accuracy));
+      result.pieces.push({ at, runs });
+      if (!runs.length) break;
+      const ended = Math.max(...runs.map((run) => run.ended ?? run.begun));
+      if (!runs.some((run) => run.status !== "reached")) break;
+      from = result.full.times.findIndex((t) => t > ended);
+      if (from < 0) break;
+    }
+    result.rivals = rivals(result, s, accuracy);
+    return result;
+  }
+
+  // Rival fields of the scene, from the full run's own values where it has reached the manifold.
+  function rivals(result, s, accuracy) {
+    if (!result.pieces.length || !model.claims.length) return [];
+    const p = constants(s);
+    const values = quantitiesAt(result.full.states[result.pieces[0].at], p, new Float64Array(model.quantities.length));
+    return model.claims.map((claim, i) => {
+      const places = claim.states.map((name) => model.quantities.indexOf(name));
+      const start = Float64Array.from(places, (place) => values[place]);
+      const rate = program[`claim${i}`];
+      const run = integrateExplicit((z, out) => rate(z, p, out), start, result.layerEnd, s.span[1], {
+        ...accuracy, maxSteps: 3000,
+      });
+      return { name: claim.name, places, run };
+    });
+  }
+
+  // Largest error of each order's run over the first slow piece, each slow variable relative to its largest value.
+  function errorsOf(result, s) {
+    const found = { orders: {}, rivals: {}, from: result.layerEnd, to: NaN };
+    if (!result.pieces.length) return found;
+    const p = constants(s);
+    const { at, runs } = result.pieces[0];
+    const begun = result.full.times[at];
+    const fullEnd = result.full.times[result.full.times.length - 1];
+    const ended = Math.min(fullEnd, ...runs.map((run) => run.ended ?? begun));
+    if (!(ended > begun)) return found;
+    found.to = ended;
+    const z = new Float64Array(n);
+    const times = Array.from({ length: GRID }, (_, i) => begun + ((ended - begun) * (i + 1)) / GRID);
+    const exact = times.map((t) => toNew(stateAt(result.full, t, z), p));
+    const scale = Array.from({ length: nSlow }, (_, j) => Math.max(...exact.map((u) => Math.abs(u[j]))) || 1);
+    const point = new Float64Array(n);
+    for (const run of runs) {
+      let worst = 0;
+      times.forEach((t, i) => {
+        const u = run.at(t, point) ? toNew(point, p) : null;
+        for (let j = 0; j < nSlow; j++) {
+          worst = Math.max(worst, u === null ? Infinity : Math.abs(u[j] - exact[i][j]) / scale[j]);
+        }
+      });
+      found.orders[run.order] = worst;
+    }
+    const shown = new Float64Array(model.quantities.length);
+    for (const rival of result.rivals) {
+      const last = rival.run.times[rival.run.times.length - 1];
+      const top = new Float64Array(rival.places.length);
+      const gap = new Float64Array(rival.places.length);
+      const own = new Float64Array(rival.places.length);
+      for (const t of times) {
+        if (t > last) break;
+        quantitiesAt(stateAt(result.full, t, z), p, shown);
+        stateAt(rival.run, t, own);
+        rival.places.forEach((place, j) => {
+          top[j] = Math.max(top[j], Math.abs(shown[place]));
+          gap[j] = Math.max(gap[j], Math.abs(shown[place] - own[j]));
+        });
+      }
+      found.rivals[rival.name] = Math.max(...Array.from(gap, (g, j) => g / (top[j] || 1)));
+    }
+    return found;
+  }
+
+  // Points of M_epsilon through `order` where the manifold is a curve: c runs over `interval`, and z is lifted from it.
+  function manifoldCurve(s, order, interval, count) {
+    const series = reducible ? seriesAt(s) : { order: -1, coordinates: [] };
+    if (series.coordinates.length !== 1 || nSlow !== 1 || order > series.order) return null;
+    const p = constants(s);
+    const u = new Float64Array(nSlow + nFast);
+    const y = new Float64Array(nFast);
+    const points = [];
+    for (let i = 0; i <= count; i++) {
+      const c = [interval[0] + ((interval[1] - interval[0]) * i) / count];
+      program[`base${series.label}`](c, p, u);
+      const attracts = gapAt(u, p) > 0;
+      const { reached } = bestOrder(c, s);
+      sum("h", order, c, s, p, y);
+      u.set(y, nSlow);
+      const z = new Float64Array(n);
+      program.toRaw(u, p, z);
+      points.push({ z, attracts, valid: allFinite(z) && reached[order] });
+    }
+    return points;
+  }
+
+  return {
+    ...model, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, simulate, errorsOf, bestOrder,
+    quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldCurve, layerFolds, arrival, reduced, atDeclared, sum,
+  };
+}

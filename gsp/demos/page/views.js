@@ -1,0 +1,426 @@
+// The pictures: curves sampled from runs, and views that draw them on plain canvas.
+
+// Points of a drawn run: more than a view is wide helps nobody.
+const DRAWN = 900;
+const MARGIN = { left: 52, right: 12, top: 10, bottom: 30 };
+
+// Quantities along a run as {t, q}: q[i] the values of quantity i. Every step is divided, so that long steps look smooth.
+function sampleRun(model, run, p, at) {
+  const steps = run.times.length - 1;
+  const parts = Math.max(1, Math.min(12, Math.ceil(DRAWN / Math.max(1, steps))));
+  const stride = Math.max(1, Math.floor(steps / (2 * DRAWN)));
+  const times = [];
+  for (let i = 0; i < steps; i += stride) {
+    const end = run.times[Math.min(i + stride, steps)];
+    for (let j = 0; j < parts; j++) times.push(run.times[i] + ((end - run.times[i]) * j) / parts);
+  }
+  times.push(run.times[steps]);
+  return sampleAt(model, times, p, at);
+}
+
+function sampleAt(model, times, p, at) {
+  const z = new Float64Array(model.n);
+  const values = new Float64Array(model.quantities.length);
+  const q = model.quantities.map(() => new Float64Array(times.length));
+  times.forEach((t, i) => {
+    if (at(t, z)) model.quantitiesAt(z, p, values);
+    else values.fill(NaN);
+    for (let j = 0; j < values.length; j++) q[j][i] = values[j];
+  });
+  return { t: Float64Array.from(times), q };
+}
+
+// All curves of a simulation: the full run, the reduced runs of every piece by order, and the rivals.
+function sampleAll(model, result, s) {
+  const p = model.constants(s);
+  const full = sampleRun(model, result.full, p, (t, z) => stateAt(result.full, t, z) !== null);
+  const reduced = [];
+  for (const piece of result.pieces) {
+    for (const run of piece.runs) {
+      if (run.status === "no sheet") continue;
+      const count = Math.ceil(DRAWN / 3 / result.pieces.length) + 20;
+      const times = Array.from({ length: count + 1 }, (_, i) => run.first + ((run.ended - run.first) * i) / count);
+      reduced.push({ order: run.order, ...sampleAt(model, times, p, (t, z) => run.at(t, z)) });
+    }
+  }
+  const rivals = result.rivals.map(({ name, places, run }) => {
+    const ended = run.times[run.times.length - 1];
+    const times = Float64Array.from({ length: 301 }, (_, i) => run.times[0] + ((ended - run.times[0]) * i) / 300);
+    const q = model.quantities.map(() => new Float64Array(times.length).fill(NaN));
+    const state = new Float64Array(places.length);
+    times.forEach((t, i) => {
+      stateAt(run, t, state);
+      places.forEach((place, j) => (q[place][i] = state[j]));
+    });
+    return { name, t: times, q };
+  });
+  return { full, reduced, rivals };
+}
+
+function extent(arrays) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const values of arrays) {
+    for (const value of values) {
+      if (value < low) low = value;
+      if (value > high && value < Infinity) high = value;
+    }
+  }
+  if (!(low <= high) || !Number.isFinite(low)) return [-1, 1];
+  const room = 0.08 * (high - low) || 0.5 * (Math.abs(low) || 1);
+  return [low - room, high + room];
+}
+
+// An axis' range that does not tremble while a slider moves: it grows at once, and shrinks when much of it is empty.
+function steadied(before, wanted) {
+  if (!before) return wanted;
+  const grown = [Math.min(before[0], wanted[0]), Math.max(before[1], wanted[1])];
+  return wanted[1] - wanted[0] < 0.55 * (grown[1] - grown[0]) ? wanted : grown;
+}
+
+function ticks(low, high, count) {
+  const rough = (high - low) / count;
+  const power = Math.pow(10, Math.floor(Math.log10(rough)));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= rough) ?? rough;
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  return { values: found, digits: Math.max(0, Math.min(8, -Math.floor(Math.log10(step) + 1e-9))) };
+}
+
+function tickText(value, digits) {
+  if (value !== 0 && (Math.abs(value) >= 1e5 || digits > 5)) return value.toExponential(1);
+  return Math.abs(value) < 1e-12 ? "0" : value.toFixed(digits).replace("-", "−");
+}
+
+class View {
+  constructor(container, caption) {
+    this.figure = document.createElement("figure");
+    this.caption = document.createElement("figcaption");
+    this.frame = document.createElement("div");
+    this.frame.className = "frame";
+    this.canvas = document.createElement("canvas");
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", caption);
+    this.frame.append(this.canvas);
+    this.figure.append(this.caption, this.frame);
+    container.append(this.figure);
+    this.context = this.canvas.getContext("2d");
+    this.xRange = null;
+    this.yRange = null;
+  }
+
+  say(...parts) {
+    this.caption.replaceChildren(...parts);
+  }
+
+  begin(colours) {
+    const scale = window.devicePixelRatio || 1;
+    this.width = this.canvas.clientWidth;
+    this.height = this.canvas.clientHeight;
+    if (this.canvas.width !== Math.round(this.width * scale)) this.canvas.width = Math.round(this.width * scale);
+    if (this.canvas.height !== Math.round(this.height * scale)) this.canvas.height = Math.round(this.height * scale);
+    this.context.setTransform(scale, 0, 0, scale, 0, 0);
+    this.context.clearRect(0, 0, this.width, this.height);
+    this.colours = colours;
+    this.context.lineJoin = "round";
+    this.context.font = "12px system-ui, sans-serif";
+  }
+
+  // Linear axes; `equal` gives both the same scale.
+  setRanges(x, y, { equal = false, steady = true } = {}) {
+    this.xRange = steady ? steadied(this.xRange, x) : x;
+    this.yRange = steady ? steadied(this.yRange, y) : y;
+    const w = this.width - MARGIN.left - MARGIN.right;
+    const h = this.height - MARGIN.top - MARGIN.bottom;
+    let [x0, x1] = this.xRange;
+    let [y0, y1] = this.yRange;
+    if (equal) {
+      const unit = Math.max((x1 - x0) / w, (y1 - y0) / h);
+      const [cx, cy] = [(x0 + x1) / 2, (y0 + y1) / 2];
+      [x0, x1, y0, y1] = [cx - (unit * w) / 2, cx + (unit * w) / 2, cy - (unit * h) / 2, cy + (unit * h) / 2];
+    }
+    this.box = [x0, x1, y0, y1];
+    this.X = (v) => MARGIN.left + ((v - x0) / (x1 - x0)) * w;
+    this.Y = (v) => MARGIN.top + ((y1 - v) / (y1 - y0)) * h;
+    this.atX = (px) => x0 + ((px - MARGIN.left) / w) * (x1 - x0);
+    this.atY = (py) => y1 - ((py - MARGIN.top) / h) * (y1 - y0);
+  }
+
+  axes(xName, yName, { xLog = false, yLog = false } = {}) {
+    const c = this.context;
+    const [x0, x1, y0, y1] = this.box;
+    c.lineWidth = 1;
+    c.strokeStyle = this.colours.line;
+    c.fillStyle = this.colours.faint;
+    const bottom = this.height - MARGIN.bottom;
+    const right = this.width - MARGIN.right;
+    const mark = (value, log, digits) => (log ? power(value) : tickText(value, digits));
+    const xs = xLog ? decades(x0, x1) : ticks(x0, x1, Math.max(3, this.width / 90));
+    c.textAlign = "center";
+    c.textBaseline = "top";
+    c.beginPath();
+    for (const value of xs.values) {
+      c.moveTo(this.X(value), MARGIN.top);
+      c.lineTo(this.X(value), bottom);
+      c.fillText(mark(value, xLog, xs.digits), this.X(value), bottom + 3);
+    }
+    const ys = yLog ? decades(y0, y1) : ticks(y0, y1, 5);
+    c.textAlign = "right";
+    c.textBaseline = "middle";
+    for (const value of ys.values) {
+      c.moveTo(MARGIN.left, this.Y(value));
+      c.lineTo(right, this.Y(value));
+      c.fillText(mark(value, yLog, ys.digits), MARGIN.left - 5, this.Y(value));
+    }
+    c.stroke();
+    c.fillStyle = this.colours.ink;
+    c.textAlign = "right";
+    c.textBaseline = "alphabetic";
+    c.fillText(xName, right - 2, this.height - 3);
+    c.textAlign = "left";
+    c.textBaseline = "top";
+    c.fillText(yName, 4, 2);
+  }
+
+  clipped(draw) {
+    const c = this.context;
+    c.save();
+    c.beginPath();
+    c.rect(MARGIN.left, MARGIN.top, this.width - MARGIN.left - MARGIN.right, this.height - MARGIN.top - MARGIN.bottom);
+    c.clip();
+    draw();
+    c.restore();
+  }
+
+  curve(x, y, colour, width = 1.6, dash = []) {
+    const c = this.context;
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.setLineDash(dash);
+    c.beginPath();
+    let down = false;
+    for (let i = 0; i < x.length; i++) {
+      const px = this.X(x[i]);
+      const py = this.Y(y[i]);
+      if (!(Math.abs(px) < 1e5 && Math.abs(py) < 1e5)) {
+        down = false;
+        continue;
+      }
+      if (down) c.lineTo(px, py);
+      else c.moveTo(px, py);
+      down = true;
+    }
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  dot(x, y, colour, radius = 5) {
+    const c = this.context;
+    c.fillStyle = colour;
+    c.beginPath();
+    c.arc(this.X(x), this.Y(y), radius, 0, 2 * Math.PI);
+    c.fill();
+  }
+}
+
+function decades(low, high) {
+  const values = [];
+  const every = Math.max(1, Math.ceil((high - low) / 7));
+  for (let k = Math.ceil(low); k <= high; k++) if (k % every === 0) values.push(k);
+  return { values, digits: 0 };
+}
+
+function power(exponent) {
+  const raised = [...String(exponent)].map((d) => (d === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(d)])).join("");
+  return `10${raised}`;
+}
+
+// The value of a sampled curve at time t, linear between samples; NaN outside.
+function valueAt(curve, place, t) {
+  const { t: times, q } = curve;
+  const sign = times[times.length - 1] >= times[0] ? 1 : -1;
+  let low = 0;
+  let high = times.length - 1;
+  if (sign * t < sign * times[0] || sign * t > sign * times[high]) return NaN;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (sign * times[middle] <= sign * t) low = middle;
+    else high = middle;
+  }
+  const share = high === low ? 0 : (t - times[low]) / (times[high] - times[low]);
+  return q[place][low] + share * (q[place][high] - q[place][low]);
+}
+
+// Curves of a plane: quantity `i` across, quantity `j` up. `i` null is time.
+function drawCurves(view, curves, i, j, colours) {
+  const across = (curve) => (i === null ? curve.t : curve.q[i]);
+  view.curve(across(curves.full), curves.full.q[j], colours.ink, 2.4);
+  for (const run of curves.reduced) {
+    view.curve(across(run), run.q[j], colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
+  }
+  curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k], 1.6, [3, 4]));
+}
+
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds) {
+  view.begin(colours);
+  view.setRanges(extent([curves.full.q[i], [view.startAt[0]]]), extent([curves.full.q[j], [view.startAt[1]]]));
+  view.axes(model.quantities[i], model.quantities[j]);
+  view.clipped(() => {
+    drawFibres(view, model, i, j, colours);
+    drawManifold(view, model, s, i, j, colours, orders);
+    drawCurves(view, curves, i, j, colours);
+    for (const fold of folds) {
+      const c = view.context;
+      c.strokeStyle = colours.rivals[0];
+      c.lineWidth = 2;
+      c.beginPath();
+      c.arc(view.X(fold[i]), view.Y(fold[j]), 6, 0, 2 * Math.PI);
+      c.stroke();
+    }
+    if (now !== null) view.dot(valueAt(curves.full, i, now), valueAt(curves.full, j, now), colours.ink);
+  });
+}
+
+// Fast fibres of a planar system, x = const.
+function drawFibres(view, model, i, j, colours) {
+  if (!model.reducible || model.nSlow !== 1) return;
+  const slow = model.quantities.indexOf(model.reduction.slow[0]);
+  const fast = model.reduction.fast.map((name) => model.quantities.indexOf(name));
+  const c = view.context;
+  const upright = i === slow && fast.includes(j);
+  if (!upright && !(j === slow && fast.includes(i))) return;
+  c.strokeStyle = colours.faint;
+  c.globalAlpha = 0.35;
+  c.lineWidth = 1;
+  c.setLineDash([1, 5]);
+  c.beginPath();
+  const count = 12;
+  for (let k = 1; k < count; k++) {
+    const [x0, x1, y0, y1] = view.box;
+    const at = upright ? view.X(x0 + ((x1 - x0) * k) / count) : view.Y(y0 + ((y1 - y0) * k) / count);
+    if (upright) {
+      c.moveTo(at, MARGIN.top);
+      c.lineTo(at, view.height);
+    } else {
+      c.moveTo(MARGIN.left, at);
+      c.lineTo(view.width, at);
+    }
+  }
+  c.stroke();
+  c.setLineDash([]);
+  c.globalAlpha = 1;
+}
+
+// M0, solid where it attracts and dashed where it does not, and M_epsilon through the highest order shown.
+function drawManifold(view, model, s, i, j, colours, orders) {
+  if (!model.reducible) return;
+  const { coordinates } = model.seriesAt(s);
+  if (!coordinates || coordinates.length !== 1) return;
+  const name = [...model.reduction.slow, ...model.reduction.fast][coordinates[0]];
+  const place = model.quantities.indexOf(name);
+  const [x0, x1, y0, y1] = view.box;
+  const interval = place === i ? [x0, x1] : place === j ? [y0, y1] : null;
+  if (!interval) return;
+  const p = model.constants(s);
+  const values = new Float64Array(model.quantities.length);
+  const highest = Math.max(0, ...orders);
+  for (const order of highest > 0 ? [0, highest] : [0]) {
+    const points = model.manifoldCurve(s, order, interval, 160);
+    if (!points) return;
+    for (const attracts of [true, false]) {
+      const x = new Float64Array(points.length).fill(NaN);
+      const y = new Float64Array(points.length).fill(NaN);
+      points.forEach((point, k) => {
+        const neighbour = points[k + 1] ?? point;
+        if (!(order === 0 || point.valid) || (point.attracts !== attracts && neighbour.attracts !== attracts)) return;
+        model.quantitiesAt(point.z, p, values);
+        x[k] = values[i];
+        y[k] = values[j];
+      });
+      const colour = order === 0 ? colours.manifold : colours.orders[order];
+      view.curve(x, y, colour, order === 0 ? 3 : 1.2, attracts ? [] : [7, 6]);
+    }
+  }
+}
+
+function drawTrace(view, model, s, curves, j, now, colours, layerEnd) {
+  view.begin(colours);
+  view.setRanges([s.span[0], s.span[1]], extent([curves.full.q[j]]), { steady: false });
+  view.axes("t", model.quantities[j]);
+  view.clipped(() => {
+    if (layerEnd > s.span[0]) {
+      view.context.fillStyle = colours.manifold;
+      view.context.globalAlpha = 0.16;
+      view.context.fillRect(view.X(s.span[0]), 0, view.X(layerEnd) - view.X(s.span[0]), view.height);
+      view.context.globalAlpha = 1;
+    }
+    drawCurves(view, curves, null, j, colours);
+    if (now !== null) {
+      view.curve([now, now], [view.box[2], view.box[3]], colours.faint, 1);
+      view.dot(now, valueAt(curves.full, j, now), colours.ink);
+    }
+  });
+}
+
+// Errors against epsilon, both logarithmic, with the present epsilon marked.
+function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
+  view.begin(colours);
+  const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
+  const all = points.flatMap((row) => [...Object.values(row.orders), ...Object.values(row.rivals)]);
+  const good = all.filter((e) => e > 0 && Number.isFinite(e)).map(Math.log10);
+  const x = Math.log10(epsilon);
+  view.setRanges([x - 1.1, x + 0.7], good.length ? [Math.min(...good) - 0.4, Math.max(...good) + 0.4] : [-8, 0], {
+    steady: false,
+  });
+  view.axes("epsilon", "error", { xLog: true, yLog: true });
+  view.clipped(() => {
+    view.curve([x, x], [view.box[2], view.box[3]], colours.faint, 1);
+    const line = (read, colour, dash = []) => {
+      const known = points.filter((row) => read(row) > 0 && Number.isFinite(read(row)));
+      const xs = known.map((row) => Math.log10(row.epsilon));
+      const ys = known.map((row) => Math.log10(read(row)));
+      view.curve(xs, ys, colour, 2, dash);
+      xs.forEach((value, k) => view.dot(value, ys[k], colour, 3.2));
+    };
+    for (const order of orders) line((row) => row.orders[order], colours.orders[order]);
+    rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k], [3, 4]));
+  });
+}
+
+// A path in the plane of two quantities, with a body where data tells how it looks.
+function drawPath(view, model, curves, places, body, now, colours) {
+  view.begin(colours);
+  const reach = body ? body.reach : 0;
+  const widened = (range) => [range[0] - reach, range[1] + reach];
+  const [i, j] = places;
+  view.setRanges(widened(extent([curves.full.q[i]])), widened(extent([curves.full.q[j]])), { equal: true });
+  view.axes(model.quantities[i], model.quantities[j]);
+  view.clipped(() => {
+    drawCurves(view, curves, i, j, colours);
+    const t = now === null ? curves.full.t[curves.full.t.length - 1] : now;
+    const at = [valueAt(curves.full, i, t), valueAt(curves.full, j, t)];
+    if (!body) {
+      view.dot(...at, colours.ink);
+      return;
+    }
+    const angle = valueAt(curves.full, model.quantities.indexOf(body.angle), t);
+    const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+    const c = view.context;
+    for (const part of body.parts) {
+      c.beginPath();
+      for (const [u, v] of part.points) {
+        c.lineTo(view.X(at[0] + u * cos - v * sin), view.Y(at[1] + u * sin + v * cos));
+      }
+      if (part.closed) c.closePath();
+      c.strokeStyle = part.strong ? colours.rivals[0] : colours.ink;
+      c.lineWidth = part.strong ? 5 : 1.5;
+      if (part.closed) {
+        c.fillStyle = colours.manifold;
+        c.globalAlpha = 0.35;
+        c.fill();
+        c.globalAlpha = 1;
+      }
+      c.stroke();
+    }
+  });
+}

@@ -1,0 +1,417 @@
+"""Pages in a browser: what moves, what is computed, what is said, and that nothing leaves the page."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp import models
+from gsp.demos import demo as demos
+from gsp.errors import DeclarationError, OutputError
+from gsp.slow import truncation
+from tests.cases import sampled
+
+ALWAYS = ("chaplygin_sleigh", "van_der_pol", "michaelis_menten", "koper")
+SCENES = sampled(models.names(), always=ALWAYS)
+# A file as large as this loads at once from anywhere.
+LARGEST = 300_000
+HOSTILE = """
+title = "</script><script>window.broken=1</script> \\"quoted\\" & <b>אבג</b>"
+description = "<img src=x onerror=alert(1)> <!-- "
+[parameters]
+lambda = 2
+class = 0.5
+[slow]
+in = "-lambda*in + class*var"
+[fast]
+var = "in - var + class*in^2"
+[region]
+in = [0, 2]
+[start]
+in = 1
+var = 0.2
+[scene]
+span = [0, 2]
+epsilon = 0.05
+"""
+CUBE = """
+[slow]
+x = "-x*u"
+z = "0.5*u - z*w"
+[fast]
+u = "x - u - 0.2*w"
+w = "z - w + 0.2*u"
+[region]
+x = [0, 2]
+z = [0, 2]
+[start]
+x = 1
+z = 0.5
+u = 0
+w = 2
+[scene]
+span = [0, 3]
+epsilon = 0.004
+"""
+NON_STANDARD = """
+[states]
+x = "-(x^2*y + exp(y*x) - 1)*(1 + x*y)/epsilon - y"
+y = "-(x^2*y + exp(y*x) - 1)*(x - sin(y))/epsilon + x"
+[region]
+x = [0.5, 1.5]
+y = [0, 1]
+[start]
+x = 1
+y = 0.5
+[scene]
+span = [0, 0.5]
+epsilon = 0.05
+"""
+
+
+@cache
+def made(name: str) -> gsp.Demo:
+    return gsp.demo(models.load(name))
+
+
+@pytest.fixture
+def opened(page, tmp_path):
+    """Opens the page of a scene, of a built-in name or of a model file's text."""
+
+    def open_(model: str, **options):
+        if "\n" in model:
+            (tmp_path / "model.toml").write_text(model, encoding="utf-8")
+            shown = gsp.demo(gsp.load(tmp_path / "model.toml"))
+        else:
+            shown = made(model)
+        page.open(shown.save(tmp_path / "demo.html"), **options)
+        return page
+
+    return open_
+
+
+def settings(scene: gsp.Scene, count: int) -> list[dict]:
+    """The scene's own setting and random ones about it: epsilon, every parameter and the start."""
+    random = np.random.default_rng(5)
+    parameters = {s.name: float(v) for s, v in scene.system.parameters.items()}
+    found = [{"epsilon": scene.epsilon, "parameters": parameters, "start": dict(scene.full_start)}]
+    for _ in range(count - 1):
+        factor = random.uniform(0.8, 1.25, len(parameters))
+        moved = dict(scene.full_start)
+        for name, (low, high) in scene.region.items():
+            moved[name] += 0.05 * (high - low) * random.uniform(-1, 1)
+        found.append(
+            {
+                "epsilon": scene.epsilon * random.uniform(0.5, 1),
+                "parameters": dict(zip(parameters, factor * list(parameters.values()))),
+                "start": moved,
+            }
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_full_runs_agree_with_python(name: str, opened) -> None:
+    scene = models.load(name)
+    page = opened(name)
+    states = [s.name for s in scene.full_flow.states]
+    for setting in settings(scene, 3):
+        got = page.run(
+            "const [epsilon, parameters, start, span] = arguments;"
+            "const run = model.full({ epsilon, parameters, start, span }, MEASUREMENT);"
+            "const half = new Float64Array(model.n); stateAt(run, (span[0] + span[1]) / 2, half);"
+            "return [run.status, Array.from(half), Array.from(run.states.at(-1))];",
+            setting["epsilon"],
+            list(setting["parameters"].values()),
+            [setting["start"][s] for s in states],
+            list(scene.span),
+        )
+        flow = scene.full_flow.with_parameters(**setting["parameters"])
+        expected = gsp.integrate(
+            flow, start=setting["start"], span=scene.span, epsilon=setting["epsilon"], rtol=1e-11, atol=1e-13
+        )
+        middle = expected.at(sum(scene.span) / 2)
+        assert got[0] == "reached"
+        np.testing.assert_allclose(got[1], middle, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(got[2], [expected[s][-1] for s in states], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_series_agrees_with_python_at_other_parameters_too(name: str, opened) -> None:
+    scene = models.load(name)
+    page = opened(name)
+    for setting in settings(scene, 3):
+        study = gsp.study(
+            gsp.Scene(
+                scene.system.with_parameters(**setting["parameters"]), scene.region, scene.start, scene.span,
+                setting["epsilon"], scene.epsilons, scene.tolerance, reconstruction=scene.reconstruction,
+            )
+        )  # fmt: skip
+        order = page.run(
+            "return model.seriesAt({ parameters: arguments[0] }).order", list(setting["parameters"].values())
+        )
+        series = study.series(order, symbolic=False)
+        x = [study.start[s.name] for s in study.system.x]
+        y = study.branch.points(np.array([x]))[0]
+        epsilon = setting["epsilon"]
+        terms = series.terms(np.array([x]), epsilon, near=None if study.branch.is_explicit else y)
+        got = page.run(
+            "const [epsilon, parameters, x, near, order] = arguments; const s = { epsilon, parameters };"
+            "const y0 = Float64Array.from(near); const p = model.constants(s);"
+            "const found = model.onSheet(Float64Array.from(x), y0, p);"
+            "const y = new Float64Array(model.nFast); const c = model.coordinatesOf(x, y0, s);"
+            "model.sum('h', order, c, s, p, y); return [found, Array.from(y), model.bestOrder(c, s).best];",
+            epsilon,
+            list(setting["parameters"].values()),
+            x,
+            y.tolist(),
+            order,
+        )
+        assert got[0] is True
+        np.testing.assert_allclose(got[1], terms[0].sum(axis=0), rtol=1e-6, atol=1e-9)
+        # The rule of `optimal_order`, told from the terms that the page has.
+        sizes = np.linalg.norm(terms, axis=2)
+        if (sizes > 1e-12).all():
+            estimates = truncation.errors(sizes, order)
+            assert estimates[0, got[2]] <= truncation.GROWN * np.nanmin(estimates)
+
+
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
+def test_reduced_runs_agree_with_python(name: str, opened) -> None:
+    scene = models.load(name)
+    study = gsp.study(scene)
+    page = opened(name)
+    for order in (0, 3):
+        got = page.run(
+            "const s = settingOf(initialState(data), data);"
+            "const result = model.simulate(s, [arguments[0]], MEASUREMENT); const run = result.pieces[0].runs[0];"
+            "const from = new Float64Array(model.n); const to = new Float64Array(model.n);"
+            "run.at(run.first, from); run.at(run.ended, to);"
+            "return [run.status, run.first, run.ended, Array.from(from), Array.from(to)]",
+            order,
+        )
+        assert got[:3] == ["reached", *scene.span]
+        names = [*(s.name for s in scene.system.states), *(s.name for s in scene.reconstruction)]
+        start = dict(zip(names, got[3]))
+        if study.splitting is not None:
+            start |= study.splitting.to_new({s.name: start[s.name] for s in scene.system.states})
+        begun = {n: start[n] for n in [x.name for x in study.system.x] + [s.name for s in scene.reconstruction]}
+        run = gsp.integrate(
+            study.reduced(order), start=begun, span=scene.span, epsilon=scene.epsilon, rtol=1e-11, atol=1e-13
+        )
+        end = {
+            n: run[n][-1]
+            for n in [*(s.name for s in study.system.states), *(s.name for s in scene.reconstruction)]
+        }
+        if study.splitting is not None:
+            end |= study.splitting.to_raw(end)
+        np.testing.assert_allclose(got[4], [end[n] for n in names], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_page_draws_itself_and_asks_for_nothing(name: str, opened) -> None:
+    page = opened(name)
+    assert page.inked("plane") > 2000
+    assert page.inked("trace") > 2000
+    assert len(made(name).html.encode()) <= LARGEST
+    page.measured()
+    assert page.complaints() == []
+    assert page.requests() == []
+
+
+def test_the_measured_powers_are_those_of_the_theory(opened) -> None:
+    page = opened("chaplygin_sleigh", fragment="#orders=0.1.2.3&epsilon=0.01&rivals=1")
+    page.measured()
+    powers = page.run("return [0, 1, 2, 3].map((k) => measuredPower((row) => row.orders[k]))")
+    np.testing.assert_allclose(powers, [1, 2, 3, 4], atol=0.15)
+    printed, corrected = page.run(
+        "return model.claims.map((claim) => measuredPower((row) => row.rivals[claim.name]))"
+    )
+    assert printed == pytest.approx(1, abs=0.15)
+    assert corrected == pytest.approx(2, abs=0.15)
+    text = page.run("return document.getElementById('orders').innerText")
+    assert re.search(r"order 1\s.*∝ epsilon\s*(1\.9|2\.0)", text)
+
+
+def test_sliders_change_the_picture_and_the_address(opened) -> None:
+    page = opened("michaelis_menten")
+    for slider, value in (("epsilon", -2.0), ("parameter-0", 2.0), ("length", 1.0)):
+        before = page.picture("plane"), page.picture("trace")
+        page.slide(slider, value)
+        assert (page.picture("plane"), page.picture("trace")) != before, slider
+    page.measured()
+    fragment = page.run("return location.hash")
+    assert "epsilon=0.01&" in fragment
+    assert "p.kappa=2&" in fragment
+    state = page.run("return state")
+    page = opened("michaelis_menten", fragment=fragment)
+    assert page.run("return state") == state
+    assert page.complaints() == []
+
+
+def test_a_fragment_that_says_nonsense_is_passed_over(opened) -> None:
+    untouched = opened("michaelis_menten").run("return state")
+    page = opened(
+        "michaelis_menten", fragment="#epsilon=-3&p.kappa=NaN&orders=7.x&x=</script>&end=1e999&step=x&s.s="
+    )
+    assert page.run("return state") == {**untouched, "orders": []}
+    assert page.inked() > 2000
+    assert page.complaints() == []
+
+
+def test_the_start_is_dragged_by_hand_and_by_keys(opened) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    page = opened("michaelis_menten")
+    before, picture = page.run("return state.start"), page.picture()
+    handle = page.driver.find_element(By.ID, "start")
+    ActionChains(page.driver).click_and_hold(handle).move_by_offset(-90, -60).release().perform()
+    page.settle()
+    dragged = page.run("return state.start")
+    assert dragged[0] < before[0] - 0.05
+    assert dragged[1] > before[1] + 0.05
+    assert page.picture() != picture
+    page.run("document.getElementById('start').focus()")
+    ActionChains(page.driver).send_keys("\ue014").perform()
+    page.settle()
+    assert page.run("return state.start")[0] > dragged[0]
+
+
+def test_a_start_in_slow_and_fast_variables_is_dragged_in_them(opened) -> None:
+    page = opened("chaplygin_sleigh", fragment="#x=v&y=p")
+    p = page.run("return startOnAxes()[1]")
+    page.run("moveStart(views.plane.X(startOnAxes()[0]), views.plane.Y(startOnAxes()[1]) - 40)")
+    page.settle()
+    v, moved = page.run("return startOnAxes()")
+    assert moved > p + 0.01
+    # w is kept: what moves is the slow variable alone.
+    assert page.run("return state.start[2]") == pytest.approx(0, abs=1e-4)
+    assert v == pytest.approx(-1.5, abs=1e-3)
+
+
+def test_keys_play_orders_and_light(opened) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    page = opened("van_der_pol")
+    before = page.run("return [state.orders, theme, state.epsilon]")
+    ActionChains(page.driver).send_keys("3d+ ").perform()
+    page.settle()
+    orders, theme, epsilon = page.run("return [state.orders, theme, state.epsilon]")
+    assert set(orders) ^ set(before[0]) == {3}
+    assert theme != before[1]
+    assert epsilon == pytest.approx(1.25 * before[2])
+    assert page.run("return playing !== null")
+    page.driver.execute_async_script(
+        "const done = arguments[0]; const look = () => (now > 0 ? done() : setTimeout(look, 10)); look();"
+    )
+    ActionChains(page.driver).send_keys(" ").perform()
+    assert page.run("return playing") is None
+    assert page.complaints() == []
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "koper"])
+def test_nothing_is_wider_than_the_window(name: str, width: int, opened) -> None:
+    page = opened(name, width=width, height=800)
+    assert page.run("return document.documentElement.scrollWidth") <= width
+    assert page.run("return Math.min(...Object.values(views).map((v) => v.canvas.clientWidth))") > 250
+
+
+def test_a_relaxation_oscillator_is_reduced_between_its_jumps(opened) -> None:
+    page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0")
+    pieces = page.run("return current.result.pieces.map((piece) => piece.runs[0].status)")
+    assert len(pieces) >= 3
+    assert pieces[0] in ("lost", "too small")
+    assert "order 0 ends at t = 0.80" in page.run("return document.getElementById('notes').innerText")
+
+
+def test_a_page_says_what_cannot_be_computed(opened) -> None:
+    def notes(page) -> str:
+        return page.run("return document.getElementById('notes').innerText")
+
+    page = opened("falling_disc")
+    assert "order" not in notes(page)
+    page.slide("parameter-0", 0.7)
+    assert "known through order 1" in notes(page)
+    page = opened("michaelis_menten", fragment="#epsilon=0.9&end=0.3")
+    assert "before it has reached the slow manifold" in notes(page)
+    page = opened("michaelis_menten", fragment="#p.kappa=-1.5&s.s=1")
+    assert "Nothing is compared" in notes(page) or "ends at t" in notes(page)
+    page = opened("van_der_pol", fragment="#end=2000&epsilon=0.00001")
+    assert "its steps were used up" in notes(page)
+    page = opened("van_der_pol", fragment="#s.x=1.2&s.y=-0.6&end=0.05&epsilon=0.001&orders=0.3")
+    assert page.complaints() == []
+
+
+def test_names_and_texts_of_a_model_are_inert(opened) -> None:
+    page = opened(HOSTILE)
+    assert page.run("return [typeof window.broken, document.scripts.length, document.images.length]") == [
+        "undefined",
+        2,
+        0,
+    ]
+    assert "</script>" in page.run("return document.querySelector('h1').textContent")
+    assert page.run("return document.title").startswith("</script>")
+    assert page.run("return getComputedStyle(document.querySelector('h1')).unicodeBidi") == "isolate"
+    assert {"in", "var"} <= set(page.run("return model.quantities"))
+    assert page.inked() > 2000
+    page.slide("parameter-0", 3.0)
+    page.measured()
+    assert page.complaints() == []
+    assert page.requests() == []
+
+
+def test_greek_names_are_shown_as_they_are(opened, page, tmp_path: Path) -> None:
+    greek, y, epsilon = sp.symbols("π y epsilon")
+    system = gsp.SlowFastSystem(slow={greek: -greek * y}, fast={y: greek - y}, epsilon=epsilon)
+    scene = gsp.Scene(system, {"π": (0, 2)}, {"π": 1, "y": 0}, (0, 3), 0.01, (0.02, 0.01), 1e-6)
+    page.open(gsp.write_demo(scene, tmp_path / "greek.html"))
+    assert page.run("return document.getElementById('axis-x').value") == "π"
+    assert page.complaints() == []
+
+
+def test_the_policy_lets_nothing_else_run(opened) -> None:
+    page = opened("linear")
+    page.run(
+        "const s = document.createElement('script'); s.textContent = 'window.injected = 1'; document.body.append(s);"
+        "const i = document.createElement('img'); i.src = 'https://example.org/x.png'; document.body.append(i);"
+    )
+    page.settle()
+    assert page.run("return typeof window.injected") == "undefined"
+    assert any("Content Security Policy" in line for line in page.complaints())
+
+
+def test_a_model_of_ones_own_in_four_dimensions(opened) -> None:
+    page = opened(CUBE)
+    assert page.run("return model.quantities") == ["x", "z", "u", "w"]
+    page.measured()
+    powers = page.run("return [0, 1].map((k) => measuredPower((row) => row.orders[k]))")
+    np.testing.assert_allclose(powers, [1, 2], atol=0.2)
+    assert page.complaints() == []
+
+
+def test_a_field_without_a_standard_form_is_shown_without_reduction(opened) -> None:
+    page = opened(NON_STANDARD)
+    assert "Only the full system is shown" in page.run("return document.getElementById('notes').innerText")
+    assert page.inked() > 1000
+    assert page.complaints() == []
+
+
+def test_a_demo_is_saved_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = gsp.write_demo(models.load("linear"), tmp_path / "page.html")
+    assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
+    with pytest.raises(OutputError):
+        gsp.write_demo(models.load("linear"), tmp_path / "nowhere" / "page.html")
+    with pytest.raises(DeclarationError, match="path"):
+        gsp.write_demo(models.load("linear"), 3)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_scene_that_was_changed_is_not_told_another_ones_story() -> None:
+    scene = models.load("van_der_pol")
+    changed = gsp.study(scene).asking(epsilon=0.02).scene
+    assert demos._story(changed) == {}
