@@ -8,6 +8,8 @@ import flint
 import numpy as np
 import sympy as sp
 
+import gsp.algebra.transport  # noqa: F401 - who has a polynomial may send it
+
 # Powers of one generator that are nested in one another.
 LONGEST = 64
 

@@ -9,6 +9,7 @@ generators E with their derivative D E = E D u.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import flint
 import sympy as sp
@@ -378,7 +379,7 @@ class LocalisedRing:
         v = element.numerator
         if name == "sign":
             self.relations.append(v * v - 1)
-            self.roots.append((v, lambda: element))
+            self.roots.append((v, partial(power, element, 1)))
             if not any(u.exponents):
                 self._distances.append((v, u.numerator))
             return
@@ -391,7 +392,7 @@ class LocalisedRing:
         # Roots of fractions are left alone: clearing the denominator under a root can change its sign.
         if degree and not any(u.exponents):
             self.relations.append(v**degree - u.numerator)
-            self.roots.append((v, lambda: power(element, degree - 1) * u.inverse()))
+            self.roots.append((v, partial(_reciprocal, element, degree, u)))
 
     def is_constant(self, a: Element) -> bool:
         """Whether every derivation vanishes on `a` because it contains constants only."""
@@ -485,6 +486,11 @@ def read(
             value = inner[0].apply(name, *inner[1:]) if inner else ring.zero.apply(name)
     cache[expression] = value
     return value
+
+
+def _reciprocal(root: Element, degree: int, u: Element) -> Element:
+    """1 / q for the root q of degree n of u: q^(n-1) / u."""
+    return power(root, degree - 1) * u.inverse()
 
 
 def power(a: Element, exponent: int) -> Element:

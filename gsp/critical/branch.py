@@ -19,7 +19,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet
 from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
 from gsp.systems.arguments import check_array, shown
-from gsp.systems.flow import Point, as_points, complete
+from gsp.systems.flow import Point, Portable, as_points, complete
 from gsp.systems.system import SlowFastSystem
 
 # A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
@@ -50,7 +50,7 @@ class Allowance:
 
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Portable):
     """One branch of the critical manifold of `system`.
 
     `equations` are as many as there are fast variables and vanish on the branch; `graph` maps each fast symbol

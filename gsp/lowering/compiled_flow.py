@@ -65,7 +65,12 @@ class CompiledFunction:
     arguments: tuple[sp.Symbol, ...]
     parameters: tuple[sp.Symbol, ...]
     outputs: int
-    _engine: Engine = field(repr=False)
+    _source: tuple
+    _engine: Engine
+
+    def __reduce__(self) -> tuple:
+        # Machine code stays where it was made: who receives this compiles it again.
+        return _compiled_again, self._source
 
     def __call__(self, points: np.typing.ArrayLike, p: np.typing.ArrayLike) -> np.ndarray:
         """Values (m, outputs) at `points` (m, n), or (outputs,) at one (n,); `p` is (epsilon, *parameters).
@@ -123,6 +128,9 @@ class CompiledFlow:
     watched: Values
     """The flow's observables."""
     is_stiff: bool
+
+    def __reduce__(self) -> tuple:
+        return CompiledFlow, (self.expressions, self.values, self.watched, self.is_stiff)
 
     @property
     def size(self) -> int:
@@ -333,7 +341,19 @@ def _compile(
         store(builder, value, out, i)
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
-    return CompiledFunction(engine.get_function_address("f"), arguments, parameters, len(outputs), engine)
+    source = outputs, arguments, epsilon, parameters
+    return CompiledFunction(
+        engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
+    )
+
+
+def _compiled_again(
+    outputs: tuple[sp.Expr, ...],
+    arguments: tuple[sp.Symbol, ...],
+    epsilon: sp.Symbol | None,
+    parameters: tuple[sp.Symbol, ...],
+) -> CompiledFunction:
+    return compile_function(outputs, arguments=arguments, epsilon=epsilon, parameters=parameters)
 
 
 @lru_cache(maxsize=MOST_KEPT // 3)

@@ -48,6 +48,9 @@ class Components(tuple):
         self.symbols = tuple(symbols)
         return self
 
+    def __getnewargs__(self) -> tuple:
+        return self.symbols, tuple(self)
+
     def __getitem__(self, key):  # pyright: ignore[reportIncompatibleMethodOverride]
         if isinstance(key, (str, sp.Symbol)):
             names = [symbol.name for symbol in self.symbols]

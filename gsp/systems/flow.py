@@ -6,8 +6,11 @@ A flow is autonomous; a system that depends on time declares a state t with t' =
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from math import isfinite
+from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
@@ -33,7 +36,19 @@ HIGHEST_ORDER = 200
 LARGEST = 1e100
 
 
-class Flow:
+class Portable:
+    """What works in another process too: caches stay behind, which may hold addresses of code and hashes."""
+
+    def __getstate__(self) -> dict:
+        kind = type(self)
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if not isinstance(getattr(kind, name, None), cached_property)
+        }
+
+
+class Flow(Portable):
     """A field z' = F(z, epsilon) in slow time, with its parameters' values and what else can be read off z.
 
     A concrete flow is frozen and provides every attribute declared here.
@@ -241,3 +256,16 @@ def frozen(array: np.ndarray) -> np.ndarray:
     # By position, which takes half the time: write=False.
     array.setflags(False)  # pyright: ignore[reportCallIssue]
     return array
+
+
+def read_only(values: Mapping) -> MappingProxyType:
+    """A view of a copy of `values` that nobody can write to: what a noun holds of a mapping."""
+    return MappingProxyType(dict(values))
+
+
+def _reduced(view: MappingProxyType) -> tuple:
+    return read_only, (dict(view),)
+
+
+# Python pickles and deeply copies no read-only view by itself, and every noun holds some.
+copyreg.pickle(MappingProxyType, _reduced)

@@ -31,7 +31,7 @@ from gsp.algebra.laurent import laurent
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.lowering.compiled_flow import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
-from gsp.systems.flow import Flow, Values
+from gsp.systems.flow import Flow, Portable, Values
 
 Matrix = list[list[sp.Expr]]
 # A polynomial within these is freed of repeated factors in milliseconds.
@@ -57,7 +57,7 @@ class DesingularisedFlow(Flow):
         self.observables: Values = {}
 
 
-class Validity:
+class Validity(Portable):
     """The test functions of one reduced flow and its desingularised flow, compiled; parameters have their values.
 
     It does not hold the flow, with which it is forgotten.
