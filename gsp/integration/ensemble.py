@@ -38,10 +38,6 @@ from gsp.integration.methods import (
 from gsp.integration.parallel import Work, check_threads, share
 from gsp.kernels import ensemble as kernels
 from gsp.kernels import ledger
-from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import radau
-from gsp.kernels.rodas5p import rodas5p
-from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.systems.arguments import check_noun, check_progress
@@ -54,7 +50,6 @@ if TYPE_CHECKING:
 _RECORD = 128
 _SHOWN_STATES = 4
 _QUANTILES = (0.05, 0.5, 0.95)
-_INDEX = {rodas5p: kernels.RODAS5P, radau: kernels.RADAU, dop853: kernels.DOP853, taylor: kernels.TAYLOR}
 _WORST_FIRST = (
     Status.NON_FINITE,
     Status.SINGULAR_JACOBIAN,
@@ -323,6 +318,8 @@ def integrate_many(
     t = np.array([last]) if grid is None else grid
     solver = solver_of(chosen, rtol)
     program = solver.program(compiled)
+    # Compiled code does not come back for them in the middle of a member.
+    solver.give_loops(program)
     # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
     tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol, 0.0)
     tries = tries and kernels.any_begins(
@@ -330,7 +327,6 @@ def integrate_many(
     )
     first_solver = solver_of(Method.TAYLOR, rtol) if tries else solver
     begins = (
-        _INDEX[first_solver.kernel],
         first_solver.program(compiled),
         MILD if tries else 0.0,
         MILD_ATTEMPTS,
@@ -340,7 +336,7 @@ def integrate_many(
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
     shared = (
-        _INDEX[solver.kernel], solver.check, program,
+        solver.check, program,
         members.constants.copy(), first, stops_of(None if reads else grid, first, last), t.copy(), control,
     )  # fmt: skip
     watched = None

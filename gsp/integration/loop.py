@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gsp.errors import DeclarationError, Status
 from gsp.integration.methods import MILD_ATTEMPTS, Method, begins_with_series, choose_method, solver_of
 from gsp.kernels import ledger
-from gsp.kernels.launch import rate_at_start
+from gsp.kernels.launch import launch, rate_at_start
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
@@ -173,12 +173,11 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
     if tries:
-        times = rate_at_start(compiled.loops_program, given, n) * abs(stops[-1] - first)
+        times = rate_at_start(compiled.derivatives_program, given, n) * abs(stops[-1] - first)
         if begins_with_series(compiled, rtol, times):
             method, max_steps = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps)
     solver = solver_of(method, rtol)
     program = solver.program(compiled)
-    launch = solver.launch
     work = np.zeros(solver.memory_size(n) + n)
     if first_step != 0.0:
         work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
@@ -200,10 +199,13 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
                     status = Status.EVENT_REACHED
             if progress is not None:
                 progress((float(work[ledger.TIME]) - first) / (float(stops[-1]) - first))
-            if code != ledger.RECORD_FULL or status is not None:
+            if status is not None or (code != ledger.RECORD_FULL and code != ledger.LOOPS_WANTED):
                 break
-            pieces.append((times[1:], states[1:], records))
-            kept += len(times) - 1
+            if code == ledger.LOOPS_WANTED:
+                solver.give_loops(program)
+            new = int(counters[ledger.STEPS]) - kept
+            pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
+            kept += new
             times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
             records = np.empty((rows_kept if dense else 0, solver.rows, n))
     except KeyboardInterrupt:
@@ -219,7 +221,8 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         all_times, all_states, records = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
     else:
         new = steps - sum(len(piece[0]) for piece in pieces)
-        pieces[0] = (all_times, all_states, pieces[0][2])
+        first_rows = 1 + len(pieces[0][0])
+        pieces[0] = (all_times[:first_rows], all_states[:first_rows], pieces[0][2])
         pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
         all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
     return Record(all_times, all_states, records, status or STATUS[code], method, counts)

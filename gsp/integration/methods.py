@@ -11,15 +11,14 @@ import numpy as np
 
 from gsp.errors import DeclarationError, nearest
 from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.landing import land_dop853, land_radau, land_rodas5p
-from gsp.kernels.launch import launch_dop853, launch_radau, launch_rodas5p, launch_taylor
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.kernels.taylor import taylor
-from gsp.lowering.compiled_flow import CompiledFlow
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, ROSENBROCK_LOOPS, CompiledFlow, Loops
 from gsp.lowering.steps.taylor import dense_rows
 from gsp.systems.arguments import shown
 
@@ -60,35 +59,38 @@ class Method(Enum):
 
 
 class Solver(NamedTuple):
-    """A kernel and its `launch`, the rows of its dense output, and the program of a flow that they take.
+    """A kernel, the rows of its dense output, and the program of a flow that it takes.
 
-    `check` says what `kernels.grid` does about the dense output's error, `land` replaces what is in doubt.
+    `check` says what `kernels.grid` does about the dense output's error; `loops` stand behind the code for a flow.
     """
 
     kernel: Callable[..., int]
-    launch: Callable[..., int]
     rows: int
     program: Callable[[CompiledFlow], np.ndarray]
     check: int = grid.TRUSTS
-    land: Callable[..., None] = land_radau
+    loops: Loops | None = None
 
     def memory_size(self, n: int) -> int:
         """Entries of `memory` for `n` states."""
         return memory_size(self.rows, n) if self.kernel is radau else ledger.MEMORY_SIZE
+
+    def give_loops(self, program: np.ndarray) -> None:
+        """Enter the loops for any flow into `program`, which next to no run needs where there is code for the flow."""
+        if self.loops is not None:
+            program[ledger.LOOPS] = address_of(*self.loops)
 
 
 # The dense output of order 4 for 5 and of order 7 for 8 is checked; the others are as good as the steps.
 _SOLVERS = {
     Method.RODAS5P: Solver(
         rodas5p,
-        launch_rodas5p,
         rodas5p_tableau.DENSE_ROWS,
         attrgetter("rosenbrock_program"),
         grid.CHECKS,
-        land_rodas5p,
+        ROSENBROCK_LOOPS,
     ),
     **{
-        method: Solver(radau, launch_radau, stages, methodcaller("collocation_program", stages), check)
+        method: Solver(radau, stages, methodcaller("collocation_program", stages), check, COLLOCATION_LOOPS)
         for method, stages, check in zip(
             (Method.RADAU5, Method.RADAU9, Method.RADAU13),
             radau_tableau.STAGES,
@@ -96,19 +98,14 @@ _SOLVERS = {
         )
     },
     Method.DOP853: Solver(
-        dop853,
-        launch_dop853,
-        dop853_tableau.DENSE_ROWS,
-        attrgetter("explicit_program"),
-        grid.CHECKS_EXPLICIT,
-        land_dop853,
+        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), grid.CHECKS_EXPLICIT
     ),
 }
 # Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these
 # take 1 to 7 % longer than the best of the even orders from 8 to 24 (geometric means).
 _TAYLOR_ORDERS = ((1e-5, 12), (1e-9, 16), (0.0, 20))
 _TAYLOR = {
-    order: Solver(taylor, launch_taylor, dense_rows(order), methodcaller("taylor_program", order))
+    order: Solver(taylor, dense_rows(order), methodcaller("taylor_program", order))
     for _, order in _TAYLOR_ORDERS
 }
 

@@ -10,7 +10,7 @@ from gsp.integration.loop import Numbers, Record
 from gsp.integration.methods import Method, solver_of
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
-from gsp.kernels.landing import LANDING_RECORD
+from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.lowering.compiled_flow import CompiledFlow
 
 
@@ -50,10 +50,15 @@ def read(
             scratch = (
                 np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n))
             )  # fmt: skip
-            solver.land(
-                program, constants, rtol, atol, *part[:2], t[new], doubts[new], out[new], counters,
-                np.zeros(solver.memory_size(n)), scratch,
-            )  # fmt: skip
+            memory = np.zeros(solver.memory_size(n))
+            while (
+                land(
+                    program, constants, rtol, atol, *part[:2], t[new], doubts[new], out[new], counters,
+                    memory, scratch,
+                )
+                == ledger.LOOPS_WANTED
+            ):  # fmt: skip
+                solver.give_loops(program)
     if counters[ledger.FIELD_CALLS]:
         for i, spent in enumerate(counters.tolist()[: len(record.counters)]):
             record.counters[i] += spent

@@ -11,6 +11,7 @@ from typing import Any
 
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.types import unliteral
 
 
 class CacheWarning(UserWarning):
@@ -19,15 +20,10 @@ class CacheWarning(UserWarning):
 
 def kernel(function: Callable[..., Any]) -> Any:
     """`function` compiled when first called, with IEEE division and without the lock of the interpreter."""
-    return _kept(njit(error_model="numpy", nogil=True)(function), function)
-
-
-def inlined_kernel(function: Callable[..., Any]) -> Any:
-    """A kernel whose code goes into that of its callers."""
-    return _kept(njit(error_model="numpy", nogil=True, forceinline=True)(function), function)
-
-
-def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
+    dispatcher: Any = njit(error_model="numpy", nogil=True)(function)
+    # A number in a kernel's call is an integer like any other: numba would compile the callee again for each.
+    template = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda args, kws: template(tuple(map(unliteral, args)), kws)
     # What `cache=True` does, but that a cache is a convenience: without one the same code is compiled again.
     try:
         dispatcher._cache = _Cache(function)
@@ -35,6 +31,13 @@ def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
         # numba finds no folder that can be written.
         _say(error)
     return dispatcher
+
+
+def inlined_kernel(function: Callable[..., Any]) -> Any:
+    """A kernel whose code goes into that of its callers, kernels alone, for each number in a call with that number."""
+    # Options that numba's types do not know: what only kernels call needs no way in from Python and none from C.
+    ways_in: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return njit(error_model="numpy", nogil=True, forceinline=True, **ways_in)(function)
 
 
 class _Files(IndexDataCacheFile):

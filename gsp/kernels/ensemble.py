@@ -5,44 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.kernels import ledger
+from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.dop853 import dop853
 from gsp.kernels.grid import TRUSTS, read_grid
-from gsp.kernels.landing import LANDING_RECORD, MOST_STEPS, begin_landing, end_landing
-from gsp.kernels.radau import radau
-from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.step_control import largest_rate
-from gsp.kernels.taylor import taylor
-
-# Which kernel runs.
-RODAS5P = 0
-RADAU = 1
-DOP853 = 2
-TAYLOR = 3
 
 # Codes beside the ledger's: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
 NOT_FINISHED = ledger.RECORD_FULL
 
 
 @kernel
-def advance(kernel, program, p, stops, control, y, rate, memory, counters, record):
-    """Call the integrator numbered `kernel`."""
-    rtol, atol, max_steps = control
-    times, states, dense = record
-    if kernel == RODAS5P:
-        return rodas5p(
-            program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
-        )
-    if kernel == RADAU:
-        return radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
-    if kernel == TAYLOR:
-        return taylor(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
-    return dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense)
-
-
-@kernel
-def keep(kernel, check, program, p, control, record, new, grid, before, kept, counters, memory):
+def keep(check, program, p, control, record, new, grid, before, kept, counters, memory):
     """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
 
     `record` has the start in row 0. What is in doubt is landed on, with `memory` as scratch. Returns how many of the
@@ -56,46 +31,40 @@ def keep(kernel, check, program, p, control, record, new, grid, before, kept, co
     reached, in_doubt = read_grid(
         check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, kept, doubts, counters
     )
-    if in_doubt == 0:
-        return reached
-    rate = np.empty(n)
-    scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
-    for j in range(before, reached):
-        k = doubts[j]
-        if k < 0:
-            continue
-        y, stops, spent = states[k].copy(), grid[j : j + 1], np.zeros(ledger.COUNTERS_SIZE, np.int64)
-        code = ledger.RECORD_FULL
-        if begin_landing(program, p, times[k], y, grid[j], memory, rate):
-            limited = (rtol, atol, MOST_STEPS)
-            while code == ledger.RECORD_FULL:
-                code = advance(kernel, program, p, stops, limited, y, rate, memory, spent, scratch)
-        end_landing(code, y, kept[j], spent, counters)
+    if in_doubt > 0:
+        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
+        land(
+            program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],
+            kept[before:reached], counters, memory, scratch,
+        )  # fmt: skip
     return reached
 
 
 @kernel
-def run_piece(kernel, program, p, stops, control, y, rate, memory, counters, record):
+def run_piece(program, p, stops, control, y, rate, memory, counters, record):
     """Advance a member by a record of steps behind row 0, which receives where it stands; the code and the steps."""
     times, states, dense = record
+    rtol, atol, max_steps = control
     times[0] = memory[ledger.TIME]
-    states[0] = y
+    for i in range(y.shape[0]):
+        states[0, i] = y[i]
     begun = counters[ledger.STEPS]
-    code = advance(
-        kernel, program, p, stops, control, y, rate, memory, counters, (times[1:], states[1:], dense)
-    )
+    code = call_method(
+        program[ledger.METHOD], program, p, stops, rtol, atol, max_steps,
+        y, rate, memory, counters, times[1:], states[1:], dense,
+    )  # fmt: skip
     return code, counters[ledger.STEPS] - begun
 
 
 @kernel
 def _run_member(
-    kernel, check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
+    check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
 ):  # fmt: skip
     """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
     code = ledger.RECORD_FULL
     while code == ledger.RECORD_FULL and halt[0] == 0:
-        code, new = run_piece(kernel, program, p, stops, control, y, rate, memory, counters, record)
-        before = keep(kernel, check, program, p, control, record, new, grid, before, kept, counters, spare)
+        code, new = run_piece(program, p, stops, control, y, rate, memory, counters, record)
+        before = keep(check, program, p, control, record, new, grid, before, kept, counters, spare)
     return code, before
 
 
@@ -116,7 +85,7 @@ def any_begins(jacobian, constants, first, last, starts, border):
 
 @kernel
 def run_members(
-    kernel, check, program, constants, first, stops, grid, control, trial, low, high, halt,
+    check, program, constants, first, stops, grid, control, trial, low, high, halt,
     ends, reached, kept, counters, codes, explicit, rate, memory, record, trial_record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
@@ -124,14 +93,14 @@ def run_members(
     Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached`, `codes` and `explicit` (members,) is
     member i's: p, its state (the start, then what was reached), the ledger's counters, the time reached, the code,
     and whether the trial went all the way. `kept` (members, m, n) receives the states at `grid` (m,), of which `check`
-    says what `read_grid` does. `control` is (rtol, atol, max_steps). `trial` is (kernel, program,
-    border, attempts): where |J| times the span is at most the border at the start, that kernel has so many attempts
-    first, as in `integrators.run`.
+    says what `read_grid` does. `program` has its loops. `control` is (rtol, atol, max_steps). `trial` is (program,
+    border, attempts): where |J| times the span is at most the border at the start, that program has so many attempts
+    first, as in `loop.run`.
     `rate` (n,), `memory` and the records (times, states, dense), with a row for the start, are scratch of this call. No
     step is begun with a fresh record once `halt` (1,) is not 0.
     """
     rtol, atol, max_steps = control
-    first_kernel, first_program, border, attempts = trial
+    first_program, border, attempts = trial
     spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     spare = np.empty_like(memory)
     for i in range(low, high):
@@ -149,7 +118,7 @@ def run_members(
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
                 code, before = _run_member(
-                    first_kernel, TRUSTS, first_program, constants[i], stops, grid, before, limited, halt,
+                    TRUSTS, first_program, constants[i], stops, grid, before, limited, halt,
                     ends[i], kept[i], counters[i], rate, memory, spare, trial_record,
                 )  # fmt: skip
                 used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
@@ -166,7 +135,7 @@ def run_members(
         if not explicit[i]:
             left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
             code, before = _run_member(
-                kernel, check, program, constants[i], stops, grid, before, left, halt,
+                check, program, constants[i], stops, grid, before, left, halt,
                 ends[i], kept[i], counters[i], rate, memory, spare, record,
             )  # fmt: skip
             for k in range(ledger.STIFF):

@@ -2,7 +2,7 @@
 
     launch(program, given, stops, max_steps, work, counters, times, states, dense)
 
-calls the integrator of `ledger` with the start, tolerances, y and p of `given`, with `memory` and `rate` from `work`,
+calls the integrator of `program` with the start, tolerances, y and p of `given`, with `memory` and `rate` from `work`,
 and with a record behind row 0 of `times` (k + 1,) and `states` (k + 1, n), which the first call fills with the start.
 Before that `counters` holds zeros, and `work` too, but for a step to try first with its rate. The same `given`, `work`
 and `counters` go on with a run whose record is full. The code is the ledger's.
@@ -11,12 +11,9 @@ and `counters` go on with a run whose record is full. The code is the ledger's.
 from __future__ import annotations
 
 from gsp.kernels import ledger
+from gsp.kernels.addresses import call_method
 from gsp.kernels.compilation import kernel
-from gsp.kernels.dop853 import dop853
-from gsp.kernels.radau import radau
-from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
-from gsp.kernels.taylor import taylor
 
 # given: the time of the start and the tolerances; then y (n,), which moves with the run, then p.
 FIRST = 0
@@ -32,52 +29,15 @@ def rate_at_start(program, given, n):
 
 
 @kernel
-def _parts(given, work, counters, times, states):
-    """(y, p, memory, rate); a start that is not yet entered is entered."""
+def launch(program, given, stops, max_steps, work, counters, times, states, dense):
+    """Begin a run, or go on with it."""
     n = states.shape[1]
     if counters[ledger.FIELD_CALLS] == 0:
         work[ledger.TIME] = given[FIRST]
         times[0] = given[FIRST]
         for i in range(n):
             states[0, i] = given[Y + i]
-    return given[Y : Y + n], given[Y + n :], work[:-n], work[-n:]
-
-
-@kernel
-def launch_rodas5p(program, given, stops, max_steps, work, counters, times, states, dense):
-    """Rodas5P."""
-    y, p, memory, rate = _parts(given, work, counters, times, states)
-    return rodas5p(
-        program, p, stops, given[RTOL], given[ATOL], max_steps,
-        y, rate, memory, counters, times[1:], states[1:], dense,
-    )  # fmt: skip
-
-
-@kernel
-def launch_radau(program, given, stops, max_steps, work, counters, times, states, dense):
-    """The Radau methods."""
-    y, p, memory, rate = _parts(given, work, counters, times, states)
-    return radau(
-        program, p, stops, given[RTOL], given[ATOL], max_steps,
-        y, rate, memory, counters, times[1:], states[1:], dense,
-    )  # fmt: skip
-
-
-@kernel
-def launch_dop853(program, given, stops, max_steps, work, counters, times, states, dense):
-    """DOP853."""
-    y, p, memory, rate = _parts(given, work, counters, times, states)
-    return dop853(
-        program, p, stops, given[RTOL], given[ATOL], max_steps,
-        y, rate, memory, counters, times[1:], states[1:], dense,
-    )  # fmt: skip
-
-
-@kernel
-def launch_taylor(program, given, stops, max_steps, work, counters, times, states, dense):
-    """Taylor series."""
-    y, p, memory, rate = _parts(given, work, counters, times, states)
-    return taylor(
-        program, p, stops, given[RTOL], given[ATOL], max_steps,
-        y, rate, memory, counters, times[1:], states[1:], dense,
+    return call_method(
+        program[ledger.METHOD], program, given[Y + n :], stops, given[RTOL], given[ATOL], max_steps,
+        given[Y : Y + n], work[-n:], work[:-n], counters, times[1:], states[1:], dense,
     )  # fmt: skip

@@ -10,10 +10,12 @@ coefficients of its dense output in `dense` (k, rows, n), or nothing there when 
 The record starts afresh at each call; a step starts at the row before it. `stops` (s,) are monotone, ahead of the
 start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
-else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, and what
-`gsp.lowering.steps` wrote of the method for this flow, or 0, when loops do the same for any flow. A method may keep
-more in a longer `memory`, as `radau_block.memory_size` says for the Radau methods. Python starts a single run through
-the method's function in `launch`, which makes these arguments of fewer; `ensemble` calls the methods themselves.
+else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, the method
+itself, by which `launch`, `landing` and `ensemble` call it, its loops for any flow or 0, and what `gsp.lowering.steps`
+wrote of the method for this flow, or 0. A written step that finds a pivot that it cannot use, or something that is not
+finite, leaves it to the loops; where their address is 0 the call ends with LOOPS_WANTED, as if the step had not been
+tried, and goes on once the address is there. A method may keep more in a longer `memory`, as `radau_block.memory_size`
+says for the Radau methods.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from __future__ import annotations
 # program.
 FIELD = 0
 JACOBIAN = 1
-CODE = 2
+METHOD = 2
+LOOPS = 3
+CODE = 4
 
 # Codes.
 RECORD_FULL = 0
@@ -30,6 +34,7 @@ STEP_TOO_SMALL = 2
 TOO_MANY_STEPS = 3
 NON_FINITE = 4
 SINGULAR_JACOBIAN = 5
+LOOPS_WANTED = 6
 # None of them: the call goes on.
 GOING_ON = -1
 

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from gsp.kernels import ledger
+from gsp.kernels.addresses import call_collocation_loops
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.radau_block import (
@@ -42,7 +43,6 @@ from gsp.kernels.radau_iteration import (
     most_rounds,
     opening,
 )
-from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in RADAU: change between 1/5 and 8, estimate of local order stages + 1. Its safety is 0.9: with
@@ -81,7 +81,7 @@ def _control(rtol, atol, stages):
 
 @kernel
 def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
-    """`attempt_by_loops` by the flow's own code, the functions of `machine_code.collocation` on `block`.
+    """`radau_loops.attempt_by_loops` by the flow's own code, the functions of `lowering.steps.collocation` on `block`.
 
     Where the pivots cannot be used or something is not finite it says so by `ledger.NON_FINITE`.
     """
@@ -165,20 +165,26 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
         rounds = 0
         factor = FAILURE_FACTOR
         failure = ledger.NON_FINITE
+        field_calls = counters[ledger.FIELD_CALLS]
         if coded:
             error, rounds, factor, failure = _attempt_by_code(
                 program, p, step, stages, control, twice, memory, block, counters
             )
         if failure == ledger.NON_FINITE:
             # The loops pivot, and say what is wrong where that does not help.
+            if program[ledger.LOOPS] == 0:
+                counters[ledger.DECOMPOSITIONS] -= 1
+                counters[ledger.FIELD_CALLS] = field_calls
+                return ledger.LOOPS_WANTED
             if not have_jacobian:
                 call(program[ledger.JACOBIAN], t, y, p, jacobian_flat)
                 have_jacobian = True
                 if not all_finite(jacobian_flat):
                     return ledger.SINGULAR_JACOBIAN
-            error, rounds, factor, failure = attempt_by_loops(
-                field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
-            )
+            error, rounds, factor, failure = call_collocation_loops(
+                program[ledger.LOOPS], field, p, step, stages, y, rate, control, twice, jacobian_flat,
+                memory, block, counters,
+            )  # fmt: skip
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)
 
         if error <= 1.0:

@@ -101,5 +101,7 @@ def look_along(functions, columns, signs, loss, margin, pieces, p, place, times,
         functions, p, columns, signs, margin, pieces, place[0], place[1:], times, states, dense
     )
     place[0] = times[-1]
-    place[1:] = states[-1]
+    # Written out: numba's own assignment compiles, for 2 s, the message that shapes do not fit.
+    for i in range(states.shape[1]):
+        place[1 + i] = states[states.shape[0] - 1, i]
     return clear

@@ -11,7 +11,7 @@ from gsp.kernels.scan import clear_of_zero
 
 @kernel
 def run_watched_members(
-    kernel, check, program, constants, first, stops, grid, control, tests, low, high, halt,
+    check, program, constants, first, stops, grid, control, tests, low, high, halt,
     ends, reached, kept, counters, codes, ordinary, rate, memory, record,
 ):  # fmt: skip
     """`ensemble.run_members` without its trial, each record of steps looked at by `clear_of_zero` as it is full.
@@ -35,10 +35,9 @@ def run_watched_members(
         before = 0
         while code == ledger.RECORD_FULL and halt[0] == 0 and ordinary[i]:
             code, new = ensemble.run_piece(
-                kernel, program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
+                program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
             before = ensemble.keep(
-                kernel,
                 check,
                 program,
                 constants[i],

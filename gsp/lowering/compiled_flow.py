@@ -6,7 +6,7 @@ p = (epsilon, *parameters), so that kernels take any model, and another epsilon 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from threading import RLock
@@ -17,8 +17,16 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
+from gsp.kernels import addresses
+from gsp.kernels.addresses import address_of
+from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_loops import attempt_by_loops
+from gsp.kernels.rodas5p import rodas5p
+from gsp.kernels.rodas5p_loops import step_by_loops
+from gsp.kernels.taylor import taylor
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
@@ -30,6 +38,11 @@ from gsp.systems.flow import Flow, Values, check_epsilon, frozen
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
+
+Loops = tuple[Callable[..., Any], addresses.Signature]
+"""A method's step for any flow, a kernel, and its signature."""
+ROSENBROCK_LOOPS: Loops = (step_by_loops, addresses.ROSENBROCK_LOOPS)
+COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)
 
 # One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
 _MAKING = RLock()
@@ -210,7 +223,8 @@ class CompiledFlow:
             if order not in self._taylor_programs:
                 step = _taylor(self.expressions, order)
                 # The step is kept for its machine code.
-                self._taylor_programs[order] = np.array([self.field, 0, *step.program]), step
+                head = self.field, 0, address_of(taylor, addresses.METHOD), 0
+                self._taylor_programs[order] = np.array([*head, *step.program]), step
             return self._taylor_programs[order][0]
 
     @_made_once
@@ -225,31 +239,35 @@ class CompiledFlow:
     @_made_once
     def explicit_program(self) -> np.ndarray:
         """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
-        return np.array([self.field, 0, 0])
+        return np.array([self.field, 0, address_of(dop853, addresses.METHOD), 0, 0])
 
     @_made_once
-    def loops_program(self) -> np.ndarray:
-        """What a kernel takes that has no code for the flow: its field and Jacobian."""
-        return self._program(None)
+    def derivatives_program(self) -> np.ndarray:
+        """What a kernel takes that asks for the field and its Jacobian, and runs nothing."""
+        return np.array([self.field, self.jacobian])
 
     @_made_once
     def rosenbrock_program(self) -> np.ndarray:
         """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
-        return self._program(self.rosenbrock)
+        return self._program(rodas5p, self.rosenbrock, ROSENBROCK_LOOPS)
 
     def collocation_program(self, stages: int) -> np.ndarray:
         """What the kernel of the Radau methods takes for the method of so many stages."""
         known = self._collocation_programs.get(stages)
         if known is None:
-            known = self._collocation_programs[stages] = self._program(self.collocation(stages))
+            known = self._collocation_programs[stages] = self._program(
+                radau, self.collocation(stages), COLLOCATION_LOOPS
+            )
         return known
 
     @_made_once
     def _collocation_programs(self) -> dict[int, np.ndarray]:
         return {}
 
-    def _program(self, code: CompiledStep | None) -> np.ndarray:
-        return np.array([self.field, self.jacobian, *((0,) if code is None else code.program)])
+    def _program(self, method: Callable[..., Any], code: CompiledStep | None, loops: Loops) -> np.ndarray:
+        # The loops stand behind a code as well, but next to no run comes to them.
+        behind, steps = (address_of(*loops), (0,)) if code is None else (0, code.program)
+        return np.array([self.field, self.jacobian, address_of(method, addresses.METHOD), behind, *steps])
 
     @_made_once
     def observables(self) -> CompiledFunction:

@@ -166,3 +166,24 @@ def test_a_flow_runs_on_a_generic_processor() -> None:
         [sys.executable, "-c", text], env=environment, capture_output=True, text=True, timeout=300, check=False
     )
     assert float(found.stdout) == pytest.approx(4 + np.sin(2), rel=1e-15), found.stderr
+
+
+def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
+    text = (
+        "from numba.core import event\n"
+        "class Names(event.Listener):\n"
+        "    def on_start(self, event):\n"
+        "        print(event.data['dispatcher'].py_func.__module__)\n"
+        "    def on_end(self, event): pass\n"
+        "event.register('numba:compile', Names())\n"
+        "import gsp, sympy as sp\n"
+        "x, y = sp.symbols('x y')\n"
+        "field = gsp.VectorField({x: y, y: (1 - x**2) * y - x}, epsilon=None)\n"
+        "gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='radau9')\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    found = subprocess.run(
+        [sys.executable, "-c", text], env=environment, capture_output=True, text=True, timeout=300, check=True
+    )
+    names = {name.removeprefix("gsp.kernels.") for name in found.stdout.split() if name.startswith("gsp.")}
+    assert names == {"launch", "radau", "radau_block", "radau_iteration", "step_control"}

@@ -15,6 +15,8 @@ from gsp.integration.methods import Method, program_of, solver_of
 from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
+from gsp.kernels.grid import READ
+from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
@@ -66,9 +68,10 @@ class Run:
         self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
         self.keeps_dense = True
-        self.program = program_of(compiled, Method(method), rtol)
+        self.program = program_of(compiled, Method(method), rtol).copy()
+        solver.give_loops(self.program)
         if loops:
-            self.program = np.append(self.program[: ledger.CODE], np.zeros_like(self.program[ledger.CODE :]))
+            self.program[ledger.CODE :] = 0
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
         self.dense = [np.empty((0, self.rows, self.y.size))]
 
@@ -385,6 +388,65 @@ def test_a_pivot_of_zero_is_left_to_the_loops(method):
     # The same to the last bit, which two ways to compute would not be.
     assert np.isfinite(ends[0]).all()
     assert np.array_equal(*ends)
+
+
+@pytest.mark.parametrize("method", WRITTEN)
+def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
+    """The pivot of zero again, where nobody has asked for the loops before."""
+    gamma = rodas5p_tableau.GAMMA
+    if method in STAGES:
+        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
+    start, stops = (1.0, 0.5), np.array([1.0 / gamma, 2.0 / gamma])
+    known = Run(
+        method, compile_flow(VectorField({x: x + y, y: -x}, epsilon=None)), start, [0.0, *stops], rtol=1e-3
+    )
+    known.force_step(stops[0])
+    assert known.advance() == ledger.FINISHED
+    compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
+    program = program_of(compiled, Method(method), 1e-3)
+    assert program[ledger.CODE] != 0
+    assert program[ledger.LOOPS] == 0
+    asked = loop.Run(
+        compiled, NO_PARAMETERS, start, 0.0, stops, Method(method), rtol=1e-3, atol=known.tolerances[1],
+        max_steps=1000, first_step=stops[0],
+    )  # fmt: skip
+    record = loop.advance(asked, Method(method))
+    assert program[ledger.LOOPS] != 0
+    # Bit for bit, and what was tried before the loops were there is not counted.
+    assert np.array_equal(record.times, np.concatenate(known.times))
+    assert np.array_equal(record.states, np.concatenate(known.states))
+    assert np.array_equal(record.dense, np.concatenate(known.dense))
+    assert record.counters == known.counters[: len(record.counters)].tolist()
+
+
+@pytest.mark.parametrize("method", WRITTEN)
+def test_a_landing_that_wants_the_loops_leaves_all_as_it_was(method):
+    gamma = rodas5p_tableau.GAMMA
+    if method in STAGES:
+        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
+    compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
+    solver = solver_of(Method(method), 1.0)
+    program = program_of(compiled, Method(method), 1.0).copy()
+    program[ledger.LOOPS] = 0
+    times, states = np.array([0.0, 3.0 / gamma]), np.array([[1.0, 0.5], [0.0, 0.0]])
+    grid, doubts = np.array([0.5, 1.0]) / gamma, np.array([READ, 0])
+    out, counters = np.full((2, 2), -7.0), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    memory = np.zeros(solver.memory_size(2))
+    record = np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, 2)), np.empty((0, solver.rows, 2))
+    arrays = (program, NO_PARAMETERS, 1.0, 1e9, times, states, grid, doubts, out, counters, memory, record)
+    assert land(*arrays) == ledger.LOOPS_WANTED
+    assert (out == -7.0).all()
+    assert doubts.tolist() == [READ, 0]
+    assert not counters.any()
+    solver.give_loops(program)
+    assert land(*arrays) == ledger.FINISHED
+    assert (out[0] == -7.0).all()
+    assert doubts.tolist() == [READ, READ]
+    run = Run(method, compiled, (1.0, 0.5), [0.0, 1.0], rtol=1.0, atol=1e9)
+    run.force_step(1.0 / gamma).stops[:] = 1.0 / gamma
+    assert run.advance() == ledger.FINISHED
+    assert np.array_equal(out[1], run.y)
+    assert counters[ledger.FIELD_CALLS] == run.counters[ledger.FIELD_CALLS] + 1
 
 
 @pytest.mark.parametrize("method", STAGES)

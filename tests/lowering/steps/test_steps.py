@@ -13,9 +13,10 @@ from gsp.errors import GspError, Status
 from gsp.integration.methods import Method, choose_method, program_of
 from gsp.integration.trajectory import integrate
 from gsp.kernels import ledger, rodas5p_tableau
+from gsp.kernels.addresses import address_of
 from gsp.kernels.engine import build
 from gsp.kernels.rodas5p import rodas5p
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import ROSENBROCK_LOOPS, compile_flow, compile_function
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.flow_code import is_worth_writing
 from gsp.lowering.steps.values import DOUBLE, SIGNATURE, load, store
@@ -127,7 +128,7 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
     records = []
     for program in (
         program_of(compiled, Method.RODAS5P, 1e-8),
-        np.array([compiled.field, compiled.jacobian, 0]),
+        np.array([compiled.field, compiled.jacobian, 0, address_of(*ROSENBROCK_LOOPS), 0]),
     ):
         y, rate = start.copy(), compiled.rates(start, p)
         memory, counters = np.zeros(ledger.MEMORY_SIZE), np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)

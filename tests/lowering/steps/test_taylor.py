@@ -13,6 +13,7 @@ from gsp.integration.ensemble import integrate_many
 from gsp.integration.events import Event
 from gsp.integration.methods import taylor_order
 from gsp.integration.trajectory import Method, integrate
+from gsp.kernels import ledger
 from gsp.kernels.taylor import TAIL
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.steps.flow_code import FlowCode
@@ -45,7 +46,7 @@ class Code(NamedTuple):
 
 def expansion(field: VectorField, start, *, order=ORDER, scale=1.0, value=None) -> tuple[Code, np.ndarray]:
     """The code, and what `expand` makes at a start."""
-    code = Code(*compile_flow(field).taylor_program(order).tolist()[2:])
+    code = Code(*compile_flow(field).taylor_program(order).tolist()[ledger.CODE :])
     size = (order + 1) * code.stride + TAIL
     return code, called(code.expand, scale, [*start, 1e-8, 1e-10], parameter_vector(field, value), size)
 

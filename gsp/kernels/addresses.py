@@ -1,0 +1,82 @@
+"""Kernels by their addresses: compiled once each, and no part of the kernels that call them.
+
+A kernel that calls another one by name has its machine code in it: what starts a run, lands on a time or goes through
+an ensemble would hold every integrator again, and an integrator the loops that next to no run needs. By address they
+are compiled when something asks for them, and what calls any of them is compiled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.typing.templates import Signature
+from numba.extending import intrinsic
+
+_REAL, _WHOLE, _TRUTH = types.float64, types.int64, types.boolean
+_REALS, _WHOLES = types.Array(_REAL, 1, "C"), types.Array(_WHOLE, 1, "C")
+_ROWS, _LAYERS = types.Array(_REAL, 2, "C"), types.Array(_REAL, 3, "C")
+
+METHOD: Signature = _WHOLE(
+    _WHOLES, _REALS, _REALS, _REAL, _REAL, _WHOLE, _REALS, _REALS, _REALS, _WHOLES, _REALS, _ROWS, _LAYERS
+)  # fmt: skip
+"""That of an integrator, as `ledger` says."""
+ROSENBROCK_LOOPS: Signature = types.Tuple((_REAL, _WHOLE))(
+    _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _REALS, _REALS, _REALS, _ROWS, _WHOLES
+)  # fmt: skip
+"""That of `rodas5p_loops.step_by_loops`."""
+COLLOCATION_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
+    _WHOLE, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS, _REALS, _WHOLES
+)  # fmt: skip
+"""That of `radau_loops.attempt_by_loops`."""
+
+
+@cache
+def address_of(kernel: Any, signature: Signature) -> int:
+    """Where the machine code of `kernel` for this signature begins; it is compiled, or read from the cache, if need be.
+
+    The address is good for as long as the process lives.
+    """
+    kernel.compile(signature.args)
+    compiled = kernel.get_compile_result(signature)
+    assert compiled.signature.return_type == signature.return_type, compiled.signature
+    return compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+
+
+def _at(address: Any, signature: Signature) -> tuple[Signature, Callable[..., Any]]:
+    """What numba asks of an intrinsic (address, *arguments) that calls a kernel with this signature."""
+
+    def generate(context: Any, builder: Any, _: Signature, arguments: Any) -> Any:
+        kinds = [context.get_value_type(kind) for kind in signature.args]
+        function_type = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
+        function = builder.inttoptr(arguments[0], function_type.as_pointer())
+        return builder.call(function, arguments[1:])
+
+    return signature.return_type(address, *signature.args), generate
+
+
+def _call_method(
+    context, address, program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
+):  # fmt: skip
+    return _at(address, METHOD)
+
+
+def _call_rosenbrock_loops(
+    context, address, field, p, t, h, y, rate, rtol, atol, jacobian, y_new, rate_new, rows, counters
+):
+    return _at(address, ROSENBROCK_LOOPS)
+
+
+def _call_collocation_loops(
+    context, address, field, p, step, stages, y, rate, control, twice, jacobian, memory, block, counters
+):
+    return _at(address, COLLOCATION_LOOPS)
+
+
+# Typed as Any because kernels see them without the typing context.
+call_method: Any = intrinsic(_call_method)
+call_rosenbrock_loops: Any = intrinsic(_call_rosenbrock_loops)
+call_collocation_loops: Any = intrinsic(_call_collocation_loops)
