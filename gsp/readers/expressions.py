@@ -14,6 +14,7 @@ build it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import islice
 from typing import NamedTuple, NoReturn
 
 import sympy as sp
@@ -38,6 +39,10 @@ EXTREMA = 12
 """SymPy compares the arguments of nested min and max pairwise: 0.3 s for 12, 6 s for 32."""
 CONSTANTS = 16
 """Bound on functions and roots of numbers, each of which SymPy factors and evaluates: 1 s for 32 long roots."""
+WRITTEN = 20_000
+"""Bound on the symbols of an expression with its definitions written out: a few lines can double ten times over."""
+ALL_WRITTEN, ALL_CALLS = 400_000, 10_000
+"""The same for all expressions of a file that use definitions, and their weighted calls."""
 LARGEST = sp.Integer(10) ** 300
 # Digits in which a sum of constants must not cancel: fewer, and 1 - tanh(14) would be refused.
 CANCELLING = 25
@@ -72,6 +77,33 @@ _SUM, _PRODUCT, _POWER = 1, 2, 3
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "^": _POWER, "**": _POWER}
 
 
+class Definition(NamedTuple):
+    """A named expression or function of a model file: its `head` as written, its arguments, its text and words."""
+
+    head: str
+    arguments: tuple[str, ...]
+    text: str
+    tokens: tuple[Token, ...]
+
+
+class Definitions(dict[str, Definition]):
+    """The definitions of one file by name, and what all expressions together have made of them."""
+
+    def __init__(self, *given: Mapping[str, Definition]) -> None:
+        super().__init__(*given)
+        self.written = self.calls = 0
+
+    def spend(self, written: int, calls: int) -> None:
+        """Count the symbols and functions of an expression with definitions; raise beyond what a file may have."""
+        self.written += written
+        self.calls += calls
+        if self.written > ALL_WRITTEN or self.calls > ALL_CALLS:
+            raise ModelFileError(
+                f"with the definitions written out the file has more than {ALL_WRITTEN} symbols or {ALL_CALLS} "
+                "functions. Make one of them a state, or shorten them."
+            )
+
+
 class _Node(NamedTuple):
     """An expression, a bound on its total degree, and the weight of the calls nested in it."""
 
@@ -80,8 +112,10 @@ class _Node(NamedTuple):
     calls: int
 
 
-def parse_expression(text: str, *, symbols: Mapping[str, sp.Symbol]) -> sp.Expr:
-    """SymPy expression of `text`, whose names are those of `symbols`.
+def parse_expression(
+    text: str, *, symbols: Mapping[str, sp.Symbol], definitions: Definitions | None = None
+) -> sp.Expr:
+    """SymPy expression of `text`, whose names are those of `symbols` and of `definitions`, which are written out.
 
     Decimals are exact, 0.1 is 1/10. `^` and `**` are the same power, right associative and tighter than a sign
     before it. The functions are those of `FUNCTIONS`, the one constant is pi. Raises `ModelFileError` with the
@@ -99,7 +133,7 @@ def parse_expression(text: str, *, symbols: Mapping[str, sp.Symbol]) -> sp.Expr:
             "Split it: give repeated parts a parameter or a state of their own."
         )
     try:
-        return _Parser(text, symbols).result()
+        return _Parser(text, symbols, Definitions() if definitions is None else definitions).result()
     except RecursionError:
         raise ModelFileError("the expression is nested too deeply. Remove parentheses.") from None
 
@@ -107,9 +141,13 @@ def parse_expression(text: str, *, symbols: Mapping[str, sp.Symbol]) -> sp.Expr:
 class _Parser:
     """One pass over one text; `position` and the tallies are all that changes."""
 
-    def __init__(self, text: str, symbols: Mapping[str, sp.Symbol]) -> None:
+    def __init__(self, text: str, symbols: Mapping[str, sp.Symbol], definitions: Definitions) -> None:
         self.text = text
         self.symbols = symbols
+        self.definitions = definitions
+        # What the arguments of the definition that is being written out stand for, and how much has been written out.
+        self.arguments: Mapping[str, _Node] = {}
+        self.written = 0
         self.depth = self.calls = self.extrema = self.constants = self.bits = 0
         self.index = 0
         self.tokens = tokenise(text, FUNCTIONS)
@@ -131,13 +169,19 @@ class _Parser:
     def result(self) -> sp.Expr:
         if self.token.kind == "end":
             raise ModelFileError("the expression is empty. Write 0 for a rate that vanishes.")
+        node = self.whole()
+        for number in node.expression.atoms(sp.Rational):
+            self.check_size(number, 0)
+        if self.written:
+            self.definitions.spend(self.written, self.calls)
+        return node.expression
+
+    def whole(self) -> _Node:
         node = self.expression(_SUM)
         token = self.token
         if token.kind != "end":
             self.unexpected(token)
-        for number in node.expression.atoms(sp.Rational):
-            self.check_size(number, 0)
-        return node.expression
+        return node
 
     def unexpected(self, token: Token) -> NoReturn:
         before = self.tokens[self.index - 1] if self.index else None
@@ -219,6 +263,10 @@ class _Parser:
 
     def name(self, token: Token) -> _Node:
         follows = self.token.kind == "operator" and self.token.text == "("
+        if token.text in self.arguments and not follows:
+            return self.arguments[token.text]
+        if token.text in self.definitions:
+            return self.defined(token, follows)
         is_function = token.text in FUNCTIONS and token.text not in self.symbols
         if is_function and follows:
             return self.call(token)
@@ -228,20 +276,58 @@ class _Parser:
             return _Node(sp.pi, 1, 0)
         if token.text in self.symbols:
             return _Node(self.symbols[token.text], 1, 0)
-        shown, known = token.text[:64], [*self.symbols, *FUNCTIONS, "pi"]
+        shown, known = token.text[:64], [*self.symbols, *self.definitions, *FUNCTIONS, "pi"]
         if follows:
             self.fail(
                 f"{shown} is no function of this grammar",
                 token.position,
-                f"The functions are {', '.join(sorted(FUNCTIONS))}." + nearest(shown, FUNCTIONS),
+                f"The functions are {', '.join(sorted(FUNCTIONS))}."
+                + nearest(shown, [*FUNCTIONS, *self.definitions]),
             )
         remedy = f"Declare it as a parameter, or correct it.{nearest(shown, known)}"
         if shown in ("e", "E"):
             remedy = "Write exp(1) for Euler's number, or declare it as a parameter."
         self.fail(f'the name "{shown}" is not declared', token.position, remedy)
 
-    def call(self, token: Token) -> _Node:
-        count, function = FUNCTIONS[token.text]
+    def defined(self, token: Token, follows: bool) -> _Node:
+        """The definition that `token` names, written out: its text is read with the arguments in their places."""
+        definition = self.definitions[token.text]
+        wanted = definition.arguments
+        given = self.given(token) if follows and wanted else []
+        if len(given) != len(wanted) or (follows and not wanted):
+            self.fail(
+                f"{token.text} is defined as {definition.head}",
+                token.position,
+                f"Give it {len(wanted)} argument{'' if len(wanted) == 1 else 's'}."
+                if wanted
+                else "Leave out (.",
+            )
+        places = dict(zip(wanted, given))
+        used = [word.text for word in definition.tokens if word.kind == "name"]
+        self.written += len(definition.tokens)
+        for name, node in places.items():
+            limit = WRITTEN + 1
+            size = sum(1 for _ in islice(sp.preorder_traversal(node.expression), limit))
+            self.written += size * used.count(name)
+        if self.written > WRITTEN:
+            self.fail(
+                f"with its definitions written out the expression has more than {WRITTEN} symbols",
+                token.position,
+                "Make one of them a state, or shorten them.",
+            )
+        self.enter(token.position)
+        outer = self.text, self.tokens, self.index, self.arguments
+        self.text, self.tokens, self.index, self.arguments = definition.text, [*definition.tokens], 0, places
+        try:
+            node = self.whole()
+        except ModelFileError as error:
+            raise ModelFileError(f"in {definition.head}: {error}") from None
+        self.text, self.tokens, self.index, self.arguments = outer
+        self.depth -= 1
+        return node
+
+    def given(self, token: Token) -> list[_Node]:
+        """The arguments that stand in parentheses behind `token`."""
         opening = self.token
         self.index += 1
         self.enter(token.position)
@@ -250,6 +336,11 @@ class _Parser:
             arguments.append(self.expression(_SUM))
         self.close(opening)
         self.depth -= 1
+        return arguments
+
+    def call(self, token: Token) -> _Node:
+        count, function = FUNCTIONS[token.text]
+        arguments = self.given(token)
         if len(arguments) != count:
             self.fail(
                 f"{token.text} takes {count} argument{'s' if count > 1 else ''} and got {len(arguments)}",

@@ -27,6 +27,10 @@
     tolerance = 1e-6                         # optional relative accuracy, this is the default
     path = ["s", "c"]                        # optional pair of names, drawn as a path in the plane
 
+    [definitions]                            # optional: names for expressions, and functions of arguments
+    total = "s + c"
+    "rate(u)" = "u/(kappa + u)"
+
 In place of `[slow]` and `[fast]`, `[states]` takes any field with its poles written out, as in
 `omega = "a*w/(I*epsilon)"`.
 `[observables]` gives names to further expressions, `[reconstruction]` holds rates of variables that the states
@@ -49,15 +53,17 @@ from pathlib import Path
 import sympy as sp
 
 from gsp.errors import DeclarationError, ModelFileError, nearest, printable
-from gsp.readers.expressions import RESERVED, parse_expression
+from gsp.readers.definitions import read_definitions
+from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
 from gsp.readers.tokens import parse_number
 from gsp.scenes.scene import Scene
 from gsp.systems.arguments import shown
 from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
-STATES = 64
-PARAMETERS = 128
+STATES = 2000
+PARAMETERS = 2000
+LISTED = 64
 TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
 DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
@@ -68,6 +74,7 @@ CLAIMS = 8
 
 _TABLES = (
     "parameters",
+    "definitions",
     "slow",
     "fast",
     "states",
@@ -141,7 +148,7 @@ def _scene(document: dict, file: Path) -> Scene:
     texts = {key: _text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
     name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"
     tables = {key: _table(document, key) for key in _TABLES}
-    system, symbols = _system(document, tables, name)
+    system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
     _check_keys(scene, _SCENE, "scene.")
     for key in ("span", "epsilon"):
@@ -162,10 +169,11 @@ def _scene(document: dict, file: Path) -> Scene:
         epsilons=tuple(float(value) for value in ladder),
         tolerance=float(_number(scene.get("tolerance", Decimal("1e-6")), "scene.tolerance")),
         reconstruction={
-            symbols[key]: _expression(value, f"reconstruction.{key}", symbols) for key, value in drivers.items()
+            symbols[key]: _expression(value, f"reconstruction.{key}", symbols, definitions)
+            for key, value in drivers.items()
         },
         path=_path(scene.get("path")),
-        claims=_claims(tables["claims"], symbols),
+        claims=_claims(tables["claims"], symbols, definitions),
         name=name,
         title=texts["title"],
         source=texts["source"],
@@ -175,7 +183,7 @@ def _scene(document: dict, file: Path) -> Scene:
 
 def _system(
     document: dict, tables: dict[str, dict], name: str
-) -> tuple[SlowFastSystem | VectorField, dict[str, sp.Symbol]]:
+) -> tuple[SlowFastSystem | VectorField, dict[str, sp.Symbol], Definitions]:
     epsilon = document.get("epsilon", "epsilon")
     if not isinstance(epsilon, str):
         raise ModelFileError(
@@ -199,12 +207,16 @@ def _system(
                 f"{', '.join(kinds)} hold {count} names; {limit} are allowed. Use a smaller model."
             )
     symbols = _symbols({"epsilon": {epsilon: ""}, "parameters": tables["parameters"], **equations})
+    definitions = read_definitions(
+        {head: _body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
+        symbols,
+    )
     driven = {symbols[key] for key in tables["reconstruction"]}
 
     def rates(kind: str) -> dict[sp.Symbol, sp.Expr]:
         result = {}
         for key, value in tables[kind].items():
-            result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols)
+            result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols, definitions)
             for symbol in rate.free_symbols & driven:
                 raise ModelFileError(
                     f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: "
@@ -227,11 +239,12 @@ def _system(
                 observables=observables,
             ),
             symbols,
+            definitions,
         )
     field = VectorField(
         rates("states"), epsilon=symbols[epsilon], parameters=parameters, name=name, observables=observables
     )
-    return field, symbols
+    return field, symbols, definitions
 
 
 def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
@@ -254,7 +267,9 @@ def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
     return {name: sp.Symbol(name) for name in roles}
 
 
-def _claims(tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol]) -> dict[str, dict]:
+def _claims(
+    tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol], definitions: Definitions
+) -> dict[str, dict]:
     """Rival reduced fields, [claims.NAME] each: rates by state."""
     if len(tables) > CLAIMS:
         raise ModelFileError(f"claims holds {len(tables)} fields; {CLAIMS} are allowed. Keep fewer.")
@@ -271,7 +286,7 @@ def _claims(tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol]) -> d
         for state, rate in rates.items():
             if state not in symbols:
                 raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
-            claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols)
+            claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols, definitions)
     return claims
 
 
@@ -300,10 +315,18 @@ def _text(value: object, key: str, limit: int) -> str:
     return value
 
 
-def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol]) -> sp.Expr:
+def _body(value: object, key: str) -> str:
+    """Text of a definition."""
+    if isinstance(value, str):
+        return _text(value, key, CHARACTERS)
+    number = _number(value, key)
+    return f"{number.p}/{number.q}" if isinstance(number, sp.Rational) else str(number)
+
+
+def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], definitions: Definitions) -> sp.Expr:
     if isinstance(value, str):
         try:
-            return parse_expression(value, symbols=symbols)
+            return parse_expression(value, symbols=symbols, definitions=definitions)
         except ModelFileError as error:
             raise ModelFileError(f"{key}: {error}") from None
     return _number(value, key)
@@ -338,8 +361,8 @@ def _numbers(value: object, key: str) -> list[sp.Expr]:
         raise ModelFileError(
             f"{key} is a list of numbers. Got a {_kind(value)}. Write {key.split('.')[-1]} = [1, 2]."
         )
-    if len(value) > STATES:
-        raise ModelFileError(f"{key} has {len(value)} numbers; {STATES} are allowed. Shorten it.")
+    if len(value) > LISTED:
+        raise ModelFileError(f"{key} has {len(value)} numbers; {LISTED} are allowed. Shorten it.")
     return [_number(item, key) for item in value]
 
 

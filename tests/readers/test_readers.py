@@ -451,10 +451,10 @@ CHANGES = {
     "long name": ("kappa = 1", "k" * 65 + " = 1\nkappa = 1", ("plain word", "64")),
     "many parameters": (
         "kappa = 1",
-        "kappa = 1\n" + "\n".join(f"p{i} = 1" for i in range(128)),
-        ("130", "128"),
+        "kappa = 1\n" + "\n".join(f"p{i} = 1" for i in range(2000)),
+        ("2002", "2000"),
     ),
-    "many states": ("[fast]", "[fast]\n" + "\n".join(f"p{i} = 1" for i in range(64)), ("66", "64")),
+    "many states": ("[fast]", "[fast]\n" + "\n".join(f"p{i} = 1" for i in range(2000)), ("2002", "2000")),
     "feedback": (
         "[slow]",
         '[reconstruction]\nphi = "s"\n[slow]\nq = "phi"',

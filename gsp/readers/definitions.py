@@ -1,0 +1,106 @@
+"""Definitions of a model file: names for expressions and for functions of one or more arguments.
+
+    [definitions]
+    beta = "v1 + v2"
+    "minf(v)" = "0.5*(1 + tanh((v - beta)/v2))"
+
+A definition may use those before and behind it, but not itself, not even by way of others.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import sympy as sp
+
+from gsp.errors import ModelFileError
+from gsp.readers.expressions import FUNCTIONS, RESERVED, Definition, Definitions, parse_expression
+from gsp.readers.tokens import tokenise
+
+DEFINITIONS = 256
+ARGUMENTS = 8
+
+_WORD = r"[A-Za-z][A-Za-z0-9_]{0,63}"
+_HEAD = re.compile(rf"({_WORD})\s*(?:\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\))?")
+
+
+def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol]) -> Definitions:
+    """The definitions of `table`, {"name" or "name(argument, ...)": text}, over the `symbols` of the model.
+
+    Raises `ModelFileError` for a name or an argument that means something already, for one that is not declared, and
+    for a circle, which is named.
+    """
+    if len(table) > DEFINITIONS:
+        raise ModelFileError(f"definitions holds {len(table)} names; {DEFINITIONS} are allowed. Keep fewer.")
+    definitions = Definitions()
+    for head, text in table.items():
+        name, arguments = _head(head)
+        key = f"definitions.{head}"
+        for word in (name, *arguments):
+            if word in RESERVED or word in FUNCTIONS:
+                raise ModelFileError(f"{key}: {word} is a word of the grammar. Choose another name.")
+            if word in symbols:
+                raise ModelFileError(
+                    f"{key}: {word} is a name of the model too, which it would hide. Choose another name."
+                )
+        if name in definitions:
+            raise ModelFileError(f"{key}: {name} is defined twice. Keep one of the two.")
+        try:
+            definitions[name] = Definition(head, arguments, text, tuple(tokenise(text, FUNCTIONS)))
+        except ModelFileError as error:
+            raise ModelFileError(f"{key}: {error}") from None
+    for definition in definitions.values():
+        hidden = [word for word in definition.arguments if word in definitions]
+        if hidden:
+            raise ModelFileError(
+                f"definitions.{definition.head}: {hidden[0]} is defined too, which it would hide. "
+                "Choose another name."
+            )
+    _refuse_circles(definitions)
+    for definition in definitions.values():
+        own = {word: sp.Symbol(word) for word in definition.arguments}
+        try:
+            parse_expression(definition.text, symbols={**symbols, **own}, definitions=definitions)
+        except ModelFileError as error:
+            raise ModelFileError(f"definitions.{definition.head}: {error}") from None
+    return definitions
+
+
+def _head(head: str) -> tuple[str, tuple[str, ...]]:
+    match = _HEAD.fullmatch(head)
+    if match is None:
+        raise ModelFileError(
+            f'definitions: {head[:80]!r} is neither a name nor a function. Write beta, or "minf(v)" in quotes.'
+        )
+    arguments = tuple(word.strip() for word in match[2].split(",")) if match[2] else ()
+    if len(arguments) > ARGUMENTS or len(set(arguments)) < len(arguments):
+        raise ModelFileError(
+            f"definitions.{head[:80]}: a function has at most {ARGUMENTS} arguments, each once. "
+            f"Got {', '.join(arguments)[:80]}."
+        )
+    return match[1], arguments
+
+
+def _refuse_circles(definitions: Mapping[str, Definition]) -> None:
+    uses = {
+        name: [t.text for t in definition.tokens if t.kind == "name" and t.text in definitions]
+        for name, definition in definitions.items()
+    }
+    done: set[str] = set()
+    for first in uses:
+        path = [(first, iter(uses[first]))]
+        while path:
+            name, rest = path[-1]
+            following = next((word for word in rest if word not in done), None)
+            if following is None:
+                done.add(name)
+                path.pop()
+                continue
+            names = [step for step, _ in path]
+            if following in names:
+                circle = [*names[names.index(following) :], following]
+                raise ModelFileError(
+                    f"definitions: {' -> '.join(circle)[:300]} is a circle. Write one of them out without the others."
+                )
+            path.append((following, iter(uses[following])))
