@@ -22,6 +22,9 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import shown
 
+# M0 is drawn beyond the region by this share of its widths, so that folds beside it are seen.
+WIDER = 0.5
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Demo:
@@ -87,9 +90,11 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         "trace": told.get("trace") or axes[1],
         "path": None if scene.path is None else list(scene.path),
         "body": told.get("body"),
+        "frame": told.get("frame", {}),
         "ranges": told.get("ranges", {}),
         "story": told.get("steps", []),
         "folds": _folds(study, quantities),
+        **_space(study, program.parts, told.get("space", True)),
     }
     title = scene.title or scene.name or scene.system.name or "A slow-fast system"
     return Demo(scene, render(program, data, title=title))
@@ -102,6 +107,17 @@ def _axes(parts: Mapping[str, Any]) -> list[str]:
         return [reduction["slow"][0], reduction["fast"][0]]
     names = [*parts["quantities"], parts["quantities"][0]]
     return names[:2]
+
+
+def _space(study: Study, parts: Mapping[str, Any], wanted: bool) -> dict[str, Any]:
+    """The three quantities of the picture in space, where M0 is a surface, and the box in which it is drawn."""
+    reduction = parts["reduction"]
+    if not wanted or reduction["reason"] or len(reduction["slow"]) != 2:
+        return {"space": None, "box": {}}
+    box = {
+        n: (low - WIDER * (high - low), high + WIDER * (high - low)) for n, (low, high) in study.region.items()
+    }
+    return {"space": [*reduction["slow"], reduction["fast"][0]], "box": box}
 
 
 def _story(scene: Scene) -> dict[str, Any]:

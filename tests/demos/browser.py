@@ -64,7 +64,9 @@ class Page:
         """Pixels of a picture that are not empty."""
         return self.run(
             "const c = views[arguments[0]].canvas;"
-            "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+            "const copy = document.createElement('canvas'); copy.width = c.width; copy.height = c.height;"
+            "const context = copy.getContext('2d', { willReadFrequently: true }); context.drawImage(c, 0, 0);"
+            "const d = context.getImageData(0, 0, c.width, c.height).data;"
             "let n = 0; for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n;",
             view,
         )

@@ -323,7 +323,7 @@ def test_nothing_is_wider_than_the_window(name: str, width: int, opened) -> None
 
 
 def test_a_relaxation_oscillator_is_reduced_between_its_jumps(opened) -> None:
-    page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0")
+    page = opened("van_der_pol", fragment="#end=4&epsilon=0.01&orders=0&s.x=2&s.y=0.66667")
     pieces = page.run("return current.result.pieces.map((piece) => piece.runs[0].status)")
     assert len(pieces) >= 3
     assert pieces[0] in ("lost", "too small")

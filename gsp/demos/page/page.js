@@ -23,6 +23,8 @@ let pending = null;
 let scheduled = false;
 let now = null;
 let playing = null;
+// How the picture in space is turned: about the upright axis, and towards the eye.
+let angles = [0.6, 0.45];
 
 // -- what is on the page ---------------------------------------------------------------------------
 
@@ -159,6 +161,12 @@ function addViews() {
     choice("axis-x", "axis across", model.quantities, () => state.axes[0], (value) => other(value, 0)),
   );
   views.plane.frame.append(handle);
+  if (data.space) {
+    views.space = new View(container, "The critical manifold in space");
+    views.space.say(`${data.space.join(", ")} in space: drag to turn`);
+    views.space.frame.classList.add("turned");
+    addTurning(views.space.canvas);
+  }
   views.trace = new View(container, "A quantity against time");
   views.trace.say(
     choice("trace", "quantity against time", model.quantities, () => state.trace, (value) => (state.trace = value)), " against time",
@@ -167,6 +175,20 @@ function addViews() {
     views.errors = new View(container, "Error against epsilon");
     views.errors.say("largest relative error of the slow variables against epsilon");
   }
+}
+
+function addTurning(canvas) {
+  let from = null;
+  canvas.addEventListener("pointerdown", (event) => {
+    from = [event.clientX, event.clientY, ...angles];
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!from) return;
+    angles = [from[2] + (event.clientX - from[0]) / 120, Math.min(1.5, Math.max(-0.3, from[3] + (event.clientY - from[1]) / 160))];
+    draw();
+  });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (from = null));
 }
 
 // -- the start, dragged ----------------------------------------------------------------------------
@@ -260,14 +282,18 @@ function update() {
   const begun = performance.now();
   const s = settingOf(state, data);
   const result = model.simulate(s, state.orders);
-  if (!state.rivals) result.rivals = [];
-  current = { s, result, curves: sampleAll(model, result, s) };
-  for (const show of sliders) show();
+  show(s, result);
+  for (const set of sliders) set();
   tell();
   draw();
   redraws.push(performance.now() - begun);
   if (redraws.length > 500) redraws.shift();
   pending = setTimeout(measure, PAUSE);
+}
+
+function show(s, result) {
+  const shown = state.rivals ? result : { ...result, rivals: [] };
+  current = { s, result: shown, curves: sampleAll(model, shown, s) };
 }
 
 function draw() {
@@ -277,12 +303,13 @@ function draw() {
   views.plane.startAt = startOnAxes();
   const [i, j] = state.axes.map(place);
   const folds = model.atDeclared(s) ? data.folds.filter((fold) => fold[i] !== null && fold[j] !== null) : [];
-  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, folds);
+  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, folds, data.frame);
   handle.hidden = dragging() === null;
   handle.style.left = `${views.plane.X(views.plane.startAt[0])}px`;
   handle.style.top = `${views.plane.Y(views.plane.startAt[1])}px`;
   drawTrace(views.trace, model, s, curves, place(state.trace), now, c, result.layerEnd);
   if (views.path) drawPath(views.path, model, curves, data.path.map(place), data.body, now, c);
+  if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data.box, now, c);
   if (views.errors) drawErrors(views.errors, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
   document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival)]));
 }
@@ -293,7 +320,11 @@ function measure() {
   if (!model.reducible || ladder.length >= LADDER.length) return;
   const epsilon = state.epsilon * LADDER[ladder.length];
   const s = { ...settingOf(state, data), epsilon };
-  const result = epsilon <= EPSILON_RANGE[1] ? model.simulate(s, state.orders, { ...MEASUREMENT, pieces: 1 }) : null;
+  const first = ladder.length === 0;
+  const accuracy = first ? MEASUREMENT : { ...MEASUREMENT, pieces: 1 };
+  const result = first || epsilon <= EPSILON_RANGE[1] ? model.simulate(s, state.orders, accuracy) : null;
+  // The finer run replaces the one that was quick to make: near a canard they differ.
+  if (first && result.full.status === "reached") show(s, result);
   ladder.push(result === null || result.full.status !== "reached" ? null : { epsilon, ...model.errorsOf(result, s) });
   tell();
   draw();
@@ -334,7 +365,7 @@ const ENDINGS = {
   steps: "its steps were used up",
   "not finite": "the field is not finite there",
   "too small": "no step is small enough there",
-  lost: "the critical manifold stops attracting there",
+  lost: "there the critical manifold ceases to attract",
   "no sheet": "no point of the critical manifold was found there",
 };
 
@@ -371,6 +402,9 @@ function notes() {
       const where = run.ended === undefined ? run.begun : run.ended;
       found.push(`The reduced run of order ${run.order} ends at t = ${time(where)}: ${ENDINGS[run.status] ?? run.status}.`);
     }
+  }
+  if (result.cut && result.pieces.length > 1) {
+    found.push(`Reduced runs are drawn on the first ${result.pieces.length} slow pieces of this run only: their steps were used up.`);
   }
   const u = model.toNew(result.full.states[first.at], p);
   const y0 = u.slice(model.nSlow);

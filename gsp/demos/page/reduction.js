@@ -3,19 +3,20 @@
 // and what is reconstructed.
 
 // Steps of a run, for a picture and for a measurement; the tolerances of both.
-const PICTURE = { rtol: 1e-6, atol: 1e-8, maxSteps: 6000 };
-const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000 };
+const PICTURE = { rtol: 1e-6, atol: 1e-8, maxSteps: 6000, reducedSteps: 300 };
+const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000, reducedSteps: 4000 };
 // Errors are measured at so many times.
 const GRID = 60;
 // Pieces of slow motion between jumps that are reduced, each from where the full run has reached the manifold again.
-const PIECES = 9;
-// A step of Newton's method below this, relative to the point, ends it.
-const NEWTON = 1e-13;
+const PIECES = 6;
+// A step of Newton's method below this, relative to the point, is the last: what it leaves is of the size of its square.
+const NEWTON = 1e-8;
 // An order is past the best one when its error is larger by this factor; estimates are thrice the first term left out.
 const GROWN = 2;
 const ESTIMATE = 3;
-// The sheet counts as lost where the rate of attraction has fallen to this share.
-const FADED = 0.1;
+// The sheet counts as lost where the rate of attraction has fallen to this share: what is left is a fold, where the
+// reduced field grows beyond bounds.
+const FADED = 0.03;
 
 // The largest real part of the eigenvalues of a small matrix: roots of its characteristic polynomial, by Faddeev and
 // LeVerrier's recursion and Durand and Kerner's iteration.
@@ -111,22 +112,28 @@ function makeModel(data, program) {
   }
 
   // y on M0 over x, nearest to `y` in Newton's sense; false where there is none.
+  const newton = {
+    u: new Float64Array(nSlow + nFast), residual: new Float64Array(nFast), J: new Float64Array(nFast * nFast),
+    pivots: new Int32Array(nFast),
+  };
+
   function onSheet(x, y, p) {
     if (reduction.explicit) {
       program.graph(x, p, y);
       return allFinite(y);
     }
-    const u = new Float64Array(nSlow + nFast);
-    const residual = new Float64Array(nFast);
-    const J = new Float64Array(nFast * nFast);
-    const pivots = new Int32Array(nFast);
+    const { u, residual, J, pivots } = newton;
     u.set(x);
     for (let step = 0; step < 30; step++) {
       u.set(y, nSlow);
       program.sheet(u, p, residual);
       program.sheetJacobian(u, p, J);
-      if (!factorise(J, nFast, pivots)) return false;
-      solveFactorised(J, nFast, pivots, residual);
+      if (nFast === 1) {
+        residual[0] /= J[0];
+      } else {
+        if (!factorise(J, nFast, pivots)) return false;
+        solveFactorised(J, nFast, pivots, residual);
+      }
       let size = 0;
       for (let i = 0; i < nFast; i++) {
         y[i] -= residual[i];
@@ -173,22 +180,30 @@ function makeModel(data, program) {
     return Math.min(30, Math.max(6, 6 * Math.log(1 / s.epsilon)));
   }
 
-  // Fills `y` with h through `order` at coordinates c, and with `rates` also x'. Returns the sizes of the terms.
+  // Fills `out` with h ("h") or x' ("f") through `order` at coordinates c on M0.
   function sum(kind, order, c, s, p, out) {
-    const term = new Float64Array(out.length);
-    out.fill(0);
-    let power = 1;
-    const { label } = seriesAt(s);
-    for (let k = 0; k <= order; k++) {
-      program[`${kind}${k}${label}`](c, p, term);
+    addTerms(termsOf(kind, order, seriesAt(s).label), c, s.epsilon, p, out, new Float64Array(out.length));
+  }
+
+  function termsOf(kind, order, label) {
+    return Array.from({ length: order + 1 }, (_, k) => program[`${kind}${k}${label}`]);
+  }
+
+  function addTerms(terms, c, epsilon, p, out, term) {
+    terms[0](c, p, out);
+    for (let k = 1, power = epsilon; k < terms.length; k++, power *= epsilon) {
+      terms[k](c, p, term);
       for (let i = 0; i < out.length; i++) out[i] += power * term[i];
-      power *= s.epsilon;
     }
   }
 
   function coordinatesOf(x, y0, s) {
-    const { coordinates } = seriesAt(s);
-    return coordinates.map((place) => (place < nSlow ? x[place] : y0[place - nSlow]));
+    return fillCoordinates(seriesAt(s).coordinates, x, y0, []);
+  }
+
+  function fillCoordinates(places, x, y0, c) {
+    for (let i = 0; i < places.length; i++) c[i] = places[i] < nSlow ? x[places[i]] : y0[places[i] - nSlow];
+    return c;
   }
 
   // The order at which the series is best cut at (x, y0), and the sizes of its terms: the envelope of the next two terms
@@ -228,28 +243,31 @@ function makeModel(data, program) {
     const J = new Float64Array(nFast * nFast);
     const slow = new Float64Array(nSlow);
     const near = Float64Array.from(y0);
+    const { label, coordinates } = seriesAt(s);
+    const [hTerms, fTerms] = [termsOf("h", order, label), termsOf("f", order, label)];
+    const [yTerm, xTerm] = [new Float64Array(nFast), new Float64Array(nSlow)];
+    const c = new Float64Array(coordinates.length);
 
     // z over (x, driven), with y through `order`; false where the sheet has ended.
     function lift(state, out) {
       const xNow = state.subarray(0, nSlow);
       seen.set(near);
-      if (!onSheet(xNow, seen, p)) return null;
-      const c = coordinatesOf(xNow, seen, s);
-      sum("h", order, c, s, p, y);
+      if (!onSheet(xNow, seen, p)) return false;
+      fillCoordinates(coordinates, xNow, seen, c);
+      addTerms(hTerms, c, s.epsilon, p, y, yTerm);
       uPoint.set(xNow);
       uPoint.set(y, nSlow);
       program.toRaw(uPoint, p, out);
       for (let i = 0; i < nDriven; i++) out[nRaw + i] = state[nSlow + i];
-      return c;
+      return true;
     }
 
     function field(state, out) {
-      const c = lift(state, point);
-      if (c === null) {
+      if (!lift(state, point)) {
         out.fill(NaN);
         return;
       }
-      sum("f", order, c, s, p, slow);
+      addTerms(fTerms, c, s.epsilon, p, slow, xTerm);
       out.set(slow);
       if (nDriven) {
         program.field(point, p, rate);
@@ -267,13 +285,14 @@ function makeModel(data, program) {
       uPoint.set(xNow);
       uPoint.set(near, nSlow);
       program.fastJacobian(uPoint, p, J);
-      return (lost = !(spectralAbscissa(J, nFast) < 0));
+      return (lost = !(spectralAbscissa(J, nFast) < -FADED * firstGap));
     }
 
+    const firstGap = gapAt(Float64Array.of(...x, ...y0), p);
     const start = new Float64Array(nSlow + nDriven);
     start.set(x);
     for (let i = 0; i < nDriven; i++) start[nSlow + i] = run.states[at][nRaw + i];
-    const limits = { ...accuracy, maxSteps: Math.min(accuracy.maxSteps, 3000), stop };
+    const limits = { ...accuracy, maxSteps: accuracy.reducedSteps, stop };
     const forward = integrateExplicit(field, start, begun, end, limits);
     const parts = [forward];
     const last = near.slice();
@@ -285,19 +304,19 @@ function makeModel(data, program) {
     // Towards a fold the rate of attraction falls to nothing, whatever stops the run first.
     uPoint.set(forward.states[forward.states.length - 1].subarray(0, nSlow));
     uPoint.set(last, nSlow);
-    const faded = !(gapAt(uPoint, p) > FADED * gapAt(Float64Array.of(...x, ...y0), p));
+    const faded = !(gapAt(uPoint, p) > 3 * FADED * firstGap);
     const status = lost || (faded && forward.status !== "reached") ? "lost" : forward.status;
     const reachedBack = parts.length > 1 ? parts[0].times[parts[0].times.length - 1] : begun;
     const state = new Float64Array(nSlow + nDriven);
     return {
-      order, status, begun, ended, first: reachedBack, last,
+      order, status, begun, ended, steps: forward.times.length, first: reachedBack, last,
       // z at time t, on the sheet near y0.
       at(t, out) {
         const part = parts.length > 1 && t < begun ? parts[0] : forward;
         stateAt(part, t, state);
         // The sheet is found from the one nearest in time that is known.
         near.set(nearest(part, t, state, y0, begun));
-        return lift(state, out) !== null;
+        return lift(state, out);
       },
     };
 
@@ -327,11 +346,12 @@ function makeModel(data, program) {
 
   // Everything a picture shows: the full run, and reduced runs of `orders` on every slow piece of it.
   function simulate(s, orders, accuracy = PICTURE) {
-    const result = { full: full(s, accuracy), pieces: [], rivals: [], layerEnd: NaN, notes: [] };
+    const result = { full: full(s, accuracy), pieces: [], rivals: [], layerEnd: NaN, cut: false };
     if (!reducible) return result;
     const { order } = seriesAt(s);
     const possible = orders.filter((k) => k <= order);
     let from = 0;
+    let spent = 0;
     const pieces = accuracy.pieces ?? PIECES;
     for (let piece = 0; piece < pieces && from < result.full.times.length - 1; piece++) {
       const at = arrival(result.full, s, from, layerFolds(s));
@@ -340,9 +360,15 @@ function makeModel(data, program) {
       const end = s.span[1];
       const runs = possible.map((k) => reduced(result.full, s, at, k, end, piece === 0, accuracy));
       result.pieces.push({ at, runs });
+      spent += runs.reduce((total, run) => total + (run.steps ?? 0), 0);
+      if (spent > 2 * accuracy.reducedSteps) {
+        result.cut = s.span[1] > result.full.times[at];
+        break;
+      }
       if (!runs.length) break;
-      const ended = Math.max(...runs.map((run) => run.ended ?? run.begun));
-      if (!runs.some((run) => run.status !== "reached")) break;
+      // The lowest order decides where the piece ends: higher ones break down before, or run astray there.
+      const ended = runs[0].ended ?? runs[0].begun;
+      if (runs[0].status === "reached") break;
       from = result.full.times.findIndex((t) => t > ended);
       if (from < 0) break;
     }
@@ -360,7 +386,7 @@ function makeModel(data, program) {
       const start = Float64Array.from(places, (place) => values[place]);
       const rate = program[`claim${i}`];
       const run = integrateExplicit((z, out) => rate(z, p, out), start, result.layerEnd, s.span[1], {
-        ...accuracy, maxSteps: 3000,
+        ...accuracy, maxSteps: accuracy.reducedSteps,
       });
       return { name: claim.name, places, run };
     });
@@ -434,8 +460,28 @@ function makeModel(data, program) {
     return points;
   }
 
+  // Points of M0 on a grid of its two coordinates, where it is a surface: rows of {z, attracts}; null elsewhere.
+  function manifoldSurface(s, box, count) {
+    const series = reducible ? seriesAt(s) : null;
+    if (!series || !series.coordinates || series.coordinates.length !== 2 || nSlow !== 2) return null;
+    const names = [...reduction.slow, ...reduction.fast];
+    const ranges = series.coordinates.map((place) => box[names[place]]);
+    if (ranges.includes(undefined)) return null;
+    const p = constants(s);
+    const u = new Float64Array(nSlow + nFast);
+    const step = ([low, high], i) => low + ((high - low) * i) / count;
+    return Array.from({ length: count + 1 }, (_, i) =>
+      Array.from({ length: count + 1 }, (_, j) => {
+        program[`base${series.label}`]([step(ranges[0], i), step(ranges[1], j)], p, u);
+        const z = new Float64Array(n);
+        program.toRaw(u, p, z);
+        return { z, attracts: gapAt(u, p) > 0 };
+      }),
+    );
+  }
+
   return {
-    ...model, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, simulate, errorsOf, bestOrder,
+    ...model, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, simulate, errorsOf, bestOrder,
     quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldCurve, layerFolds, arrival, reduced, atDeclared, sum,
   };
 }

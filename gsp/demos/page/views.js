@@ -261,9 +261,10 @@ function drawCurves(view, curves, i, j, colours) {
   curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k], 1.6, [3, 4]));
 }
 
-function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds) {
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, frame) {
   view.begin(colours);
-  view.setRanges(extent([curves.full.q[i], [view.startAt[0]]]), extent([curves.full.q[j], [view.startAt[1]]]));
+  const framed = (place, start) => extent([curves.full.q[place], [start], frame[model.quantities[place]] ?? []]);
+  view.setRanges(framed(i, view.startAt[0]), framed(j, view.startAt[1]));
   view.axes(model.quantities[i], model.quantities[j]);
   view.clipped(() => {
     drawFibres(view, model, i, j, colours);
@@ -365,6 +366,7 @@ function drawTrace(view, model, s, curves, j, now, colours, layerEnd) {
 // Errors against epsilon, both logarithmic, with the present epsilon marked.
 function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
   view.begin(colours);
+  const lines = orders.length + rivals.length;
   const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
   const all = points.flatMap((row) => [...Object.values(row.orders), ...Object.values(row.rivals)]);
   const good = all.filter((e) => e > 0 && Number.isFinite(e)).map(Math.log10);
@@ -385,6 +387,11 @@ function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
     for (const order of orders) line((row) => row.orders[order], colours.orders[order]);
     rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k], [3, 4]));
   });
+  if (lines === 0) {
+    view.context.textAlign = "center";
+    view.context.fillStyle = colours.faint;
+    view.context.fillText("Switch an order on to measure its error.", view.width / 2, view.height / 2);
+  }
 }
 
 // A path in the plane of two quantities, with a body where data tells how it looks.
@@ -423,4 +430,58 @@ function drawPath(view, model, curves, places, body, now, colours) {
       c.stroke();
     }
   });
+}
+
+// Three quantities in space, turned by two angles: M0 as a net, the runs, and the start.
+function drawSpace(view, model, s, curves, places, angles, box, now, colours) {
+  view.begin(colours);
+  const p = model.constants(s);
+  const values = new Float64Array(model.quantities.length);
+  const surface = model.manifoldSurface(s, box, 22);
+  const net = (surface ?? []).map((row) =>
+    row.map((point) => {
+      model.quantitiesAt(point.z, p, values);
+      return { at: places.map((place) => values[place]), attracts: point.attracts };
+    }),
+  );
+  const spans = places.map((place, k) => extent([curves.full.q[place], ...net.map((row) => row.map((point) => point.at[k]))]));
+  const [turn, tilt] = angles;
+  const [ct, st, ci, si] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
+  const unit = 0.56 * Math.min(view.width, view.height * 1.15);
+  const project = (q) => {
+    const [x, y, z] = q.map((value, k) => (value - spans[k][0]) / (spans[k][1] - spans[k][0]) - 0.5);
+    const [across, deep] = [x * ct - y * st, x * st + y * ct];
+    return [view.width / 2 + unit * across, view.height / 2 - unit * (z * ci + deep * si)];
+  };
+  view.X = (value) => value;
+  view.Y = (value) => value;
+  const polyline = (points, colour, width, dash = []) => {
+    const drawn = points.map(project);
+    view.curve(drawn.map((q) => q[0]), drawn.map((q) => q[1]), colour, width, dash);
+  };
+  const c = view.context;
+  // Lines of the net, in pieces that attract and pieces that do not.
+  const lines = [...net, ...(net[0] ?? []).map((_, j) => net.map((row) => row[j]))];
+  for (const attracts of [true, false]) {
+    c.globalAlpha = attracts ? 0.75 : 0.3;
+    for (const line of lines) {
+      polyline(line.map((point) => (point.attracts === attracts ? point.at : [NaN, NaN, NaN])), colours.manifold, 1);
+    }
+  }
+  c.globalAlpha = 1;
+  const corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map((corner) => corner.map((k, i) => spans[i][k]));
+  corners.slice(1).forEach((corner, k) => {
+    polyline([corners[0], corner], colours.faint, 1);
+    const [px, py] = project(corner);
+    c.fillStyle = colours.ink;
+    c.textAlign = "center";
+    c.textBaseline = "middle";
+    c.fillText(model.quantities[places[k]], Math.min(view.width - 14, Math.max(14, px)), Math.min(view.height - 10, Math.max(10, py - 9)));
+  });
+  const along = (curve) => Array.from(curve.t, (_, i) => places.map((place) => curve.q[place][i]));
+  polyline(along(curves.full), colours.ink, 2.4);
+  for (const run of curves.reduced) polyline(along(run), colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
+  const at = now === null ? curves.full.t[0] : now;
+  const [px, py] = project(places.map((place) => valueAt(curves.full, place, at)));
+  view.dot(px, py, now === null ? colours.rivals[1] : colours.ink);
 }
