@@ -61,7 +61,7 @@ class Program(click.Group):
 def cli() -> None:
     """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
 
-    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file (TOML).
+    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file (TOML, or XPPAUT's .ode).
 
     \b
     gsp report chaplygin_sleigh        the whole analysis, as a report to read
@@ -182,6 +182,25 @@ def models(as_json: bool) -> None:
     width = max(len(name) for name, _ in rows)
     for name, title in rows:
         click.echo(f"{name:{width}}  {title}")
+
+
+@cli.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--small", metavar="NAME", help="The parameter that is the small one [epsilon or eps].")
+@_output_option("File for the model [FILE with the suffix .toml].")
+def import_(file: Path, small: str | None, output: Path | None) -> None:
+    """Read FILE, an .ode file of XPPAUT, and write it as a model file; say what was understood and left out."""
+    from gsp.readers.toml import import_model
+
+    found = import_model(file, small=small)
+    target = output or file.with_suffix(".toml")
+    if output is None and target.exists():
+        raise GspError(f"there is a file {target} already. Name another with -o, or that one to replace it.")
+    write_file(found.text.encode(), target)
+    _wrote(target)
+    for note in found.notes:
+        click.echo(note)
+    click.echo(f"model: {target}")
 
 
 @cli.command()
@@ -603,7 +622,7 @@ def load_scene(model: str) -> Scene:
     from gsp import models as builtin
 
     path = Path(model)
-    if path.suffix == ".toml" or len(path.parts) > 1 or path.is_file():
+    if path.suffix in (".toml", ".ode") or len(path.parts) > 1 or path.is_file():
         from gsp.readers import load
 
         return load(path)

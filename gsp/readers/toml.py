@@ -52,10 +52,12 @@ from pathlib import Path
 
 import sympy as sp
 
+from gsp.algebra.laurent import pole_order
 from gsp.errors import DeclarationError, ModelFileError, nearest, printable
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
 from gsp.readers.tokens import parse_number
+from gsp.readers.xppaut import Import, import_ode
 from gsp.scenes.scene import Scene
 from gsp.systems.arguments import shown
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -90,7 +92,7 @@ _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
-    """`Scene` from the TOML file at `path`; the module's docstring shows the format.
+    """`Scene` from the file at `path`: TOML as the module's docstring shows it, or XPPAUT's `.ode`.
 
     The name defaults to the file's. Raises `ModelFileError`, prefixed with the file's name and the key, for a
     file that is missing, unreadable, too large, malformed, or says something unknown or impossible; nothing is
@@ -103,13 +105,46 @@ def load(path: str | os.PathLike[str]) -> Scene:
         raise ModelFileError(f"load takes the path of a file. Got {shown(path)}.")
     file = Path(path)
     try:
+        if file.suffix.lower() == ".ode":
+            return _scene(_parsed(_imported(file).text), file)
         return _scene(_document(file), file)
     except (ModelFileError, DeclarationError) as error:
         # Words of the file stand in the message, and the message may go to a terminal.
         raise ModelFileError(printable(f"{file.name}: {error}")) from None
 
 
+def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> Import:
+    """The foreign model at `path`, an `.ode` file of XPPAUT, as the text of a model file, with notes on it.
+
+    `small` names the parameter that is the small one. Raises `ModelFileError` for what `load` would not take either.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise ModelFileError(f"import_model takes the path of a file. Got {shown(path)}.")
+    file = Path(path)
+    try:
+        if file.suffix.lower() != ".ode":
+            raise ModelFileError(f"a foreign model ends in .ode. Got {file.suffix[:20]!r}. Give such a file.")
+        found = _imported(file, small)
+        _scene(_parsed(found.text), file)
+    except (ModelFileError, DeclarationError) as error:
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+    return found
+
+
+def _imported(file: Path, small: str | None = None) -> Import:
+    def has_pole(draft: str) -> bool:
+        document = _parsed(draft)
+        system = _system(document, {key: _table(document, key) for key in _TABLES}, "draft")[0]
+        return any(pole_order(rate, system.epsilon) > 0 for rate in system.rates if system.epsilon is not None)
+
+    return import_ode(_text_of(file), small=small, has_pole=has_pole)
+
+
 def _document(file: Path) -> dict:
+    return _parsed(_text_of(file))
+
+
+def _text_of(file: Path) -> str:
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
@@ -126,10 +161,13 @@ def _document(file: Path) -> dict:
     if len(data) > BYTES:
         raise ModelFileError(f"the file is larger than {BYTES // 1024} KiB. A model file holds equations only.")
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ModelFileError(f"the file is not UTF-8 text (line {line}). Save it as UTF-8.") from None
+
+
+def _parsed(text: str) -> dict:
     for number, line in enumerate(text.splitlines(), 1):
         if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", line)):
             raise ModelFileError(f"line {number} has more than {DOTS} dots in a row of words. Break the line.")

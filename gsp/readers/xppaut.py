@@ -1,0 +1,363 @@
+"""XPPAUT's `.ode` files: their lines become a model file in TOML, which is read, with all its limits, like any other.
+
+Everything in an .ode file is lower case for XPPAUT. What this package has no place for (tables, delays, `global`
+events, noise, arrays, difference and integral equations, conditions) is refused by name with the number of its line.
+A parameter called eps or epsilon is the small parameter, unless another is named. Where the file holds no pole in it,
+its time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from gsp.errors import ModelFileError, nearest
+from gsp.readers.expressions import CHARACTERS
+
+SMALL = ("epsilon", "eps")
+# XPPAUT's own, where a file does not say.
+TOTAL = "20"
+NAMES = 4000
+LINE = 20_000
+
+_WORD = r"[a-z][a-z0-9_]{0,63}"
+_PARAMETERS = re.compile(r"(?:p|par|param|params|parameter|parameters|number|num)\s+(.*)", re.DOTALL)
+_INITIAL = re.compile(r"(?:i|init)\s+(.*)", re.DOTALL)
+_AUXILIARY = re.compile(rf"aux\s+({_WORD})\s*=(.*)", re.DOTALL)
+_RATE = re.compile(rf"(?:d({_WORD})\s*/\s*dt|({_WORD})\s*')\s*=(.*)", re.DOTALL)
+_START = re.compile(rf"({_WORD})\s*\(\s*0\s*\)\s*=(.*)", re.DOTALL)
+_FUNCTION = re.compile(rf"({_WORD})\s*\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\)\s*=(.*)", re.DOTALL)
+_FIXED = re.compile(rf"!?\s*({_WORD})\s*=(.*)", re.DOTALL)
+_SETTING = re.compile(rf"({_WORD})\s*=\s*([^\s,]+)")
+_ASSIGNED = re.compile(rf"({_WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)|({_WORD})(?=[\s,]|$)")
+_TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
+_WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
+
+_REFUSED: dict[str, str] = {
+    "global": "an event that changes the state",
+    "table": "a table of numbers",
+    "markov": "a Markov process",
+    "wiener": "noise",
+    "volt": "an integral equation",
+    "volterra": "an integral equation",
+    "bdry": "a boundary-value problem",
+    "bndry": "a boundary-value problem",
+    "b": "a boundary-value problem",
+    "solv": "an algebraic equation",
+    "solve": "an algebraic equation",
+    "special": "a sum over a network",
+    "export": "a call of a library",
+    "vector": "an array",
+    "#include": "another file",
+    "include": "another file",
+}
+_LEFT_OUT = ("set", "only", "options")
+_NO_FUNCTIONS = {
+    **dict.fromkeys(("if", "then", "else"), "a condition"),
+    **dict.fromkeys(("delay", "del_shft"), "a delay"),
+    **dict.fromkeys(("ran", "normal"), "noise"),
+    **dict.fromkeys(("mod", "flr", "heav", "atan2"), "a jump"),
+    **dict.fromkeys(("shift", "ishift", "sum"), "an array"),
+    **dict.fromkeys(("besselj", "bessely", "lgamma"), "a special function"),
+    "int": "an integral",
+    "hom_bcs": "a boundary condition",
+}
+
+
+@dataclass
+class Import:
+    """A foreign model: the TOML `text` that says the same, and `notes` on what was understood, renamed and left out."""
+
+    text: str
+    notes: list[str]
+
+
+@dataclass
+class _File:
+    """What the lines of a file said so far; every expression stands with its line's number."""
+
+    states: dict[str, tuple[int, str]] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, tuple[int, tuple[str, ...], str]] = field(default_factory=dict)
+    observables: dict[str, tuple[int, str]] = field(default_factory=dict)
+    starts: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def import_ode(text: str, *, small: str | None = None, has_pole: Callable[[str], bool]) -> Import:
+    """The `.ode` file `text` as a model file; `small` names its small parameter, `has_pole` reads TOML and looks.
+
+    Raises `ModelFileError` with the line for what is refused, and when there is no small parameter.
+    """
+    file = _read(text)
+    name = _small(file, small)
+    draft = _written(file, name, fast_time=False)
+    if has_pole(draft):
+        return Import(draft, _notes(file, name))
+    file.notes.append(
+        f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
+        f"and the span is multiplied by it"
+    )
+    return Import(_written(file, name, fast_time=True), _notes(file, name))
+
+
+def _fail(number: int, fact: str, remedy: str) -> NoReturn:
+    raise ModelFileError(f"line {number}: {fact}. {remedy}")
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """The lines that say something, in lower case, continued ones in one, with the number of the first."""
+    first, held = 0, ""
+    for number, line in enumerate(text.splitlines(), 1):
+        # One blank for many: patterns with several runs of blanks would take quadratic time.
+        words = " ".join(line.split())
+        first = first or number
+        if words.endswith("\\"):
+            held += words[:-1] + " "
+            if len(held) > LINE:
+                _fail(first, f"a continued line is longer than {LINE} characters", "Split it.")
+            continue
+        whole, held, at = (held + words).strip().lower(), "", first
+        first = 0
+        if whole.startswith("#include") or (whole and whole[0] not in '#"'):
+            yield at, whole
+    if held.strip():
+        yield first, held.strip().lower()
+
+
+def _read(text: str) -> _File:
+    file = _File()
+    for number, line in _lines(text):
+        if line in ("done", "d"):
+            break
+        _take(file, number, line)
+    if not file.states:
+        raise ModelFileError("the file has no differential equation. Write x' = ... or dx/dt = ... .")
+    if sum(map(len, (file.states, file.parameters, file.definitions, file.observables))) > NAMES:
+        raise ModelFileError(f"the file has more than {NAMES} names. Use a smaller model.")
+    return file
+
+
+def _take(file: _File, number: int, line: str) -> None:
+    first = re.split(r"[\s(={]", line, maxsplit=1)[0]
+    plain = "=" not in line.split(None, 1)[0] and not re.match(rf"{_WORD}\s*(?:\([^)]*\)\s*)?'?\s*=", line)
+    if line[0] == "@":
+        file.settings.update(dict(_SETTING.findall(line[1:])))
+    elif first in _REFUSED and plain:
+        _fail(number, f"{first} is {_REFUSED[first]}, which no model here has", "Remove it.")
+    elif first in _LEFT_OUT and plain:
+        file.left_out.append(f"{first} (line {number})")
+    elif line[0] == "%" or "[" in line:
+        _fail(number, "arrays and blocks are not read", "Write their members out.")
+    elif line[0] in "0123456789":
+        _fail(number, "an equation without a name is not read", "Write x' = ... for a state.")
+    elif found := _PARAMETERS.fullmatch(line) if plain else None:
+        _assign(file.parameters, found[1], number, "a parameter")
+    elif found := _INITIAL.fullmatch(line) if plain else None:
+        _assign(file.starts, found[1], number, "an initial value")
+    elif found := _AUXILIARY.fullmatch(line):
+        file.observables[found[1]] = number, found[2].strip()
+    elif found := _RATE.fullmatch(line):
+        name = found[1] or found[2]
+        if name in file.states:
+            _fail(number, f"{name} has two rates", "Keep one.")
+        file.states[name] = number, found[3].strip()
+    elif found := _START.fullmatch(line):
+        _assign(file.starts, f"{found[1]}={found[2].strip()}", number, "an initial value")
+    elif re.match(rf"{_WORD}\s*\(\s*t\s*(\+\s*1\s*)?\)\s*=", line):
+        _fail(number, "a difference or integral equation is no flow", "Write a differential equation.")
+    elif found := _FUNCTION.fullmatch(line):
+        _define(file, number, found[1], tuple(word.strip() for word in found[2].split(",")), found[3])
+    elif found := _FIXED.fullmatch(line):
+        _define(file, number, found[1], (), found[2])
+    else:
+        _fail(number, f"{line[:60]!r} is not understood", "Correct it, or remove it.")
+
+
+def _define(file: _File, number: int, name: str, arguments: tuple[str, ...], text: str) -> None:
+    if name in file.definitions:
+        _fail(number, f"{name} is defined twice", "Keep one.")
+    file.definitions[name] = number, arguments, text.strip()
+
+
+def _assign(table: dict[str, str], text: str, number: int, what: str) -> None:
+    rest = _ASSIGNED.sub("", text).replace(",", " ").strip()
+    if rest:
+        _fail(
+            number,
+            f"{rest[:40]!r} is not {what} with a number",
+            "Write name=0.5, or !name=... for an expression.",
+        )
+    for name, value, bare in _ASSIGNED.findall(text):
+        table[name or bare] = value or "0"
+
+
+def _small(file: _File, wanted: str | None) -> str:
+    if wanted is not None:
+        if wanted.lower() not in file.parameters:
+            raise ModelFileError(
+                f"there is no parameter {wanted[:64]!r} to be the small one."
+                + nearest(wanted[:64], file.parameters)
+            )
+        return wanted.lower()
+    found = next((name for name in SMALL if name in file.parameters), None)
+    if found is None:
+        raise ModelFileError(
+            "the file has no parameter called epsilon or eps, and so no small one. Name the one that is small: "
+            f"gsp import FILE --small NAME. There are {', '.join(file.parameters)[:300] or 'none'}; where none "
+            "is small, write the factor that separates the time scales into the rates first."
+        )
+    return found
+
+
+def _written(file: _File, small: str, *, fast_time: bool) -> str:
+    """The file as TOML; raises `ModelFileError` for what an expression may not hold."""
+    value = file.parameters[small]
+    own = {*file.states, *file.parameters, *file.definitions}
+    taken = {*own, *file.observables}
+    starts = {name: file.starts.get(name, "0") for name in file.states}
+    unknown = [name for name in file.starts if name not in file.states]
+    if unknown:
+        raise ModelFileError(
+            f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
+        )
+    rates = {name: _expression(*rate) for name, rate in file.states.items()}
+    definitions: dict[str, str] = {}
+    for name, (number, arguments, text) in file.definitions.items():
+        renamed = {word: _new(word, taken) for word in arguments if word in taken}
+        body = _expression(number, text)
+        body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
+        head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
+        definitions[head] = body
+    observables: dict[str, str] = {}
+    for name, (number, text) in file.observables.items():
+        observables[_new(name, taken) if name in own else name] = _expression(number, text)
+    used = {
+        word
+        for text in (*rates.values(), *definitions.values(), *observables.values())
+        for word in _WORDS.findall(text)
+    }
+    if "t" in used and "t" not in taken:
+        rates["t"], starts["t"] = "1", file.settings.get("t0", "0")
+    if fast_time:
+        rates = {name: f"({text})/{small}" for name, text in rates.items()}
+    total = file.settings.get("total", TOTAL)
+    span = f"({total})*({value})" if fast_time else total
+    lines = [
+        "# Read from an .ode file of XPPAUT.",
+        f"epsilon = {json.dumps(small)}",
+        f"description = {json.dumps('; '.join(_notes(file, small)))}",
+        "",
+        "[parameters]",
+    ]
+    lines += [f"{name} = {json.dumps(number)}" for name, number in file.parameters.items() if name != small]
+    for title, table in (("definitions", definitions), ("states", rates), ("observables", observables)):
+        if table:
+            lines += [
+                "",
+                f"[{title}]",
+                *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
+            ]
+    lines += ["", "[region]"]
+    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(file, starts, total).items()]
+    lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in starts.items())]
+    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
+    axes = [file.settings.get(axis, "").lower() for axis in ("xp", "yp")]
+    if all(axis in {*rates, *observables} for axis in axes) and axes[0] != axes[1]:
+        lines.append(f"path = {json.dumps(axes)}")
+    return "\n".join(lines) + "\n"
+
+
+def _region(file: _File, starts: dict[str, str], total: str) -> dict[str, tuple[float, float]]:
+    """The plotted window of the states in it, else a box around the start; always with the start inside."""
+    region: dict[str, tuple[float, float]] = {}
+    for name, text in starts.items():
+        value = _number(text, f"the initial value of {name}")
+        region[name] = value - 1.0 - abs(value), value + 1.0 + abs(value)
+        if name == "t":
+            region[name] = value, value + _number(total, "total")
+    for axis, low, high in (("xp", "xlo", "xhi"), ("yp", "ylo", "yhi")):
+        name = file.settings.get(axis, "")
+        if name in region and low in file.settings and high in file.settings:
+            ends = _number(file.settings[low], low), _number(file.settings[high], high)
+            value = _number(starts[name], name)
+            if ends[0] <= value <= ends[1] and ends[0] < ends[1]:
+                region[name] = ends
+    return region
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ModelFileError(f"{what} is a number. Got {text[:60]!r}.") from None
+
+
+def _new(name: str, taken: set[str]) -> str:
+    """A name like `name` that nothing has yet, and that is taken from now on."""
+    new = next(new for new in (f"{name[:58]}_{k}" for k in range(1, len(taken) + 2)) if new not in taken)
+    taken.add(new)
+    return new
+
+
+def _expression(number: int, text: str) -> str:
+    """An expression in the grammar of model files, which is checked when the result is read."""
+    if len(text) > CHARACTERS:
+        _fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
+    for word in _WORDS.findall(text):
+        if word in _NO_FUNCTIONS:
+            _fail(
+                number,
+                f"{word} is {_NO_FUNCTIONS[word]}, and the analysis needs smooth rates",
+                "Write a smooth one.",
+            )
+    if re.search(r"[<>&|~!]|==", text):
+        _fail(number, "comparisons are conditions, and the analysis needs smooth rates", "Write a smooth one.")
+    if _is_chain(text):
+        _fail(
+            number, "a power of a power reads differently from program to program", "Put parentheses: (x^y)^z."
+        )
+    return re.sub(r"(?<![a-z0-9_.])log10\s*\(", "(1/log(10))*log(", text)
+
+
+def _is_chain(text: str) -> bool:
+    """Whether the base of a power is a power itself: XPPAUT reads 2^3^2 from the left, model files from the right."""
+    words = _TOKENS.findall(text.replace("**", "^"))
+    for power in (i for i, word in enumerate(words) if word == "^"):
+        base = power - 1
+        if base >= 0 and words[base] == ")":
+            depth = 0
+            while base >= 0:
+                depth += (words[base] == ")") - (words[base] == "(")
+                if depth == 0:
+                    break
+                base -= 1
+            if base > 0 and words[base - 1][0].isalpha():
+                base -= 1
+        if base > 0 and words[base - 1] == "^":
+            return True
+    return False
+
+
+def _notes(file: _File, small: str) -> list[str]:
+    renamed = sorted(set(file.observables) & {*file.states, *file.parameters, *file.definitions})
+    notes = [
+        f"understood: {len(file.states)} states, {len(file.parameters)} parameters, "
+        f"{len(file.definitions)} definitions, {len(file.observables)} auxiliary quantities",
+        f"small parameter: {small} = {file.parameters[small]}",
+        *file.notes,
+        *([f"renamed, for they mean something already: {', '.join(renamed)[:300]}"] if renamed else []),
+        "region: the plotted window where the file has one, else a box around the start, which is a guess. Correct it",
+    ]
+    if file.left_out:
+        notes.append("left out: " + ", ".join(file.left_out)[:300])
+    known = ("total", "t0", "xp", "yp", "xlo", "xhi", "ylo", "yhi")
+    ignored = [key for key in file.settings if key not in known]
+    if ignored:
+        notes.append("settings left out: " + ", ".join(ignored)[:300])
+    return notes

@@ -1,0 +1,190 @@
+"""XPPAUT's files: what is understood says the same as XPPAUT, and what is not is refused with its line."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from click.testing import CliRunner
+
+import gsp
+from gsp.cli import cli
+from gsp.errors import GspError, ModelFileError
+from gsp.readers.toml import import_model
+
+FILES = sorted((Path(__file__).parent / "xppaut").glob("*.ode"))
+SMALL = {"hindmarsh_rose": "r"}
+DT, STEPS = 1e-3, 5
+
+MODEL = """
+par a=0.5, eps=.01
+init x=2,Y=0.1
+{line}
+dx/dt = (y - x^3/3 + x)/eps
+Y' = a - x
+@ total=10, xp=x, yp=y, xlo=-3, xhi=3, ylo=-2, yhi=2
+done
+what stands behind done is not read
+"""
+
+
+def read(folder: Path, line: str = "") -> gsp.Scene:
+    path = folder / "model.ode"
+    path.write_text(MODEL.format(line=line))
+    return gsp.load(path)
+
+
+def test_a_file_is_a_scene(tmp_path: Path) -> None:
+    scene = read(tmp_path, "cub(x)=x^3 \\\n  - half\n!half=a/2\naux speed=y-cub(x)\naux X=2*x")
+    x, y, a, eps = sp.symbols("x y a eps")
+    assert dict(zip(scene.system.states, scene.system.rates)) == {x: (y - x**3 / 3 + x) / eps, y: a - x}
+    watched = {s.name: e for s, e in scene.system.observables.items()}
+    assert sp.expand(watched.pop("speed") - (y - x**3 + a / 2)) == 0
+    assert list(watched.values()) == [2 * x]
+    assert (scene.epsilon, scene.span, scene.path) == (0.01, (0.0, 10.0), ("x", "y"))
+    assert dict(scene.start) == {"x": 2.0, "y": 0.1}
+    assert dict(scene.region) == {"x": (-3.0, 3.0), "y": (-2.0, 2.0)}
+    assert "renamed" in scene.description
+
+
+def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
+    path = next(file for file in FILES if file.stem == "fitzhugh_nagumo")
+    scene = gsp.load(path)
+    v, w, a, b, eps = sp.symbols("v w a b eps")
+    assert sp.expand(scene.system.rates[1] - (v + a - b * w)) == 0
+    assert sp.expand(scene.system.rates[0] - (v - v**3 / 3 - w + sp.Symbol("i")) / eps) == 0
+    assert scene.span == (0.0, 16.0)
+    assert "the file's time is the fast one" in scene.description
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("global 1 x {y=0}", "line 4: global is an event"),
+        ("table w % 10 0 1 t", "line 4: table is a table"),
+        ("markov z 2", "line 4: markov"),
+        ("wiener n", "line 4: wiener is noise"),
+        ("volt u=int{x}", "line 4: volt is an integral equation"),
+        ("bdry x-1", "line 4: bdry is a boundary-value problem"),
+        ("u(t+1)=2", "line 4: a difference or integral equation"),
+        ("special k=conv(even,5,2,w,x)", "line 4: special"),
+        ("#include other.ode", "line 4: #include is another file"),
+        ("z[1..3]'=1", "line 4: arrays"),
+        ("%[1..3]", "line 4: arrays"),
+        ("z'=delay(x,2)", "line 4: delay is a delay"),
+        ("z'=if(x>1)then(1)else(0)", "line 4: if is a condition"),
+        ("z'=x>1", "line 4: comparisons are conditions"),
+        ("z'=heav(x)", "line 4: heav is a jump"),
+        ("z'=ran(1)", "line 4: ran is noise"),
+        ("z'=2^x^2", "line 4: a power of a power"),
+        ("z'=(1+x)^x^2", "line 4: a power of a power"),
+        ("x'=1", "line 5: x has two rates"),
+        ("par b=exp(1)", "line 4: 'b=exp(1)' is not a parameter"),
+        ("f(u)=u\nf(u)=2*u", "line 5: f is defined twice"),
+        ("nonsense here", "line 4: 'nonsense here' is not understood"),
+        ("0= x-y", "line 4: an equation without a name"),
+        ("init q=1", "q has an initial value and no rate"),
+        ("z'=nobody", '"nobody" is not declared'),
+        ("z'=__import__('os')", "line 4"),
+        ("z'=9^9999", "too large"),
+    ],
+)
+def test_what_is_not_read_is_refused_by_name(tmp_path: Path, line: str, words: str) -> None:
+    with pytest.raises(ModelFileError) as caught:
+        read(tmp_path, line)
+    message = str(caught.value)
+    assert message.startswith("model.ode: ")
+    assert words in message or (words == "line 4" and "means nothing" in message), message
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("z'=" + "(" * 60_000 + "x" + ")^" * 60_000, "characters; 10000 are allowed"),
+        ("z'=" + "[" * 200_000, "arrays"),
+        ("z" + " " * 200_000 + "z", "not understood"),
+        ("z'=x+\\\n" * 30_000, "continued line is longer"),
+        ("\n".join(f"f{i}(x,y)=x*y" for i in range(4500)), "more than 4000 names"),
+        ("z'=" + "((((x^9)^9)^9)^9)", "total degree"),
+        ("par " + "a" * 100_000, "is not a parameter"),
+        ("g(x)=h(x)\nh(x)=g(x)", "circle"),
+        ("z'=x.__class__", "means nothing"),
+        ("\0" * 50, "not understood"),
+        ("x" * 250_000 + "'=1", "not understood"),
+    ],
+    ids=range(11),
+)
+def test_a_hostile_file_is_refused_in_a_sentence(tmp_path: Path, line: str, words: str) -> None:
+    with pytest.raises(ModelFileError) as caught:
+        read(tmp_path, line)
+    assert words in str(caught.value)
+    assert len(str(caught.value)) < 900
+
+
+def test_a_file_without_a_small_parameter_says_what_to_do(tmp_path: Path) -> None:
+    path = next(file for file in FILES if file.stem == "hindmarsh_rose")
+    with pytest.raises(ModelFileError, match=r"gsp import FILE --small NAME"):
+        gsp.load(path)
+    text = import_model(path, small="r").text
+    assert tomllib.loads(text)["scene"]["epsilon"] == ".006"
+    with pytest.raises(ModelFileError, match="no parameter 'q'"):
+        import_model(path, small="q")
+
+
+def test_the_command_line_writes_a_model_file(tmp_path: Path) -> None:
+    source = tmp_path / "model.ode"
+    source.write_text(MODEL.format(line="set fast {eps=.1}"))
+    answer = CliRunner().invoke(cli, ["import", str(source)])
+    assert answer.exit_code == 0, answer.output
+    assert "understood: 2 states, 2 parameters" in answer.output
+    assert "left out: set" in answer.output
+    assert gsp.load(tmp_path / "model.toml").system == gsp.load(source).system
+    again = CliRunner().invoke(cli, ["import", str(source)])
+    assert isinstance(again.exception, GspError)
+    assert "already" in str(again.exception)
+    assert CliRunner().invoke(cli, ["check", str(source)]).exit_code == 1
+
+
+def euler(scene: gsp.Scene, *, scale: float) -> np.ndarray:
+    """Steps (STEPS + 1, n) of Euler's method, of size DT in the file's time."""
+    system = scene.system
+    values = {**system.parameters, system.epsilon: scene.epsilon}
+    names = system.states
+    field = sp.lambdify(names, [rate.xreplace(values) for rate in system.rates], "numpy")
+    rows = [np.array([scene.start[name.name] for name in names])]
+    for _ in range(STEPS):
+        rows.append(rows[-1] + DT * scale * np.array(field(*rows[-1]), dtype=float))
+    return np.array(rows)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_right_hand_sides_are_those_of_xppaut(path: Path, tmp_path: Path) -> None:
+    if shutil.which("xppaut") is None:
+        pytest.skip("xppaut is not installed")
+    text = re.sub(r"(?m)^(@|set ).*$", "", path.read_text())
+    setting = f"@ meth=euler,dt={DT},total={DT * STEPS},trans=0,bound=1e6,nout=1\n"
+    copy = tmp_path / path.name
+    copy.write_text(re.sub(r"(?m)^(done|d)$", lambda match: setting + match[0], text))
+    subprocess.run(["xppaut", copy.name, "-silent"], cwd=tmp_path, capture_output=True, timeout=60, check=False)
+    theirs = np.loadtxt(tmp_path / "output.dat")
+    model = tmp_path / "model.toml"
+    found = import_model(path, small=SMALL.get(path.stem))
+    model.write_text(found.text)
+    scene = gsp.load(model)
+    scale = scene.epsilon if any("fast one" in note for note in found.notes) else 1.0
+    ours = euler(scene, scale=scale)
+    names = [state.name for state in scene.system.states if state.name != "t"]
+    assert theirs.shape[0] == STEPS + 1
+    np.testing.assert_allclose(theirs[:, 1 : 1 + len(names)], ours[:, : len(names)], rtol=3e-7, atol=1e-9)
+    assert np.abs(ours[-1] - ours[0]).max() > 1e-6
+
+
+def test_there_are_files_to_compare() -> None:
+    assert len(FILES) >= 7
