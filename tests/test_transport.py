@@ -83,6 +83,7 @@ CASES: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
         lambda n: n["x"],
     ),
     "DelayedExit": (made.delayed, str),
+    "Demo": (lambda: gsp.demo(made.michaelis()), lambda n: (len(n.html), n.html[:200])),
     "Ending": (lambda: gsp.Ending.SUCCESS, str),
     "Ensemble": (
         lambda: gsp.integrate_many(
