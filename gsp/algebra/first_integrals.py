@@ -16,6 +16,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from gsp.algebra.factorisation import factor_list, lowest_terms
 from gsp.algebra.laurent import vanishes
+from gsp.algebra.substitution import substituted
 
 # Polynomial ansatz up to this degree, and at most this many unknown coefficients.
 MAX_DEGREE = 3
@@ -209,5 +210,5 @@ def _is_independent(known: list[sp.Expr], candidate: sp.Expr, states: Sequence[s
     functions = [*known, candidate]
     symbols = sorted(set().union(*(f.free_symbols for f in functions)) | set(states), key=str)
     point = {s: sp.Rational(sp.prime(i + 3), sp.prime(i + 5)) for i, s in enumerate(symbols)}
-    gradient = sp.Matrix([[sp.diff(f, z).subs(point) for z in states] for f in functions])
+    gradient = sp.Matrix([[substituted(sp.diff(f, z), point) for z in states] for f in functions])
     return gradient.rank() == len(functions)

@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import sympy as sp
 
+from gsp.algebra.factorisation import lowest_terms
+from gsp.algebra.substitution import substituted
 from gsp.errors import DeclarationError
 
 # The order of what is zero identically, larger than any other.
@@ -153,8 +155,8 @@ def vanishes(expression: sp.Expr) -> bool:
     """
     symbols = sorted(expression.free_symbols, key=str)
     point = {s: sp.Rational(sp.prime(i + 4), sp.prime(i + 9)) for i, s in enumerate(symbols)}
-    value = expression.xreplace(point)
+    value = substituted(expression, point)
     number = value if value.is_Rational else sp.N(value, 30)
     if number.is_number and number.is_finite and abs(number) > sp.Float("1e-20"):
         return False
-    return sp.cancel(expression) == 0
+    return lowest_terms(expression) == 0

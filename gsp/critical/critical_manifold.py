@@ -140,8 +140,8 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
             )
         shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
         raise BranchError(
-            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown}. "
-            "There is no critical manifold to reduce to."
+            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown} at which the "
+            "rates are defined. There is no critical manifold to reduce to."
         )
     return CriticalManifold(system, branches, tuple(found.unsolved), tuple(found.vanished))
 

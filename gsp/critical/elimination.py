@@ -26,6 +26,7 @@ from gsp.algebra.factorisation import (
 )
 from gsp.algebra.inversion import one_inverse
 from gsp.algebra.laurent import laurent
+from gsp.algebra.substitution import substituted
 from gsp.systems.system import SlowFastSystem
 
 # Products of factors, one from each equation, that are tried at most.
@@ -104,7 +105,7 @@ def _eliminate(
     step = _linear_step(equations, remaining, system)
     if step is not None and _stays_small(equations, *step, system):
         place, y, value = step
-        rest = [numerator(e.subs(y, value)) for i, e in enumerate(equations) if i != place]
+        rest = [numerator(substituted(e, {y: value})) for i, e in enumerate(equations) if i != place]
         below = list(_branching(rest, {**known, y: value}, system, found))
         here = (*equations, *(symbol - known[symbol] for symbol in known))
         # A substitution serves a formula or a factor. One that gave neither and made the equations longer is undone.
@@ -167,6 +168,8 @@ def _branching(
     for equation in equations:
         if numerator(equation) == 0:
             _note(found.unsolved, sp.Add(*(y - value for y, value in known.items())))
+            return
+        if equation is sp.nan:
             return
         parts = factors(equation, system.y)
         if not parts:
@@ -281,7 +284,7 @@ def _never_real(graph: Mapping[sp.Symbol, sp.Expr], system: SlowFastSystem) -> b
 
 def _undefined(graph: Mapping[sp.Symbol, sp.Expr], system: SlowFastSystem) -> bool:
     """Whether f or g is not defined on the graph, as x log(x) is not on x = 0."""
-    values = [rate.subs(dict(graph)) for rate in (*system.f, *system.g)]
+    values = [substituted(rate, graph) for rate in (*system.f, *system.g)]
     return any(value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) for value in values)
 
 
@@ -290,5 +293,5 @@ def _back_substituted(known: Graph, system: SlowFastSystem) -> Graph:
     for _ in known:
         if not any(value.has(*system.y) for value in graph.values()):
             break
-        graph = {y: value.xreplace(graph) for y, value in graph.items()}
+        graph = {y: substituted(value, graph) for y, value in graph.items()}
     return {y: lowest_terms(v) if v.is_rational_function(*system.x) else _shortest(v) for y, v in graph.items()}

@@ -19,9 +19,10 @@ from typing import NamedTuple, NoReturn
 
 import sympy as sp
 
+from gsp.algebra.substitution import BITS
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
-from gsp.systems.declaration import BITS, DEGREE
+from gsp.systems.declaration import DEGREE
 
 CHARACTERS = 10_000
 DEPTH = 100

@@ -12,6 +12,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import factored, lowest_terms
 from gsp.algebra.first_integrals import common_factor
 from gsp.algebra.laurent import laurent, pole_order
+from gsp.algebra.substitution import substituted
 from gsp.errors import SplittingError
 from gsp.lowering.compiled_flow import compile_flow, compile_function
 from gsp.systems.system import VectorField
@@ -150,7 +151,7 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
     for rows in itertools.combinations(range(len(states)), rank):
         for columns in itertools.combinations(range(len(states)), rank):
             block = DL.extract(list(rows), list(columns))
-            if block.subs(values).det() != 0:
+            if block.applyfunc(lambda e: substituted(e, values)).det() != 0:
                 # DL = N Df on {f = 0}, so N follows from any invertible block.
                 N = DL.extract(list(range(len(states))), list(columns)) * inverse(block)
                 return sp.ImmutableMatrix(N.applyfunc(reduced)), sp.ImmutableMatrix([layer[i] for i in rows])

@@ -11,14 +11,15 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from gsp.algebra.laurent import misplaced_epsilon
+from gsp.algebra.substitution import is_long_power
 from gsp.errors import DeclarationError, nearest
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
 
 DEGREE = 100
 """Bound on exponents and on the total degree of text, so that nobody meets a polynomial that cannot be expanded."""
-BITS = 4096
-"""Bound on a numerator or denominator: Python prints no integer above 4300 digits, 14_000 bits."""
+LARGEST = 1e300
+"""Bound on constants, which doubles hold."""
 # Numbers given as text: a larger exponent would be written out in full.
 DECIMAL = re.compile(r"[+-]?\d{1,60}(\.\d{0,60})?([eE][+-]?\d{1,3}|/\d{1,60})?")
 
@@ -177,7 +178,7 @@ def _check_expression(expression: sp.Expr) -> None:
 
 
 def _check_at_values(expression: sp.Expr, values: Values) -> None:
-    """Raise `DeclarationError` for a power or a comparison of which the parameters' values make no number.
+    """Raise `DeclarationError` for a power or a function of which the parameters' values make no number.
 
     What passes can have its parameters replaced by their exact values: no integer gets too long, no degree too high.
     """
@@ -187,9 +188,9 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
         given = ", ".join(f"{symbol} = {values[symbol]}" for symbol in used)
         raise DeclarationError(f"{piece} {fact}. Got {given}. {remedy}")
 
-    # Inner pieces first, so that a power's base and exponent are known to be of moderate size.
+    # Inner pieces first, so that those around them are built of moderate numbers.
     for piece in sp.postorder_traversal(expression):
-        if not isinstance(piece, (sp.Pow, sp.Max, sp.Min)):
+        if not isinstance(piece, (sp.Pow, sp.Function)):
             continue
         used = [symbol for symbol in values if symbol in piece.free_symbols]
         if not used:
@@ -197,31 +198,20 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
         at = {symbol: values[symbol] for symbol in used}
         if isinstance(piece, sp.Pow):
             base, exponent = (part.xreplace(at) for part in piece.args)
-            number = _size(exponent)
-            if base.is_Rational and number is not None and _bits(base) * number > BITS:
+            if is_long_power(base, exponent):
                 refuse(piece, "is too large", "Rescale the variables.")
-            if number is not None and number > DEGREE and piece.exp.has(*used) and not base.is_number:
+            if exponent.is_Rational and abs(exponent) > DEGREE and base.free_symbols:
                 refuse(piece, f"has an exponent above {DEGREE}", "Use a smaller one.")
-            if base.is_zero and not exponent.is_positive:
+            if base.is_Rational and base.is_zero and not exponent.is_positive:
                 refuse(piece, "is zero to a power that is not always positive", "Give its base another value.")
-            if base.is_negative and not exponent.is_integer:
+            if base.is_Rational and base.is_negative and not exponent.is_integer:
                 refuse(piece, "is not real", "Keep its base positive.")
-            continue
-        try:
-            piece.xreplace(at)
-        # AttributeError: SymPy's cache stumbles over the message of a TypeError that says so.
-        except (ArithmeticError, AttributeError, TypeError, ValueError):
-            refuse(piece, "compares what is not real", "Keep its arguments real.")
-
-
-def _size(number: sp.Expr) -> float | None:
-    """The magnitude of a constant, None for what is none."""
-    return float(abs(number.evalf())) if number.is_number and number.is_real else None
-
-
-def _bits(number: sp.Expr) -> int:
-    """Bits by which a power of a rational number grows with its exponent."""
-    return 0 if abs(number) == 1 or number == 0 else max(int(number.p).bit_length(), int(number.q).bit_length())
+        if piece.free_symbols <= at.keys():
+            number = piece.xreplace(at).evalf(15)
+            if not (number.is_Float or number.is_Rational):
+                refuse(piece, "is not real and finite", "Keep its arguments in its domain.")
+            if abs(number) > LARGEST:
+                refuse(piece, f"lies beyond {LARGEST:g}", "Rescale the variables.")
 
 
 def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[sp.Symbol, sp.Expr]:

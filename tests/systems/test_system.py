@@ -113,7 +113,15 @@ REFUSED = {
     ),
     "a comparison of what is not real": (
         lambda: standard(f=sp.Min(x, sp.acos(a)), parameters={a: 1000}),
-        r"Min\(x, acos\(a\)\) compares what is not real. Got a = 1000. Keep its arguments real",
+        r"acos\(a\) is not real and finite. Got a = 1000. Keep its arguments in its domain",
+    ),
+    "a function too large at its parameters": (
+        lambda: standard(f=x + sp.sin(sp.cosh(a)), parameters={a: 10**8}),
+        r"cosh\(a\) lies beyond 1e\+300. Got a = 100000000",
+    ),
+    "a state in an exponent beside a large parameter": (
+        lambda: standard(f=sp.Rational(1, 10) ** (a + x), parameters={a: 10**8}),
+        r"\(1/10\)\*\*\(a \+ x\) is too large",
     ),
     "an empty field": (lambda: VectorField({}, epsilon=epsilon), "at least one state"),
     "a field without its epsilon": (

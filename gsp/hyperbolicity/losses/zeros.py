@@ -105,6 +105,10 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     V = _width(diagnosis, at.z, left, a, b, c, form)
     sizes = np.append(V, diagnosis.widths)
     scaled = form * sizes[:, None] * sizes
+    if not np.isfinite(scaled).all():
+        return _degenerate(
+            diagnosis, at, determinant, "the second derivatives of g leave double precision here"
+        )
     bend, tilt, cubic = abs(a) * V**2, np.abs(b) * diagnosis.widths, abs(c) * V**3
     mixed, square = float(np.abs(scaled[0, 1:]).max()), float(np.abs(scaled[1:, 1:]).max())
     names = [s.name for s in diagnosis.sampler.system.x]

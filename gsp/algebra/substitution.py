@@ -1,0 +1,51 @@
+"""Values and expressions put in the place of symbols, within a budget, and not a number where there is no number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy as sp
+
+BITS = 4096
+"""Bound on a numerator or denominator: Python prints no integer above 4300 digits, 14_000 bits."""
+UNCOMPARABLE = (ArithmeticError, AttributeError, TypeError, ValueError)
+"""What SymPy raises when a Max or Min is to compare what is not real; an AttributeError where its cache stumbles over
+the message of a TypeError that says so."""
+
+
+def substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
+    """`expression` with `values` in the place of symbols, at once.
+
+    Not a number (`nan`) where a Max or Min would compare what is not real, and where a power of a number would be
+    longer than `BITS`, as 3**y is at y = 10**300: SymPy would write it out.
+    """
+    done: dict[sp.Expr, sp.Expr] = {}
+
+    def at(piece: sp.Expr) -> sp.Expr:
+        if piece not in done:
+            done[piece] = built(piece)
+        return done[piece]
+
+    def built(piece: sp.Expr) -> sp.Expr:
+        if piece in values:
+            return values[piece]
+        parts = [at(part) for part in piece.args]
+        if all(new is old for new, old in zip(parts, piece.args)):
+            return piece
+        if any(part is sp.nan for part in parts) or (piece.is_Pow and is_long_power(*parts)):
+            return sp.nan
+        try:
+            return piece.func(*parts)
+        except UNCOMPARABLE:
+            return sp.nan
+
+    return at(expression)
+
+
+def is_long_power(base: sp.Expr, exponent: sp.Expr) -> bool:
+    """Whether SymPy would write base**exponent out as a number with more than `BITS` bits."""
+    # b**(c + x) is worked out as b**c b**x, and the whole part of c is taken out of a root.
+    constant = exponent.as_coeff_Add()[0]
+    if not base.is_Rational or not constant.is_Rational or abs(base) in (0, 1):
+        return False
+    return max(int(base.p).bit_length(), int(base.q).bit_length()) * abs(constant) > BITS
