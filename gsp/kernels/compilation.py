@@ -6,11 +6,13 @@ import hashlib
 import warnings
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.types import unliteral
 
 
@@ -77,6 +79,7 @@ class _Cache(FunctionCache):
         )
 
     def load_overload(self, sig, target_context):
+        _ready()
         try:
             return super().load_overload(sig, target_context)
         except Exception:
@@ -89,6 +92,23 @@ class _Cache(FunctionCache):
         except OSError as error:
             self.disable()
             _say(error)
+
+
+@cache
+@global_compiler_lock
+def _ready() -> None:
+    """Have numba's functions on arrays ready without SciPy's BLAS, which no kernel calls.
+
+    numba imports SciPy's linear algebra to see that it is there, as long as all else in a process's first solve. Here
+    it is: the package requires SciPy. Whoever multiplies matrices in compiled code still has numba look for it then.
+    """
+    linalg: Any = import_module("numba.np.linalg")
+    look = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = look
 
 
 @cache
