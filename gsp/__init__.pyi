@@ -99,6 +99,8 @@ from .slow_tubes.reduction_error import bound_reduction as bound_reduction
 from .slow_tubes.slow_tubes import SlowTube as SlowTube
 from .splitting.splitting import Splitting as Splitting
 from .splitting.splitting import split as split
+from .sweeps.sweep import Sweep as Sweep
+from .sweeps.sweep import sweep as sweep
 from .systems.system import SlowFastSystem as SlowFastSystem
 from .systems.system import VectorField as VectorField
 

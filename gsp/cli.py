@@ -600,13 +600,72 @@ def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
         click.echo(f"{name:{width}}  {'told in steps' if name in told else '':13}  {title}")
 
 
+@cli.command()
+@click.argument("plan", type=click.Path(path_type=Path))
+@_output_option("Folder for the results [gsp-sweep-PLAN].")
+@click.option("--workers", type=int, help="Processes that share the work [as many as there are cores].")
+@click.option("--dask", metavar="ADDRESS", help="Share it among the workers of this Dask scheduler instead.")
+@click.option("--anew", is_flag=True, help="Remove results that were made with another model.")
+@click.option("--status", is_flag=True, help="Show how far it is, and compute nothing.")
+@_json_option
+def sweep(
+    plan: Path,
+    output: Path | None,
+    workers: int | None,
+    dask: str | None,
+    anew: bool,
+    status: bool,
+    as_json: bool,
+) -> None:
+    """Do a task at every point of a grid: PLAN is a plan file, or the folder of a sweep to go on with.
+
+    The same command goes on where it stopped. Given several times at once, on hosts that see the folder, it shares the
+    work.
+    """
+    from gsp.sweeps.plan_file import read_plan_file
+    from gsp.sweeps.sweep import Sweep, resume
+    from gsp.sweeps.sweep import sweep as do_sweep
+
+    begun = plan.is_dir()
+    folder = plan if begun else output or Path(f"gsp-sweep-{plan.stem}")
+    if begun and (output is not None or anew):
+        raise DeclarationError(
+            f"{plan} holds a sweep with its own plan. Leave -o and --anew out, or give a plan file."
+        )
+    if status:
+        found = Sweep(folder)
+    elif begun and ":" in Sweep(folder).plan.task:
+        # The folder is untrusted: it may name any function.
+        raise DeclarationError(
+            f"the task of {plan} is the function {Sweep(folder).plan.task}, and a folder's word runs no code. "
+            "Go on from Python, with the same call of gsp.sweep."
+        )
+    else:
+        arguments = {} if begun else read_plan_file(plan)
+        with _compiling_told(), _progress("sweep", left=True) as show:
+            if begun:
+                found = resume(folder, workers=workers, client=dask, progress=show)
+            else:
+                found = do_sweep(
+                    **arguments, into=folder, workers=workers, client=dask, anew=anew, progress=show
+                )
+    if as_json:
+        counts = {"points": found.size, "computed": found.computed, "failed": found.failed}
+        _print_json({"folder": str(folder), **counts, "failures": found.failures()})
+        return
+    click.echo(str(found))
+    click.echo(f"results: {folder}")
+
+
 @contextmanager
-def _progress(description: str) -> Iterator[Callable[..., None]]:
+def _progress(description: str, *, left: bool = False) -> Iterator[Callable[..., None]]:
     """A bar on standard error; gives what takes the fraction done, and the stage where there are several."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
+    if left:
+        columns = (*columns, TextColumn("left"), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(description, total=1.0)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
+import tempfile
 from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import cache
@@ -319,6 +320,13 @@ CONTRACTS = {
         ("Scene", "Study"), michaelis, dict,
         {"axis": NAME, "positions": TIMES, "tolerances": LADDER},
     ),
+    "sweep": Contract(
+        (), lambda: "integrate",
+        lambda: {"over": {"epsilon": (0.1,)}, "into": tempfile.mkdtemp(), "model": "michaelis_menten"},
+        {"over": kind(inside=TIMES), "into": FOLDER, "model": NAME, "options": kind(), "workers": LIMIT,
+         "client": kind(), "anew": FLAG, "points_per_chunk": LIMIT},
+    ),
+    "Sweep": Contract((), lambda: "no such folder", dict),
     "choose": Contract(("Scene", "Study"), michaelis, dict),
     "simulate": Contract(("Scene", "Study"), michaelis, dict, {"choice": kind()}),
     "singular_orbit": Contract(("Branch",), branch, lambda: {"start": ENZYME}),

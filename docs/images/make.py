@@ -1,12 +1,15 @@
 """Draw the pictures of the documents again: `python docs/images/make.py`."""
 
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import sympy as sp
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 import gsp
 from gsp import charts
@@ -45,6 +48,57 @@ def failure_map() -> None:
     """The figure of docs/failure-map.md."""
     found = gsp.failure_map(gsp.models.load("van_der_pol"))
     charts.save(charts.failure_map(found), FOLDER / "failures.png")
+
+
+def sweeps() -> None:
+    """The figures of docs/sweeps.md."""
+    with tempfile.TemporaryDirectory() as scratch:
+        maps = gsp.sweep(
+            "failure_map",
+            model="chaplygin_sleigh",
+            over={
+                "a": (0.1, 0.2, 0.4, 0.8),
+                "epsilon": np.geomspace(1e-3, 0.3, 24),
+                "tolerance": np.geomspace(1e-10, 1e-1, 28),
+            },
+            into=Path(scratch, "maps"),
+        ).as_dataset()
+        reduced = maps.holds.sel(method=[f"reduced flow {n}" for n in range(4)]).values
+        least = np.where(reduced.any(axis=-1), reduced.argmax(axis=-1), 4)
+        file = Path(scratch, "family.toml")
+        file.write_text(
+            '[parameters]\na = 1\nb = 1\nc = 1\n[slow]\ny = "a - x"\n[fast]\nx = "b*x - c*x^3/3 + y"\n'
+            "[region]\ny = [-0.5, 0.5]\nx = [1.5, 3]\n[start]\nx = 2\ny = 0\n"
+            "[scene]\nspan = [0, 1]\nepsilon = 0.01\n"
+        )
+        canards = gsp.sweep(
+            "canard_value",
+            model=file,
+            over={"b": np.linspace(0.6, 2.0, 15), "c": np.linspace(0.6, 2.0, 15)},
+            options={"parameter": "a"},
+            into=Path(scratch, "canards"),
+        ).as_dataset()
+        values = canards.value.values
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 2.9), layout="constrained")
+        panels = figure.subplots(1, 4, sharey=True)
+        colours = ListedColormap(
+            [*matplotlib.colormaps["YlOrBr"]([0.15, 0.4, 0.65, 0.9]), (0.85, 0.85, 0.88, 1.0)]
+        )
+        for panel, a, cells in zip(panels, maps.a.values, least):
+            panel.pcolormesh(maps.epsilon, maps.tolerance, cells.T, cmap=colours, vmin=-0.5, vmax=4.5)
+            panel.set(xscale="log", yscale="log", xlabel=r"$\epsilon$", title=f"$a = {a:g}$")
+        panels[0].set_ylabel("tolerance")
+        names = ["order 0", "order 1", "order 2", "order 3", "none"]
+        handles = [Patch(facecolor=colours(k), label=name) for k, name in enumerate(names)]
+        figure.legend(handles=handles, loc="outside upper center", ncols=5)
+        figure.savefig(FOLDER / "sweep_failures.png", dpi=140)
+        figure = Figure(figsize=(4.6, 3.8), layout="constrained")
+        axes = figure.subplots()
+        lines = axes.contour(canards.c, canards.b, values, levels=12, cmap="viridis")
+        axes.clabel(lines, fontsize=8)
+        axes.set(xlabel="$c$", ylabel="$b$")
+        figure.savefig(FOLDER / "sweep_canards.png", dpi=140)
 
 
 def switches() -> None:

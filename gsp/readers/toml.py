@@ -107,7 +107,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
     try:
         if file.suffix.lower() == ".ode":
             return _scene(_parsed(_imported(file).text), file)
-        return _scene(_document(file), file)
+        return _scene(read_document(file), file)
     except (ModelFileError, DeclarationError) as error:
         # Words of the file stand in the message, and the message may go to a terminal.
         raise ModelFileError(printable(f"{file.name}: {error}")) from None
@@ -140,7 +140,8 @@ def _imported(file: Path, small: str | None = None) -> Import:
     return import_ode(_text_of(file), small=small, has_pole=has_pole)
 
 
-def _document(file: Path) -> dict:
+def read_document(file: Path) -> dict:
+    """Tables of a TOML file, decimals exact; raises `ModelFileError` for one unreadable or too large."""
     return _parsed(_text_of(file))
 
 
@@ -370,8 +371,8 @@ def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], defin
     return _number(value, key)
 
 
-def read_number(text: str, *, what: str) -> sp.Expr:
-    """Exact value of a decimal, or of constant text such as "1/3"; `what` names it in errors.
+def read_number(text: object, *, what: str) -> sp.Expr:
+    """Exact value of a number of a file, or of constant text such as "1/3"; `what` names it in errors.
 
     >>> read_number("0.1", what="epsilon")
     1/10

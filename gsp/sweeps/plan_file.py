@@ -1,0 +1,107 @@
+"""Plan files: a sweep written down in TOML.
+
+    task = "compare"                  # a verb
+    model = "chaplygin_sleigh"        # a built-in name, or a model file beside this one
+
+    [options]                         # optional, of the verb
+    orders = [0, 1]
+
+    [over]                            # the axes; the last runs fastest
+    a = [0.1, "1/3"]
+    epsilon = { from = 1e-3, to = 0.1, count = 20, spacing = "log" }
+
+A file is untrusted: it names verbs, never functions.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gsp.errors import DeclarationError, ModelFileError, nearest, printable
+from gsp.readers.toml import read_document, read_number
+from gsp.sweeps.tasks import VERBS
+from gsp.systems.arguments import check_whole, shown
+
+KEYS = ("task", "model", "options", "over", "points_per_chunk")
+RANGE = ("from", "to", "count", "spacing")
+# Values along an axis that a range may ask for.
+COUNT = 10_000_000
+
+
+def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The arguments of `sweep` that a plan file gives; raises `ModelFileError`, prefixed with the file's name."""
+    file = Path(path)
+    try:
+        return _arguments(read_document(file), file.parent)
+    except DeclarationError as error:
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+    except ModelFileError as error:
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+
+
+def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    for key in document:
+        if key not in KEYS:
+            raise ModelFileError(
+                f"{key} is no key of a plan. The keys are {', '.join(KEYS)}." + nearest(key, KEYS)
+            )
+    task = document.get("task")
+    if not isinstance(task, str) or task not in VERBS:
+        raise ModelFileError(
+            f"task is a verb: {', '.join(VERBS)}. Got {shown(task)}." + nearest(str(task), VERBS)
+        )
+    model = document.get("model")
+    if not isinstance(model, str) or not model:
+        raise ModelFileError(f"model is a built-in name or a model file. Got {shown(model)}.")
+    over = document.get("over")
+    if not isinstance(over, dict) or not over:
+        raise ModelFileError(f"[over] gives each axis its values. Got {shown(over)}.")
+    options = document.get("options", {})
+    if not isinstance(options, dict):
+        raise ModelFileError(f"[options] is a table. Got {shown(options)}.")
+    found: dict[str, Any] = {
+        "task": task,
+        "model": folder / model if (folder / model).is_file() else model,
+        "options": {key: _plain(value) for key, value in options.items()},
+        "over": {name: _values(values, f"over.{name}") for name, values in over.items()},
+    }
+    if "points_per_chunk" in document:
+        found["points_per_chunk"] = check_whole(document["points_per_chunk"], what="points_per_chunk", least=1)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Decimal):
+        return float(value)
+    return [_plain(item) for item in value] if isinstance(value, list) else value
+
+
+def _values(values: Any, key: str) -> list[float]:
+    if isinstance(values, list):
+        return [float(read_number(value, what=key)) for value in values]
+    if not isinstance(values, dict):
+        raise ModelFileError(
+            f"{key} is a list of numbers, or a range such as {{ from = 0, to = 1, count = 11 }}. Got {shown(values)}."
+        )
+    for name in values:
+        if name not in RANGE:
+            raise ModelFileError(f"{key} has the keys {', '.join(RANGE)}. Got {name}." + nearest(name, RANGE))
+    missing = [name for name in RANGE[:3] if name not in values]
+    if missing:
+        raise ModelFileError(f"{key} lacks {', '.join(missing)}. Write {{ from = 0, to = 1, count = 11 }}.")
+    low, high = (float(read_number(values[name], what=f"{key}.{name}")) for name in RANGE[:2])
+    count = check_whole(values["count"], what=f"{key}.count", least=1, most=COUNT)
+    spacing = values.get("spacing", "linear")
+    if spacing not in ("linear", "log"):
+        raise ModelFileError(f'{key}.spacing is "linear" or "log". Got {shown(spacing)}.')
+    if spacing == "log" and not (low > 0.0 and high > 0.0):
+        raise ModelFileError(
+            f"{key} is spaced evenly in its logarithm, from {low:g} to {high:g}. Give positive ends."
+        )
+    return (np.geomspace if spacing == "log" else np.linspace)(low, high, count).tolist()

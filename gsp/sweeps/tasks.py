@@ -1,0 +1,156 @@
+"""What a sweep does at a point: a verb of the package, or a function of somebody else; and what that records."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gsp.errors import DeclarationError, nearest
+from gsp.sweeps.plan import Variable
+from gsp.systems.arguments import shown
+
+if TYPE_CHECKING:
+    from gsp.scenes.study import Study
+    from gsp.sweeps.verbs import Verb
+
+Record = Mapping[str, Any]
+VERBS = (
+    *("integrate", "classify", "certify", "compare", "choose", "failure_map", "canard_value", "periodic_orbit"),
+)
+
+
+def verb_of(name: str) -> Verb:
+    """The verb of this name; the whole package is imported with it."""
+    from gsp.sweeps.verbs import VERBS as FOUND
+
+    return FOUND[name]
+
+
+def name_of(task: object) -> str:
+    """The name by which every process finds a task: that of a verb, or "module:function".
+
+    Raises `DeclarationError` for what is neither.
+    """
+    if isinstance(task, str):
+        if task in VERBS or ":" in task:
+            return task
+        raise DeclarationError(
+            f"no sweep does {shown(task)}. The verbs are {', '.join(VERBS)}; a function is given as it is."
+            + nearest(task, VERBS)
+        )
+    module, name = getattr(task, "__module__", None), getattr(task, "__qualname__", None)
+    if callable(task) and module and name:
+        if module.partition(".")[0] == "gsp" and name in VERBS:
+            return name
+        if module != "__main__" and name.isidentifier():
+            return f"{module}:{name}"
+    raise DeclarationError(
+        f"a task is a verb ({', '.join(VERBS)}) or a function at the top of a module that other processes can import. "
+        f"Got {shown(task)}. Put the function into a module."
+    )
+
+
+def check_options(name: str, options: Mapping[str, object]) -> None:
+    """Raises `DeclarationError` for an option that a verb does not have."""
+    if name not in VERBS:
+        return
+    parameters = inspect.signature(verb_of(name).record).parameters.values()
+    known = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
+    for option in options:
+        if option not in known:
+            has = f"Its options are {', '.join(known)}." if known else "It has none."
+            raise DeclarationError(
+                f"{shown(option)} is no option of {name}. {has}" + nearest(str(option), known)
+            )
+
+
+def function_of(name: str) -> Callable[..., Any]:
+    """The function of "module:function"; raises `DeclarationError` when it cannot be imported."""
+    module, _, function = name.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), function)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise DeclarationError(
+            f"the task {name} cannot be imported ({error}). Put its module where Python finds it."
+        ) from None
+    if not callable(found):
+        raise DeclarationError(f"the task {name} is no function. Got {shown(found)}.")
+    return found
+
+
+def source_of(name: str) -> str:
+    """What tells whether a task has changed: the digest of the function's text; a verb changes with the version."""
+    if name in VERBS:
+        return name
+    try:
+        return hashlib.sha256(inspect.getsource(function_of(name)).encode()).hexdigest()
+    except (OSError, TypeError):
+        return "no source"
+
+
+def variables_of(
+    task: str, record: Record, study: Study | None, options: Mapping[str, Any]
+) -> dict[str, Variable]:
+    """What a task records, told by a `record` that it gave.
+
+    Arrays of a function get one axis each, numbered. Raises `DeclarationError` for a record that is no mapping of names
+    to numbers.
+    """
+    if not isinstance(record, Mapping) or not record:
+        raise DeclarationError(
+            f"a task gives a mapping of names to numbers, one at least. {task} gave {shown(record)}."
+        )
+    verb = verb_of(task) if task in VERBS else None
+    labels = {} if verb is None else verb.labels(study, **options)
+    codes = {} if verb is None else verb.codes
+    found = {}
+    for name, value in record.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise DeclarationError(f"a task names what it records with plain words. {task} gave {shown(name)}.")
+        if name in codes:
+            found[name] = Variable(name, meanings=codes[name])
+            continue
+        axes = labels.get(name)
+        if axes is None:
+            axes = {f"{name}_{k}": tuple(range(n)) for k, n in enumerate(as_numbers(name, value).shape)}
+        found[name] = Variable(name, axes)
+    return found
+
+
+def as_numbers(name: str, value: object) -> np.ndarray:
+    """A recorded value as doubles; raises `DeclarationError` when it is not made of real numbers."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(f"a task records numbers. It gave {shown(value)} for {name}.") from None
+
+
+def meaning_of(value: object, variable: Variable) -> str:
+    """The word that a code stands for: an enumeration's name or its text, whichever the variable has."""
+    return value.name if isinstance(value, Enum) and value.name in variable.meanings else str(value)
+
+
+def encoded(record: Record, variable: Variable) -> np.ndarray:
+    """What a record says of a variable, as it is kept.
+
+    Raises `DeclarationError` when it is not of the first record's shape.
+    """
+    name = variable.recorded
+    if name not in record:
+        raise DeclarationError(f"the task recorded no {name} here, as it did at the first point.")
+    value = record[name]
+    if variable.meanings:
+        return np.array(variable.meanings.index(meaning_of(value, variable)), dtype=np.int8)
+    numbers = as_numbers(name, value)
+    if numbers.shape != variable.shape:
+        raise DeclarationError(
+            f"a task records the same shape at every point. {name} has the shape {numbers.shape}, and "
+            f"{variable.shape} at the first point."
+        )
+    return numbers

@@ -1,0 +1,219 @@
+"""The work on one chunk, by whichever process: claim it, compute its points, write them, enter it in the ledger."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gsp.errors import DeclarationError, GspError, nearest
+from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
+from gsp.sweeps.store import STATUS, Store
+from gsp.sweeps.tasks import VERBS, Record, encoded, function_of, verb_of
+from gsp.systems.arguments import check_positive
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+    from gsp.scenes.study import Study
+
+# A message in the ledger is at most so long.
+MESSAGE = 500
+# Verbs share stages of the theory, and those of a process are made one at a time.
+_ALONE = threading.Lock()
+
+
+class Subject:
+    """What a sweep is about: the scene of a model, and its studies at other numbers."""
+
+    def __init__(self, scene: Scene | None) -> None:
+        self.scene = scene
+        # The last study, by what its exact stages depend on; an epsilon that runs faster than parameters shares it.
+        self._last: tuple[object, Study] | None = None
+
+    def check(self, axes: Mapping[str, object], options: Mapping[str, object], task: str) -> None:
+        """Raises `DeclarationError` for an axis that is no number of the scene, and for one that is given twice."""
+        scene = self.scene
+        if scene is None:
+            if task in VERBS:
+                raise DeclarationError(f"{task} is done to a model. Give one: model='chaplygin_sleigh'.")
+            return
+        known = self.names
+        for name in axes:
+            if name not in known:
+                raise DeclarationError(
+                    f"{name} is no number of the model. Its numbers are {', '.join(known)}."
+                    + nearest(name, known)
+                )
+            if name in options:
+                raise DeclarationError(f"{name} is an axis and an option. Give it once.")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The numbers of the scene that may be an axis."""
+        assert self.scene is not None
+        system = self.scene.system
+        names = ["epsilon", "tolerance", *map(str, system.parameters), *self.scene.start]
+        return tuple(dict.fromkeys(names))
+
+    def at(self, coordinates: Mapping[str, float]) -> tuple[Study, float, float]:
+        """The study at other parameters and another start, the last one if they are the same; epsilon; tolerance."""
+        # What has a model needs most of the package; a function of its own needs none of it.
+        from gsp.scenes.settings import ask_again
+        from gsp.scenes.study import study_of
+        from gsp.systems.flow import check_epsilon
+
+        assert self.scene is not None
+        scene = self.scene
+        parameters = {k: v for k, v in coordinates.items() if k in map(str, scene.system.parameters)}
+        start = {k: v for k, v in coordinates.items() if k in scene.start and k not in parameters}
+        key = (parameters, start)
+        if self._last is None or self._last[0] != key:
+            if parameters:
+                scene = ask_again(scene, parameters=parameters)
+            if start:
+                scene = replace(scene, start={**scene.start, **start})
+            self._last = (key, study_of(scene))
+        epsilon, tolerance = (coordinates.get(name) for name in ("epsilon", "tolerance"))
+        return (
+            self._last[1],
+            scene.epsilon if epsilon is None else check_epsilon(epsilon),
+            scene.tolerance if tolerance is None else check_positive(tolerance, what="tolerance"),
+        )
+
+    def forget(self) -> None:
+        """Let go of the last study and what it has kept."""
+        self._last = None
+
+
+@cache
+def subject_of(folder: Path, model: str) -> Subject:
+    """What the sweep in `folder` is about."""
+    if not model:
+        return Subject(None)
+    path = folder / model
+    if path.is_file():
+        from gsp.readers import load
+
+        return Subject(load(path))
+    from gsp import models
+
+    return Subject(models.load(model))
+
+
+def compute_point(plan: Plan, subject: Subject, coordinates: Mapping[str, float]) -> Record:
+    """What the task of a plan records at one point; raises what the task raises."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if plan.task in VERBS:
+            return verb_of(plan.task).record(*subject.at(coordinates), **plan.options)
+        function = function_of(plan.task)
+        if subject.scene is None:
+            return function(**coordinates, **plan.options)
+        study, epsilon, tolerance = subject.at(coordinates)
+        return function(replace(study.scene, epsilon=epsilon, tolerance=tolerance), **plan.options)
+
+
+def compute_chunk(folder: str, data: str, chunk: int) -> bool:
+    """Compute a chunk of the sweep in `folder` and enter it; False when another process is at work on it."""
+    root = Path(folder)
+    store = _store(root / data)
+    if store.ledger.entry(chunk) is not None:
+        return True
+    with store.ledger.claimed(chunk) as mine, _ALONE:
+        if not mine:
+            return False
+        if store.ledger.entry(chunk) is None:
+            subject = subject_of(root, store.plan.model)
+            earlier = [_store(other) for other in _earlier(root, data)]
+            fill(store, chunk, lambda point: _found(store, earlier, subject, point))
+            subject.forget()
+    return True
+
+
+def fill(store: Store, chunk: int, found: Callable[[tuple[int, ...]], Record | str]) -> None:
+    """Write a chunk of which `found` gives the record at each point, or the message of a process that died."""
+    blocks, messages = store.empty(chunk), {}
+    points = store.plan.points(chunk)
+    shape = blocks[STATUS].shape
+    for number, point in enumerate(points):
+        place = np.unravel_index(number, shape)
+        try:
+            record = found(point)
+            if isinstance(record, str):
+                blocks[STATUS][place], messages[number] = DIED, record
+                continue
+            values = {name: encoded(record, variable) for name, variable in store.plan.variables.items()}
+        except Exception as error:
+            told = str(error) if isinstance(error, GspError) else f"{type(error).__name__}: {error}"
+            blocks[STATUS][place], messages[number] = FAILED, " ".join(told.split())[:MESSAGE]
+            continue
+        for name, value in values.items():
+            blocks[name][place] = value
+        blocks[STATUS][place] = COMPUTED
+    store.write(chunk, blocks, messages)
+
+
+def _found(store: Store, earlier: list[Store], subject: Subject, point: tuple[int, ...]) -> Record:
+    """The record at a point: known from planning, from an earlier plan, or computed."""
+    plan = store.plan
+    known = plan.known.get(plan.number(point))
+    if known is not None:
+        return known
+    coordinates = plan.coordinates(point)
+    for other in earlier:
+        record = _looked_up(other, coordinates, plan.variables)
+        if record is not None:
+            return record
+    return compute_point(plan, subject, coordinates)
+
+
+def _looked_up(
+    store: Store, coordinates: Mapping[str, float], variables: Mapping[str, Variable]
+) -> Record | None:
+    """What an earlier plan has computed at these coordinates."""
+    plan = store.plan
+    if set(plan.axes) != set(coordinates) or dict(plan.variables) != dict(variables):
+        return None
+    places = _places(store.folder)
+    point = tuple(places[name].get(coordinates[name], -1) for name in plan.axes)
+    if -1 in point:
+        return None
+    chunk = plan.chunk_of(point)
+    blocks = _block(store.folder, chunk)
+    if blocks is None:
+        return None
+    inside = tuple(i % b for i, b in zip(point, plan.block))
+    if blocks[STATUS][inside] != COMPUTED:
+        return None
+    return {
+        v.recorded: v.meanings[int(blocks[name][inside])] if v.meanings else blocks[name][inside]
+        for name, v in plan.variables.items()
+    }
+
+
+def _earlier(root: Path, data: str) -> list[Path]:
+    """The folders of other plans of the same sweep."""
+    return sorted(path.parent for path in root.glob("data-*/plan.json") if path.parent.name != data)
+
+
+@cache
+def _store(folder: Path) -> Store:
+    return Store.open(folder)
+
+
+@cache
+def _places(folder: Path) -> dict[str, dict[float, int]]:
+    axes = _store(folder).plan.axes
+    return {name: {value: i for i, value in enumerate(values)} for name, values in axes.items()}
+
+
+@lru_cache(maxsize=8)
+def _block(folder: Path, chunk: int) -> dict[str, Any] | None:
+    store = _store(folder)
+    return None if store.ledger.entry(chunk) is None else store.read(chunk)

@@ -1,0 +1,151 @@
+"""python -m tests.sweeps.kills [--count N] [--seed N] [--way WAY]: SIGKILL at random moments, then compare every byte.
+
+`processes`: the client of a pool of two, or one of its workers. `cluster`: the client of a Dask cluster, one of its
+workers or its scheduler. `files`: one of two processes that share nothing but the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from tests.sweeps.work import contents
+
+WAYS = ("processes", "cluster", "files")
+POINTS, CHUNK = 1600, 16
+CLIENT = """
+import sys
+from gsp.sweeps.sweep import sweep
+from tests.sweeps.work import slow_wave
+if __name__ == "__main__":
+    way, into, points, chunk = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    call = dict(over={"x": [0.01 * i for i in range(points // 2)], "k": (1.0, 2.0)}, into=into, points_per_chunk=chunk)
+    if way == "cluster":
+        from distributed import Client, LocalCluster
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+            with Client(cluster) as client:
+                sweep(slow_wave, client=client, **call)
+    else:
+        sweep(slow_wave, workers=2 if way == "processes" else 1, **call)
+"""
+
+
+def start(way: str, into: Path) -> subprocess.Popen:
+    """A client in a process group of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", CLIENT, way, str(into), str(POINTS), str(CHUNK)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+
+
+def family(process: int) -> list[int]:
+    """A process and those that it started, as far as they live."""
+    found = [process]
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(path.read_text().rpartition(")")[2].split()[1])
+        except (OSError, IndexError, ValueError):
+            continue
+        if parent == process:
+            found += family(int(path.parent.name))
+    return found
+
+
+def progress(into: Path) -> int:
+    """Chunks that are done."""
+    return sum(1 for _ in into.glob("data-*/ledger/*/*.json"))
+
+
+def finish(way: str, into: Path) -> None:
+    """Run until it is done, undisturbed."""
+    client = start(way, into)
+    try:
+        assert client.wait(timeout=600) == 0
+    finally:
+        end(client)
+
+
+def end(client: subprocess.Popen) -> None:
+    """Kill a client and all that it started."""
+    for process in reversed(family(client.pid)):
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+    client.wait()
+
+
+def disturb(scratch: Path, *, way: str, kills: int, seed: int) -> tuple[int, list[str]]:
+    """Kill `kills` processes of sweeps at random moments; how many it were, and the files that differ in the end."""
+    dice = random.Random(seed)
+    calm = scratch / "calm"
+    finish("files", calm)
+    done, wrong, round_ = 0, [], 0
+    while done < kills:
+        into = scratch / f"disturbed-{round_}"
+        round_ += 1
+        # Several kills to a sweep, at a random number of chunks done, as long as there is something to do.
+        clients = [start(way, into) for _ in range(2 if way == "files" else 1)]
+        while done < kills:
+            before = progress(into)
+            wanted = before + dice.randint(0, 20)
+            while progress(into) < min(wanted, POINTS // CHUNK) and any(c.poll() is None for c in clients):
+                time.sleep(0.002)
+            time.sleep(0.05 * dice.random())
+            living = [c for c in clients if c.poll() is None]
+            if not living or progress(into) == POINTS // CHUNK:
+                break
+            victim = dice.choice(living)
+            # Half of the time the client itself, which takes its workers along.
+            process = victim.pid if dice.random() < 0.5 else dice.choice(family(victim.pid))
+            try:
+                os.kill(process, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+            done += 1
+            if process == victim.pid:
+                victim.wait()
+                clients.remove(victim)
+                clients.append(start(way, into))
+        for client in clients:
+            try:
+                client.wait(timeout=600)
+            except subprocess.TimeoutExpired:
+                wrong.append(f"{into.name}: no end")
+            end(client)
+        finish("files", into)
+        found, expected = contents(into), contents(calm)
+        differing = [name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name)]
+        wrong += [f"{into.name}/{name}" for name in sorted(differing)]
+    return done, wrong
+
+
+def main() -> int:
+    """Ends with 1 when a byte differs."""
+    parser = argparse.ArgumentParser(prog="python -m tests.sweeps.kills")
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--way", choices=WAYS)
+    options = parser.parse_args()
+    bad = 0
+    for way in WAYS if options.way is None else (options.way,):
+        with tempfile.TemporaryDirectory() as scratch:
+            begun = time.monotonic()
+            kills, wrong = disturb(Path(scratch), way=way, kills=options.count, seed=options.seed)
+            print(
+                f"{way}: {kills} kills, {len(wrong)} files differ, {time.monotonic() - begun:.0f} s",
+                *wrong[:10],
+            )
+            bad += len(wrong)
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,382 @@
+"""A sweep gives what its task gives at every point, once, whoever computes it and however often it is stopped."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gsp
+from gsp import models
+from gsp.errors import DeclarationError, GspError, OutputError
+from gsp.sweeps import execution, ledger
+from gsp.sweeps import sweep as sweep_module
+from gsp.sweeps.store import Store
+from gsp.sweeps.sweep import Sweep, resume, sweep
+from gsp.sweeps.tasks import VERBS
+from tests.sweeps.kills import disturb
+from tests.sweeps.work import contents, counted, deadly, of_scene, slow_wave, wave
+
+AXES = {"x": np.linspace(0.0, 3.0, 13), "k": (-2.0, 0.5, 7.0)}
+
+
+def waves(into: Path, **more) -> Sweep:
+    return sweep(wave, **{"over": AXES, "into": into, "workers": 1, "points_per_chunk": 4, **more})
+
+
+def test_every_point_holds_what_the_task_gives(tmp_path: Path) -> None:
+    found = waves(tmp_path)
+    data = found.as_dataset()
+    assert found.is_complete
+    assert found.computed == found.size == 39
+    assert data.root.dims == ("x", "k")
+    for x in AXES["x"]:
+        for k in AXES["k"]:
+            here = data.sel(x=x, k=k)
+            assert here.root == math.sqrt(x)
+            assert here.powers.values.tolist() == [x, x * k, x * k * k]
+    assert set(np.unique(data.status)) == {1}
+    assert data.status.attrs["flag_meanings"].split() == ["not_computed", "computed", "failed", "died"]
+
+
+def test_any_number_of_processes_leaves_the_same_bytes(tmp_path: Path) -> None:
+    alone, together = waves(tmp_path / "alone"), waves(tmp_path / "together", workers=2)
+    assert alone.is_complete
+    assert together.is_complete
+    assert contents(tmp_path / "alone") == contents(tmp_path / "together")
+
+
+def test_a_point_that_fails_is_data(tmp_path: Path) -> None:
+    found = waves(tmp_path, over={"x": (-1.0, 4.0, -9.0), "k": (1.0,)})
+    data = found.as_dataset()
+    assert data.status.values.ravel().tolist() == [2, 1, 2]
+    assert np.isnan(data.root.values).ravel().tolist() == [True, False, True]
+    assert found.failed == 2
+    assert [f["x"] for f in found.failures()] == [-1.0, -9.0]
+    assert found.failures(1)[0]["message"] == "ValueError: the root of -1.0 is not real"
+    assert "the root of -1.0 is not real" in str(found)
+
+
+def test_a_task_that_fails_everywhere_is_refused_with_its_own_words(tmp_path: Path) -> None:
+    with pytest.raises(DeclarationError, match=r"failed at all of 2 points.*the root of -2\.0 is not real"):
+        waves(tmp_path, over={"x": (-2.0, -1.0), "k": (1.0,)})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped_and_computes_no_point_twice(tmp_path: Path) -> None:
+    log, into = tmp_path / "log", tmp_path / "runs"
+
+    def stop(share: float) -> None:
+        if share > 0.4:
+            raise KeyboardInterrupt
+
+    call = {
+        "over": {"x": range(20)}, "into": into, "options": {"log": str(log)},
+        "workers": 1, "points_per_chunk": 3,
+    }  # fmt: skip
+    with pytest.raises(KeyboardInterrupt):
+        sweep(counted, **call, progress=stop)
+    halfway = Sweep(into)
+    assert 0 < halfway.computed < halfway.size
+    data = halfway.as_dataset()
+    assert np.array_equal(np.isnan(data.value), data.status == 0)
+    shares: list[float] = []
+    assert sweep(counted, **call, progress=shares.append).is_complete
+    assert sorted(map(float, log.read_text().split())) == list(range(20))
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_changed_plan_computes_what_is_new(tmp_path: Path) -> None:
+    log, into = tmp_path / "log", tmp_path / "runs"
+    call = {"into": into, "options": {"log": str(log)}, "workers": 1}
+    sweep(counted, over={"x": range(0, 20, 2)}, points_per_chunk=3, **call)
+    found = sweep(counted, over={"x": range(20)}, points_per_chunk=4, **call)
+    assert found.as_dataset().value.values.tolist() == list(range(20))
+    assert sorted(map(float, log.read_text().split())) == list(range(20))
+    # And back: the first plan is complete already.
+    assert sweep(counted, over={"x": range(0, 20, 2)}, **call).size == 10
+    assert len(log.read_text().split()) == 20
+
+
+def test_a_changed_model_is_refused_by_name_unless_told_to_start_anew(tmp_path: Path) -> None:
+    file, into = tmp_path / "model.toml", tmp_path / "runs"
+    text = (
+        '[parameters]\nk = 2\n[slow]\nx = "-x"\n[fast]\ny = "k*x - y"\n[region]\nx = [0, 1]\n'
+        "[start]\nx = 1\ny = 0\n[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+    file.write_text(text)
+    call = {"model": file, "over": {"epsilon": (0.1, 0.2)}, "into": into, "workers": 1}
+    assert sweep("integrate", **call).is_complete
+    file.write_text(text.replace("-x", "-2*x") + "tolerance = 1e-5\n")
+    before = contents(into)
+    with pytest.raises(DeclarationError, match=r"other values of: equations, tolerance\..*anew"):
+        sweep("integrate", **call)
+    assert contents(into) == before
+    assert sweep("integrate", **call, anew=True).is_complete
+    assert contents(into) != before
+    # A comment changes no result.
+    file.write_text("# the same\n" + file.read_text())
+    assert sweep("integrate", **call).is_complete
+
+
+def test_a_missing_or_damaged_block_is_never_read_as_a_value(tmp_path: Path) -> None:
+    found = waves(tmp_path)
+    whole = contents(tmp_path)
+    blocks = sorted(tmp_path.glob("data-*/points.zarr/root/c/*/*"))
+    blocks[1].unlink()
+    assert np.isnan(Sweep(tmp_path).as_dataset().root.values).sum() == 3
+    os.truncate(blocks[4], 5)
+    assert found.strike_damaged() == 2
+    assert waves(tmp_path).is_complete
+    assert contents(tmp_path) == whole
+
+
+def test_a_point_that_kills_its_process_has_died_and_the_others_have_not(tmp_path: Path) -> None:
+    found = sweep(
+        deadly, over={"x": range(40)}, into=tmp_path, options={"home": os.getpid()}, workers=2,
+        points_per_chunk=10,
+    )  # fmt: skip
+    assert found.as_dataset().status.values.tolist() == [3 if x == 3 else 1 for x in range(40)]
+    assert found.failures()[0]["message"] == "the process that computed it died, 3 times"
+
+
+def test_a_claim_is_respected_until_its_process_has_ended(tmp_path: Path) -> None:
+    waves(tmp_path)
+    store = Store.open(next(tmp_path.glob("data-*")))
+    claim = store.folder / "claims" / "000002"
+    claim.write_text("another host 1")
+    with store.ledger.claimed(2) as mine:
+        assert not mine
+    assert claim.read_text() == "another host 1"
+    # Not heard of for long, by the clock of the file system.
+    os.utime(claim, (1.0, 1.0))
+    with store.ledger.claimed(2) as mine:
+        assert mine
+    assert not claim.exists()
+    claim.write_text(f"{ledger.socket.gethostname()} 4194304999")
+    with store.ledger.claimed(2) as mine:
+        assert mine
+
+
+def test_what_killed_planners_have_left_is_removed_in_the_end(tmp_path: Path) -> None:
+    here = ledger.socket.gethostname()
+    for name in (
+        f"data-0.{here}.4194304999.partial",
+        f"data-0.{here}.{os.getpid()}.partial",
+        "data-0.there.1.partial",
+    ):
+        (tmp_path / name).mkdir()
+    (tmp_path / "plan.json.0.partial").write_text("{")
+    assert waves(tmp_path).is_complete
+    left = sorted(path.name for path in tmp_path.glob("*.partial"))
+    assert left == sorted([f"data-0.{here}.{os.getpid()}.partial", "data-0.there.1.partial"])
+
+
+def test_a_claim_gives_signs_of_life(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waves(tmp_path)
+    store = Store.open(next(tmp_path.glob("data-*")))
+    monkeypatch.setattr(ledger, "HEARTBEAT", 0.01)
+    claim = store.folder / "claims" / "000000"
+    with store.ledger.claimed(0) as mine:
+        assert mine
+        os.utime(claim, (1.0, 1.0))
+        for _ in range(1000):
+            if claim.stat().st_mtime > 2.0:
+                break
+            ledger.threading.Event().wait(0.01)
+        assert claim.stat().st_mtime > 2.0
+
+
+def test_verbs_record_what_the_package_answers(tmp_path: Path) -> None:
+    epsilons = (0.02, 0.05)
+    scene = models.load("michaelis_menten")
+    compared = sweep(
+        gsp.compare, model="michaelis_menten", over={"epsilon": epsilons}, into=tmp_path / "a", workers=1,
+        options={"orders": [0, 1]},
+    ).as_dataset()  # fmt: skip
+    ours = gsp.compare(scene, orders=(0, 1), epsilons=epsilons)
+    for order in (0, 1):
+        for i, epsilon in enumerate(ours.epsilons):
+            assert float(compared.error.sel(epsilon=epsilon, order=order)) == ours.errors[order][i]
+    verdicts = sweep(
+        "classify", model="van_der_pol", over={"epsilon": epsilons}, into=tmp_path / "b", workers=1
+    ).as_dataset()
+    kinds = verdicts.kind.attrs["flag_meanings"].split()
+    assert [kinds[k] for k in verdicts.kind.values] == ["attracting"] * 2
+    assert float(verdicts.gap[0]) == gsp.study(models.load("van_der_pol")).hyperbolicity.gap
+
+
+def test_each_verb_does_on_the_scene_of_the_home_example(tmp_path: Path) -> None:
+    for task in sorted(set(VERBS) - {"canard_value", "periodic_orbit"}):
+        found = sweep(
+            task, model="chaplygin_sleigh", over={"epsilon": (0.02,)}, into=tmp_path / task, workers=1
+        )
+        assert found.failed == 0, found
+    names = set(VERBS)
+    public = {name for name in dir(gsp) if name in names}
+    assert public == names
+
+
+@pytest.fixture
+def planar(tmp_path: Path) -> Path:
+    """Van der Pol's oscillator with a parameter."""
+    file = tmp_path / "vdp.toml"
+    file.write_text(
+        '[parameters]\na = 0\nb = 1\n[slow]\ny = "a - x"\n[fast]\nx = "b*y - x^3/3 + x"\n[region]\n'
+        "y = [-0.5, 0.5]\nx = [1.2, 3]\n[start]\nx = 2\ny = 0\n[scene]\nspan = [0, 1]\nepsilon = 0.05\n"
+    )
+    return file
+
+
+def test_canard_values_over_a_parameter(tmp_path: Path, planar: Path) -> None:
+    found = sweep(
+        "canard_value", model=planar, over={"b": (1.0, 2.0), "epsilon": (0.01, 0.02)}, into=tmp_path / "c",
+        options={"parameter": "a"}, workers=1,
+    )  # fmt: skip
+    data = found.as_dataset()
+    # With b y for y and b t for t the slow equation has b = 1, and epsilon b stands for epsilon.
+    assert data.value.sel(b=1.0, epsilon=0.01).item() == pytest.approx(
+        1 - 0.01 / 8 - 3 * 0.01**2 / 32, abs=2e-7
+    )
+    same = data.value.sel(b=2.0, epsilon=0.01).item(), data.value.sel(b=1.0, epsilon=0.02).item()
+    assert same[0] == pytest.approx(same[1], rel=1e-10)
+    assert data.coefficients.sel(b=1.0, epsilon=0.01).values[:3].tolist() == [1.0, -0.125, -0.09375]
+
+
+def test_periods_over_epsilon(tmp_path: Path, planar: Path) -> None:
+    found = sweep("periodic_orbit", model=planar, over={"epsilon": (0.01,)}, into=tmp_path / "p", workers=1)
+    assert float(found.as_dataset().period[0]) * 10 == pytest.approx(19.078369567, abs=2e-9)
+
+
+def test_axes_move_the_scene(tmp_path: Path) -> None:
+    found = sweep(
+        of_scene, model="michaelis_menten", into=tmp_path, workers=1,
+        over={"epsilon": (0.01, 0.03), "tolerance": (1e-4,), "kappa": (1.0, 2.0), "s": (0.5, 1.5)},
+    ).as_dataset()  # fmt: skip
+    for name, axis in (("asked", "epsilon"), ("wanted", "tolerance"), ("parameter", "kappa"), ("begun", "s")):
+        assert found.status.values.min() == 1
+        # The same along every other axis.
+        wanted = found[name].broadcast_like(found[name]).values
+        assert np.array_equal(
+            wanted, np.broadcast_to(found[axis].broadcast_like(found[name]).values, wanted.shape)
+        )
+
+
+def test_what_a_task_calls_like_an_axis_has_another_name(tmp_path: Path) -> None:
+    found = sweep("tests.sweeps.work:named", over={"x": (1.0, 2.0)}, into=tmp_path, workers=1).as_dataset()
+    assert found.named_x.values.tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize("way", ["processes", "cluster", "files"])
+def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, way: str) -> None:
+    kills, wrong = disturb(tmp_path, way=way, kills=3, seed=1)
+    assert kills == 3
+    assert wrong == []
+
+
+def test_a_cluster_shares_the_work(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    alone = waves(tmp_path / "alone")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        assert waves(tmp_path / "there", workers=None, client=client).is_complete
+    assert alone.is_complete
+    assert contents(tmp_path / "alone") == contents(tmp_path / "there")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"task": "compute"}, r"no sweep does 'compute'.*compare"),
+        ({"task": lambda x: {}}, "Put the function into a module"),
+        ({"task": "no_such_module:f"}, "cannot be imported"),
+        ({"over": {}}, "over maps each axis"),
+        ({"over": {"x": ()}}, "one at least"),
+        ({"over": {"x": (1.0, math.nan)}}, "finite"),
+        ({"over": {"x": (1.0, 2.0, 1.0)}}, "the value 1 twice"),
+        ({"over": {"x": 3.0}}, "sequence of finite numbers"),
+        ({"task": "compare", "model": "linear", "options": {"oders": 3}}, r"no option of compare.*orders"),
+        ({"options": {"f": object()}}, "maps names to numbers, text"),
+        ({"workers": 0}, "workers is a whole number"),
+        ({"workers": 1, "client": "tcp://127.0.0.1:1"}, "one of the two"),
+        ({"points_per_chunk": 0}, "points_per_chunk"),
+        ({"progress": 3}, "progress is a function"),
+        ({"anew": "yes"}, "anew is True or False"),
+        ({"task": "compare"}, "Give one: model="),
+        ({"task": "compare", "model": "chaplygin_sleigh"}, "x is no number of the model"),
+        ({"task": "compare", "model": 3}, "built-in name or a model file"),
+        ({"task": "compare", "model": "nowhere.toml"}, "cannot be read"),
+    ],
+)
+def test_a_call_that_cannot_be_carried_out_is_refused(tmp_path: Path, changes, words: str) -> None:
+    call = {"task": wave, "over": {"x": (1.0,), "k": (1.0,)}, "into": tmp_path / "runs", **changes}
+    with pytest.raises(GspError, match=words):
+        sweep(**call)
+
+
+def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("finished")
+    with pytest.raises(OutputError, match="other files"):
+        waves(tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "finished"
+    with pytest.raises(OutputError, match="holds no sweep"):
+        Sweep(tmp_path)
+    (tmp_path / "plan.json").write_text(json.dumps({"data": "../../etc"}))
+    with pytest.raises(OutputError, match="holds no sweep"):
+        Sweep(tmp_path)
+
+
+def test_a_plan_of_ten_million_points_opens_at_once(tmp_path: Path) -> None:
+    # Counted, not timed: opening and progress look at names of chunks alone.
+    over = {"x": np.linspace(0.0, 1.0, 4000), "k": np.linspace(0.0, 1.0, 2500)}
+    with pytest.raises(KeyboardInterrupt):
+        waves(tmp_path, over=over, points_per_chunk=None, progress=_stop)
+    found = Sweep(tmp_path)
+    assert found.size == 10_000_000
+    assert found.plan.chunks <= 100_000
+    assert 0 < found.computed < 10_000_000
+    assert found.as_dataset().root.shape == (4000, 2500)
+
+
+def _stop(share: float) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_sweep_goes_on_from_its_folder(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        sweep(
+            "integrate", model="michaelis_menten", over={"epsilon": (0.01, 0.02, 0.03, 0.04)}, into=tmp_path,
+            workers=1, points_per_chunk=1, progress=_stop,
+        )  # fmt: skip
+    assert resume(tmp_path, workers=1).is_complete
+
+
+def test_chunks_hold_about_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The clock of the plan goes a tenth of a second further at every look, so that a point takes that long.
+    ticks = iter(range(10_000))
+    monkeypatch.setattr(sweep_module.time, "perf_counter", lambda: 0.1 * next(ticks))
+    found = waves(tmp_path, points_per_chunk=None)
+    assert found.plan.block == (3, 3)
+
+
+def test_processes_that_cannot_start_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execution, "_begin_worker", _die)
+    with pytest.raises(OutputError, match="__main__"):
+        waves(tmp_path, workers=2)
+
+
+def _die() -> None:
+    os._exit(1)
+
+
+def test_slow_waves_are_waves() -> None:
+    assert slow_wave(1.0, 2.0) == wave(1.0, 2.0)
