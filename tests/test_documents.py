@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.sweeps.plan_file import read_plan_file
 from tests.cases import sampled
 
 ROOT = Path(__file__).parent.parent
@@ -66,6 +67,12 @@ def test_every_model_file_in_a_document_loads_and_compares(document: Path, tmp_p
     for i, block in enumerate(blocks(document, "toml")):
         file = tmp_path / f"model_{i}.toml"
         file.write_text(block, encoding="utf-8")
+        if block.startswith("task"):
+            # A plan of a sweep, of which one point is done.
+            plan = read_plan_file(file)
+            one = {name: values[:1] for name, values in plan["over"].items()}
+            assert gsp.sweep(**{**plan, "over": one}, into=tmp_path / f"sweep_{i}", workers=1).failed == 0
+            continue
         comparison = gsp.compare(gsp.load(file), orders=(0, 1))
         assert comparison.slopes[1] == pytest.approx(2, abs=0.1)
 
