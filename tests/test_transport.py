@@ -6,6 +6,7 @@ import copy
 import inspect
 import multiprocessing
 import pickle
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -151,6 +152,12 @@ CASES: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     ),
     "Status": (lambda: gsp.Status.SUCCESS, str),
     "Study": (study, lambda n: (n.series(3).coefficients, n.hyperbolicity.gap)),
+    "Sweep": (
+        lambda: gsp.sweep(
+            "integrate", model="michaelis_menten", over={"epsilon": (0.01,)}, into=tempfile.mkdtemp(), workers=1
+        ),
+        lambda n: (str(n), n.as_dataset().final.values),
+    ),
     "Trajectory": (lambda: study().full(0.01), lambda n: (n["s"], n.at(0.37))),
     "VectorField": (lambda: models.load("chaplygin_sleigh").system, lambda n: n.equations),
     "WorkPrecision": (
