@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import NullFormatter, NullLocator
 
 from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, plain
 from gsp.comparison.comparison import CLEARANCE, Comparison
@@ -67,8 +67,8 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
     axes.set_yscale("log")
     axes.set_ylim(bottom, top)
     axes.set_xlim(epsilons.min() / 1.15, epsilons.max() * 1.15)
-    axes.set_xticks(epsilons, [f"{e:g}" for e in epsilons])
-    axes.xaxis.set_minor_locator(LogLocator(subs=()))
+    axes.set_xticks(epsilons, [f"{e:.3g}" for e in epsilons])
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(r"$\epsilon$")
     axes.set_ylabel("largest relative error")

@@ -38,7 +38,7 @@ def method_errors(table: MethodTable, axes: Axes) -> None:
                 lw=1.2,
                 label=row.label + fitted,
             )
-    axes.set_xticks(table.epsilons, [f"{epsilon:g}" for epsilon in table.epsilons])
+    axes.set_xticks(table.epsilons, [f"{epsilon:.3g}" for epsilon in table.epsilons])
     axes.minorticks_off()
     axes.set_xlabel(r"$\epsilon$")
     axes.set_ylabel(r"largest error of $h_\epsilon$")

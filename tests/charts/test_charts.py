@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from dataclasses import replace
@@ -190,6 +191,17 @@ def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
     assert axes.get_ylim()[0] < 1e-3
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert "runs that have not landed on it" in labels
+
+
+def test_the_values_of_epsilon_stand_beside_each_other_and_nothing_among_them():
+    comparison = analysis_of("michaelis_menten").comparison
+    epsilons = tuple(1 / 90 / 2**k for k in range(len(comparison.epsilons)))
+    axes = charts.error_against_epsilon(replace(comparison, epsilons=epsilons))
+    axes.figure.canvas.draw()
+    labels = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    assert sorted(filter(None, (t.get_text() for t in labels))) == sorted(f"{e:.3g}" for e in epsilons)
+    boxes = sorted((t.get_window_extent() for t in labels if t.get_text()), key=lambda box: box.x0)
+    assert all(a.x1 < b.x0 for a, b in itertools.pairwise(boxes))
 
 
 def test_bands_and_orders_are_told_apart():
