@@ -132,12 +132,15 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
 
 
 def _imported(file: Path, small: str | None = None) -> Import:
-    def has_pole(draft: str) -> bool:
+    def fast_in(draft: str) -> list[str]:
         document = _parsed(draft)
         system = _system(document, {key: _table(document, key) for key in _TABLES}, "draft")[0]
-        return any(pole_order(rate, system.epsilon) > 0 for rate in system.rates if system.epsilon is not None)
+        rates = zip(system.states, system.rates)
+        return [
+            z.name for z, rate in rates if system.epsilon is not None and pole_order(rate, system.epsilon) > 0
+        ]
 
-    return import_ode(_text_of(file), small=small, has_pole=has_pole)
+    return import_ode(_text_of(file), small=small, fast_in=fast_in)
 
 
 def read_document(file: Path) -> dict:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import NoReturn
 
@@ -89,21 +89,23 @@ class _File:
     notes: list[str] = field(default_factory=list)
 
 
-def import_ode(text: str, *, small: str | None = None, has_pole: Callable[[str], bool]) -> Import:
-    """The `.ode` file `text` as a model file; `small` names its small parameter, `has_pole` reads TOML and looks.
+def import_ode(text: str, *, small: str | None = None, fast_in: Callable[[str], Collection[str]]) -> Import:
+    """The `.ode` file `text` as a model file; `small` names its small parameter.
 
-    Raises `ModelFileError` with the line for what is refused, and when there is no small parameter.
+    `fast_in` gives the states of a model file whose rates have a pole. Raises `ModelFileError` with the line for what
+    is refused, and when there is no small parameter.
     """
     file = _read(text)
     name = _small(file, small)
-    draft = _written(file, name, fast_time=False)
-    if has_pole(draft):
-        return Import(draft, _notes(file, name))
-    file.notes.append(
-        f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
-        f"and the span is multiplied by it"
-    )
-    return Import(_written(file, name, fast_time=True), _notes(file, name))
+    fast = fast_in(_written(file, name, fast_time=False))
+    rescaled = not fast
+    if rescaled:
+        file.notes.append(
+            f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
+            f"and the span is multiplied by it"
+        )
+        fast = fast_in(_written(file, name, fast_time=True))
+    return Import(_written(file, name, fast_time=rescaled, fast=fast), _notes(file, name))
 
 
 def _fail(number: int, fact: str, remedy: str) -> NoReturn:
@@ -215,7 +217,7 @@ def _small(file: _File, wanted: str | None) -> str:
     return found
 
 
-def _written(file: _File, small: str, *, fast_time: bool) -> str:
+def _written(file: _File, small: str, *, fast_time: bool, fast: Collection[str] = ()) -> str:
     """The file as TOML; raises `ModelFileError` for what an expression may not hold."""
     value = file.parameters[small]
     own = {*file.states, *file.parameters, *file.definitions}
@@ -264,7 +266,7 @@ def _written(file: _File, small: str, *, fast_time: bool) -> str:
                 *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
             ]
     lines += ["", "[region]"]
-    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(file, starts, total).items()]
+    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(file, starts, total, fast).items()]
     lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in starts.items())]
     lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
     axes = [file.settings.get(axis, "").lower() for axis in ("xp", "yp")]
@@ -273,17 +275,25 @@ def _written(file: _File, small: str, *, fast_time: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _region(file: _File, starts: dict[str, str], total: str) -> dict[str, tuple[float, float]]:
-    """The plotted window of the states in it, else a box around the start; always with the start inside."""
+def _region(
+    file: _File, starts: dict[str, str], total: str, fast: Collection[str]
+) -> dict[str, tuple[float, float]]:
+    """The plotted window of the states in it, else a box around the start; always with the start inside.
+
+    A box around a fast state would choose a sheet that the file says nothing about: it has none.
+    """
     region: dict[str, tuple[float, float]] = {}
+    free = [name for name in starts if name not in fast] or list(starts)
     for name, text in starts.items():
+        if name not in free:
+            continue
         value = _number(text, f"the initial value of {name}")
         region[name] = value - 1.0 - abs(value), value + 1.0 + abs(value)
         if name == "t":
             region[name] = value, value + _number(total, "total")
     for axis, low, high in (("xp", "xlo", "xhi"), ("yp", "ylo", "yhi")):
         name = file.settings.get(axis, "")
-        if name in region and low in file.settings and high in file.settings:
+        if name in starts and low in file.settings and high in file.settings:
             ends = _number(file.settings[low], low), _number(file.settings[high], high)
             value = _number(starts[name], name)
             if ends[0] <= value <= ends[1] and ends[0] < ends[1]:
@@ -352,7 +362,7 @@ def _notes(file: _File, small: str) -> list[str]:
         f"small parameter: {small} = {file.parameters[small]}",
         *file.notes,
         *([f"renamed, for they mean something already: {', '.join(renamed)[:300]}"] if renamed else []),
-        "region: the plotted window where the file has one, else a box around the start, which is a guess. Correct it",
+        "region: the plotted window where the file has one, else a guess, a box around a slow one's start",
     ]
     if file.left_out:
         notes.append("left out: " + ", ".join(file.left_out)[:300])

@@ -60,6 +60,8 @@ def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
     assert sp.expand(scene.system.rates[1] - (v + a - b * w)) == 0
     assert sp.expand(scene.system.rates[0] - (v - v**3 / 3 - w + sp.Symbol("i")) / eps) == 0
     assert scene.span == (0.0, 16.0)
+    # A guess about a fast state would choose a sheet.
+    assert dict(scene.region) == {"w": (-2.0, 1.0)}
     assert "the file's time is the fast one" in scene.description
 
 
