@@ -119,7 +119,8 @@ def _reduction(study: Study, p: Sequence[sp.Symbol]) -> tuple[dict[str, str], di
         "explicit": branch.is_explicit,
         "anywhere": -1 if anywhere is None else anywhere.order,
         "declared": -1 if declared is None else declared.order,
-        "ended": reason if anywhere is not None else last_reason,
+        "ended": reason,
+        "endedDeclared": last_reason,
     }
     for label, series in (("", anywhere), ("Declared", declared)):
         # Where the parameters may be anything, nothing is gained by their values.

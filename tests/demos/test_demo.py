@@ -71,6 +71,34 @@ y = 0.5
 span = [0, 0.5]
 epsilon = 0.05
 """
+# Exact coefficients have hundreds of terms with the parameters in, fewer with their values, and the layer is long.
+GRAZERS = """
+[parameters]
+K = 1
+a = 5
+b = "1/3"
+m = "2/5"
+d = "3/10"
+
+[states]
+p = "(p*(1 - p/K) - a*p*(z + w)/(b + p))/epsilon"
+z = "z*(p/(b + p) - m)"
+w = "w*(p/(b + p) - d) - w^2/20"
+
+[region]
+p = [0.45, 1]
+z = [0.01, 0.05]
+w = [0.01, 0.036]
+
+[start]
+p = 0.7
+z = 0.02
+w = 0.03
+
+[scene]
+span = [0, 1]
+epsilon = 0.02
+"""
 
 
 @cache
@@ -235,6 +263,19 @@ def test_the_measured_powers_are_those_of_the_theory(opened) -> None:
     assert corrected == pytest.approx(2, abs=0.15)
     text = page.run("return document.getElementById('orders').innerText")
     assert re.search(r"order 1\s.*∝ epsilon\s*(1\.9|2\.0)", text)
+
+
+def test_what_ends_a_series_and_what_a_power_is_taken_over_is_true_of_what_is_shown(opened) -> None:
+    page = opened(GRAZERS, fragment="#orders=0.1")
+    page.measured()
+    told = page.run("return document.getElementById('notes').innerText")
+    known, ended = map(int, re.search(r"through order (\d).*coefficients of order (\d)", told, re.S).groups())
+    assert ended == known + 1
+    # The layer takes most of the run at this epsilon, and half of it at a quarter.
+    rows = page.run("return ladder.filter((row) => row).map((row) => [row.epsilon, row.from, row.to])")
+    assert rows[0][1] > 0.5 * rows[0][2]
+    power = page.run("return measuredPower((row) => row.orders[1])")
+    assert power is None or power == pytest.approx(2, abs=0.2)
 
 
 def test_sliders_change_the_picture_and_the_address(opened) -> None:

@@ -337,8 +337,14 @@ function remember() {
 }
 
 // The power of epsilon between the present epsilon and the smaller ones, NaN where too few errors stand clear of rounding.
+// Where the layer takes more than half of the run, errors of different epsilons are taken over different stretches.
 function measuredPower(read) {
-  const clear = ladder.filter((row) => row && row.epsilon <= state.epsilon && read(row) > FLOOR && Number.isFinite(read(row)));
+  const [begun] = settingOf(state, data).span;
+  const clear = ladder.filter(
+    (row) =>
+      row && row.epsilon <= state.epsilon && read(row) > FLOOR && Number.isFinite(read(row)) &&
+      2 * (row.from - begun) <= row.to - begun,
+  );
   if (clear.length < 2) return NaN;
   const x = clear.map((row) => Math.log(row.epsilon));
   const y = clear.map((row) => Math.log(read(row)));
@@ -381,10 +387,10 @@ function notes() {
     found.push(`Only the full system is shown: ${model.reduction.reason}`);
     return found;
   }
-  const { order } = model.seriesAt(s);
+  const { order, label } = model.seriesAt(s);
   if (order < 3) {
     const where = model.reduction.declared > order ? ` away from the declared parameters; there through order ${model.reduction.declared}` : "";
-    found.push(`The reduction is known through order ${order}${where}: ${model.reduction.ended}.`);
+    found.push(`The reduction is known through order ${order}${where}: ${model.reduction[`ended${label}`]}.`);
   }
   const p = model.constants(s);
   if (!result.pieces.length) {
