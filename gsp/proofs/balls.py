@@ -114,10 +114,16 @@ def _repeated(value: arb, exponent: int) -> arb:
     return arb(1) if result is None else result
 
 
+WORD = 2**63
+"""Roots of this order and above are not arb's own, which takes machine words."""
+
+
 def root_power(ball: arb, numerator: int, denominator: int) -> arb:
     """ball**(numerator/denominator) of a positive ball; not finite when the ball reaches 0 or below."""
     if not ball > 0:
         return UNDEFINED
+    if denominator >= WORD:
+        return (ball.log() * numerator / denominator).exp()
     return power(rising(lambda end: end.root(denominator), ball), numerator)
 
 
