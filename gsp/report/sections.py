@@ -198,11 +198,16 @@ class Page:
         boxes = "1 box" if len(certificate.boxes) == 1 else f"{len(certificate.boxes)} boxes"
         return text + Markup(", proved to be at least {} in {}").format(number(certificate.gap, 4), boxes)
 
+    def is_proved(self) -> bool:
+        """Whether the kind is proved over the region."""
+        certificate = self.analysis.hyperbolicity.certificate
+        return certificate is not None and certificate.verdict.name == "PROVED"
+
     def evidence(self) -> str:
         """How the verdict is known, as a sentence."""
         found = self.analysis.hyperbolicity
         text = found.evidence[0].upper() + found.evidence[1:]
-        if found.certificate is not None and found.certificate.verdict.name == "PROVED":
+        if self.is_proved():
             return (
                 f"{text}, in ball arithmetic: the kind, and that no eigenvalue comes nearer to the axis than proved. "
                 f"The numbers above are the worst of {found.samples} samples, refined."

@@ -54,6 +54,7 @@ def first_sentence(text: str) -> str:
 
 
 _MATHEMATICS = (
+    (r"`([^`<>]+)`", r"<code>\1</code>"),
     (r"\bepsilon\b", "ε"),
     (r"\blambda\b", "λ"),
     (r"\b([a-zA-Z])_([a-z0-9])\b", r"<i>\1</i><sub>\2</sub>"),

@@ -184,7 +184,7 @@ def _compute_apart(folder: str, data: str, coordinates: dict[str, float]) -> Rec
 def connect(address: str) -> Any:
     """A Dask client of the scheduler at `address`; raises `OutputError` where Dask is not installed or not there."""
     try:
-        from distributed import Client
+        from distributed import Client  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
             "a cluster is reached by dask.distributed, which is not installed. Install it with "

@@ -156,7 +156,7 @@ def _flags(variable: Variable) -> dict[str, object]:
 def zarr_or_remedy() -> Any:
     """The package zarr; raises `OutputError` with the remedy where it is not installed."""
     try:
-        import zarr
+        import zarr  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
             "sweeps are kept by zarr, which is not installed. Install it with pip install 'gsp-toolkit[sweeps]'."
@@ -166,7 +166,7 @@ def zarr_or_remedy() -> Any:
 
 def _xarray_or_remedy() -> Any:
     try:
-        import xarray
+        import xarray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
             "a Dataset is made by xarray, which is not installed. Install it with pip install 'gsp-toolkit[sweeps]'."

@@ -167,6 +167,20 @@ def test_a_figure_or_a_section_that_fails_leaves_its_reason(error, combined, mon
     assert not (tmp_path / "report" / "manifold.png").exists()
 
 
+def test_a_reason_that_pictures_share_is_read_once(combined, monkeypatch, tmp_path):
+    def fail(*arguments, **keywords):
+        raise GspError("the series is too long. Rather use `solve_manifold`")
+
+    monkeypatch.setattr(charts, "applicable", lambda found: {"time_series": fail, "manifold": fail})
+    text, content = read(write_report(combined, tmp_path / "report"))
+    assert set(content["missing"]) == {"manifold.png", "time_series.png"}
+    assert text.count("the series is too long") == 1
+    assert "<code>solve_manifold</code>" in text
+    assert 'No picture of the manifold: <a href="#time_series">' in text or (
+        'No picture of the time series: <a href="#manifold">' in text
+    )
+
+
 def test_a_defect_is_told_in_one_line_and_costs_its_part_only(combined, monkeypatch, tmp_path):
     def defective(*arguments, **keywords):
         raise KeyError("lost\nkey")

@@ -90,6 +90,7 @@ def test_a_report_proves_and_says_so(van_der_pol: Analysis, tmp_path: Path) -> N
     assert certificate.verdict.name == "PROVED"
     page = write_report(van_der_pol, tmp_path).read_text(encoding="utf-8")
     assert "(proved on " in page
+    assert 'Normal hyperbolicity<span class="label">proved</span>' in page
     assert f"in {len(certificate.boxes)} boxes" in page
     assert "not a proof" not in page
     content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
