@@ -34,7 +34,8 @@ def modules() -> list[tuple[str, Path]]:
     found = []
     for path in sorted(ROOT.rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
-        if parts != ("__init__",):
+        # What is public, and `python -m gsp`, are no packages.
+        if parts not in (("__init__",), ("__main__",)):
             found.append((parts[0], path))
     return found
 

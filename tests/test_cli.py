@@ -269,3 +269,11 @@ def test_a_defect_has_a_status_of_its_own_and_one_line(monkeypatch: pytest.Monke
     monkeypatch.setattr(sys, "argv", ["gsp", "check", "linear"])
     with pytest.raises(RuntimeError, match="no spare"):
         main()
+
+
+def test_the_package_run_as_a_module_is_the_command_line() -> None:
+    for name in ("gsp", "gsp.cli"):
+        found = subprocess.run(
+            [sys.executable, "-m", name, "--version"], capture_output=True, text=True, timeout=300, check=False
+        )
+        assert found.stdout.startswith("gsp, version"), found.stderr

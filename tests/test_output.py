@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from gsp import cli as command
 from gsp import compare, load, models
+from gsp.cli import program as command
 from gsp.errors import ModelFileError, OutputError, printable
 from gsp.results.files import write_file, write_rows
 

@@ -1,0 +1,5 @@
+"""`python -m gsp.cli`."""
+
+from gsp.cli import main
+
+main()

@@ -1,0 +1,112 @@
+"""What commands ask for: a model, options, and the scene that results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gsp.cli.telling import compiling_told
+from gsp.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+
+
+def json_option(function: Any) -> Any:
+    return click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")(function)
+
+
+def orders_through(order: int | None) -> tuple[int, ...] | None:
+    """The orders 0 to `order`."""
+    if order is None:
+        return None
+    if order < 0:
+        raise DeclarationError(f"--order is a non-negative integer. Got {order}.")
+    return tuple(range(order + 1))
+
+
+OPTIONS = {
+    "set": click.option(
+        "--set", "settings", multiple=True, metavar="NAME=VALUE",
+        help="Another value of a parameter, exact; 1/3 is allowed. May be repeated.",
+    ),
+    "epsilon": click.option("--epsilon", metavar="VALUE", help="Value of the small parameter [the scene's]."),
+    "region": click.option(
+        "--region", "intervals", multiple=True, metavar="NAME=LOW:HIGH",
+        help="Another interval of a state. May be repeated.",
+    ),
+}  # fmt: skip
+
+
+def output_option(text: str) -> Callable[[Any], Any]:
+    """Give a command the option -o, whose help is `text`."""
+    return click.option("-o", "--output", type=click.Path(path_type=Path), help=text)
+
+
+def asks(*names: str) -> Callable[[Any], Any]:
+    """Give a command the argument MODEL and the options `names`; the command takes the scene that results."""
+
+    def decorate(function: Any) -> Any:
+        @wraps(function)
+        def command(
+            *,
+            model: str,
+            settings: tuple[str, ...] = (),
+            epsilon: str | None = None,
+            intervals: tuple[str, ...] = (),
+            **others: Any,
+        ) -> Any:
+            scene = asked(load_scene(model), settings, epsilon, intervals)
+            with compiling_told():
+                return function(scene=scene, **others)
+
+        for name in reversed(names):
+            command = OPTIONS[name](command)
+        return click.argument("model")(command)
+
+    return decorate
+
+
+def asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, intervals: tuple[str, ...]) -> Scene:
+    from gsp.readers.toml import read_number
+    from gsp.scenes.settings import ask_again
+
+    def pairs(option: str, texts: tuple[str, ...], form: str) -> Iterator[tuple[str, str]]:
+        for text in texts:
+            name, found, value = text.partition("=")
+            if not (name.strip() and found and value.strip()):
+                raise DeclarationError(f"{option} is given as {form}. Got {text[:80]!r}.")
+            yield name.strip(), value.strip()
+
+    parameters: dict[str, Any] = {
+        name: read_number(value, what=f"--set {name}") for name, value in pairs("--set", settings, "NAME=VALUE")
+    }
+    region = {}
+    for name, value in pairs("--region", intervals, "NAME=LOW:HIGH"):
+        low, found, high = value.partition(":")
+        if not found:
+            raise DeclarationError(f"--region is given as NAME=LOW:HIGH. Got {name}={value[:80]!r}.")
+        region[name] = (
+            float(read_number(low.strip(), what=f"--region {name}")),
+            float(read_number(high.strip(), what=f"--region {name}")),
+        )
+    small = None if epsilon is None else float(read_number(epsilon, what="--epsilon"))
+    if not parameters and not region and small is None:
+        return scene
+    return ask_again(scene, parameters=parameters, epsilon=small, region=region)
+
+
+def load_scene(model: str) -> Scene:
+    """The scene of a built-in name or of a model file."""
+    from gsp import models as builtin
+
+    path = Path(model)
+    if path.suffix in (".toml", ".ode") or len(path.parts) > 1 or path.is_file():
+        from gsp.readers import load
+
+        return load(path)
+    return builtin.load(model)

@@ -1,0 +1,174 @@
+"""Commands that compare and choose: `gsp methods`, `gsp chart`, `gsp choose`, `gsp sweep`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gsp.cli.asking import asks, json_option, orders_through, output_option
+from gsp.cli.program import cli
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.errors import DeclarationError, GspError
+from gsp.results.files import write_file
+from gsp.results.interrupts import undisturbed
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Highest order of the series [3].")
+@json_option
+def methods(scene: Scene, order: int | None, as_json: bool) -> None:
+    """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
+    from gsp.comparison.classical_table import method_table
+
+    orders = orders_through(order)
+    table = method_table(scene) if orders is None else method_table(scene, orders=orders)
+    if as_json:
+        from gsp.report import plain
+
+        print_json(plain(table.as_rows()))
+        return
+    click.echo(str(table))
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Highest order of the reduced models.")
+@click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
+@output_option("File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].")
+@click.option("--csv", "table", type=click.Path(path_type=Path), help="Write the data to this file too.")
+@json_option
+def chart(
+    scene: Scene, failures: bool, output: Path | None, order: int | None, table: Path | None, as_json: bool
+) -> None:
+    """Chart speed against accuracy for MODEL, or with --failures where each method holds.
+
+    Speed against accuracy: every integrator, those installed beside ours, and reduced models of orders 0 to 4.
+    """
+    target = output or Path(f"gsp-{'failures' if failures else 'chart'}-{scene.name or 'scene'}.png")
+    from gsp import charts
+
+    charts.check_chart_name(target)
+    for path in filter(None, (target, table)):
+        if not path.absolute().parent.is_dir():
+            raise GspError(f"there is no folder {path.absolute().parent}. Make it, or give another path.")
+    orders = orders_through(order)
+    found: Any
+    with progress_bar("runs") as advance:
+        if failures:
+            from gsp.comparison.failures import failure_map
+
+            found = (
+                failure_map(scene, progress=advance)
+                if orders is None
+                else failure_map(scene, orders=orders, progress=advance)
+            )
+        else:
+            from gsp.comparison.work_curves import work_precision
+
+            found = (
+                work_precision(scene, progress=advance)
+                if orders is None
+                else work_precision(scene, orders=orders, progress=advance)
+            )
+    axes = charts.failure_map(found) if failures else charts.work_precision(found)
+    picture = charts.drawn(axes, target.suffix[1:].lower())
+    check_interrupt()
+    with undisturbed():
+        # Both files or neither.
+        write_file(picture, target)
+        wrote(target)
+        if table is not None:
+            found.write_csv(table)
+    if as_json:
+        from gsp.report import plain
+
+        print_json(plain({"name": scene.name, "rows": found.as_rows()}))
+        return
+    click.echo(str(found))
+    click.echo(f"chart: {target}")
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--tolerance", type=float, help="Relative accuracy wanted [the scene's].")
+@click.option("--order", type=int, help="Highest order of the reduced flows.")
+@json_option
+def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bool) -> None:
+    """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
+    from gsp.choice.choice import choose as choose_model
+
+    orders = orders_through(order)
+    choice = (
+        choose_model(scene, tolerance=tolerance)
+        if orders is None
+        else choose_model(scene, tolerance=tolerance, orders=orders)
+    )
+    if as_json:
+        from gsp.report import choice_as_json
+
+        print_json({"name": choice.scene.name, **choice_as_json(choice)})
+        return
+    click.echo(str(choice))
+
+
+@cli.command()
+@click.argument("plan", type=click.Path(path_type=Path))
+@output_option("Folder for the results [gsp-sweep-PLAN].")
+@click.option("--workers", type=int, help="Processes that share the work [as many as there are cores].")
+@click.option("--dask", metavar="ADDRESS", help="Share it among the workers of this Dask scheduler instead.")
+@click.option("--anew", is_flag=True, help="Remove results that were made with another model.")
+@click.option("--status", is_flag=True, help="Show how far it is, and compute nothing.")
+@json_option
+def sweep(
+    plan: Path,
+    output: Path | None,
+    workers: int | None,
+    dask: str | None,
+    anew: bool,
+    status: bool,
+    as_json: bool,
+) -> None:
+    """Do a task at every point of a grid: PLAN is a plan file, or the folder of a sweep to go on with.
+
+    The same command goes on where it stopped. Given several times at once, on hosts that see the folder, it shares the
+    work.
+    """
+    from gsp.sweeps.plan_file import read_plan_file
+    from gsp.sweeps.sweep import Sweep, resume
+    from gsp.sweeps.sweep import sweep as do_sweep
+
+    begun = plan.is_dir()
+    folder = plan if begun else output or Path(f"gsp-sweep-{plan.stem}")
+    if begun and (output is not None or anew):
+        raise DeclarationError(
+            f"{plan} holds a sweep with its own plan. Leave -o and --anew out, or give a plan file."
+        )
+    if status:
+        found = Sweep(folder)
+    elif begun and ":" in Sweep(folder).plan.task:
+        # The folder is untrusted: it may name any function.
+        raise DeclarationError(
+            f"the task of {plan} is the function {Sweep(folder).plan.task}, and a folder's word runs no code. "
+            "Go on from Python, with the same call of gsp.sweep."
+        )
+    else:
+        arguments = {} if begun else read_plan_file(plan)
+        with compiling_told(), progress_bar("sweep", left=True) as show:
+            if begun:
+                found = resume(folder, workers=workers, client=dask, progress=show)
+            else:
+                found = do_sweep(
+                    **arguments, into=folder, workers=workers, client=dask, anew=anew, progress=show
+                )
+    if as_json:
+        counts = {"points": found.size, "computed": found.computed, "failed": found.failed}
+        print_json({"folder": str(folder), **counts, "failures": found.failures()})
+        return
+    click.echo(str(found))
+    click.echo(f"results: {folder}")

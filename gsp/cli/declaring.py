@@ -1,0 +1,47 @@
+"""Commands about the models that there are: `gsp models`, `gsp import`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gsp.cli.asking import json_option, output_option
+from gsp.cli.program import cli
+from gsp.cli.telling import print_json, wrote
+from gsp.errors import GspError
+from gsp.results.files import write_file
+
+
+@cli.command()
+@json_option
+def models(as_json: bool) -> None:
+    """List the built-in scenes."""
+    from gsp.models import summary
+
+    rows = summary()
+    if as_json:
+        print_json([{"name": name, "title": title} for name, title in rows])
+        return
+    width = max(len(name) for name, _ in rows)
+    for name, title in rows:
+        click.echo(f"{name:{width}}  {title}")
+
+
+@cli.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--small", metavar="NAME", help="The parameter that is the small one [epsilon or eps].")
+@output_option("File for the model [FILE with the suffix .toml].")
+def import_(file: Path, small: str | None, output: Path | None) -> None:
+    """Read FILE, an .ode file of XPPAUT, and write it as a model file; say what was understood and left out."""
+    from gsp.readers.toml import import_model
+
+    found = import_model(file, small=small)
+    target = output or file.with_suffix(".toml")
+    if output is None and target.exists():
+        raise GspError(f"there is a file {target} already. Name another with -o, or that one to replace it.")
+    write_file(found.text.encode(), target)
+    wrote(target)
+    for note in found.notes:
+        click.echo(note)
+    click.echo(f"model: {target}")

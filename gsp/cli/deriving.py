@@ -1,0 +1,149 @@
+"""Commands that derive: `gsp split`, `gsp expand`, `gsp folds`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gsp.cli.asking import asks, json_option
+from gsp.cli.program import cli
+from gsp.cli.telling import print_json
+from gsp.errors import GspError
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+
+
+@cli.command()
+@asks("set")
+@json_option
+def split(scene: Scene, as_json: bool) -> None:
+    """Find the slow and the fast variables of MODEL, and say how."""
+    from gsp.scenes.study import study_of
+
+    study = study_of(scene)
+    splitting, system = study.splitting, study.system
+    if as_json:
+        identity = {s.name: s.name for s in system.states}
+        print_json(
+            {
+                "name": scene.name,
+                "slow": {x.name: str(rate) for x, rate in system.slow.items()},
+                "fast": {y.name: str(rate) for y, rate in system.fast.items()},
+                "coordinates": identity
+                if splitting is None
+                else {s.name: str(e) for s, e in splitting.coordinates.items()},
+                "conserved": [x.name for x, rate in system.slow.items() if rate == 0],
+                "explanation": "declared in standard form" if splitting is None else splitting.explain(),
+            }
+        )
+        return
+    still = [] if splitting is not None else [x for x, rate in system.slow.items() if rate == 0]
+    declared = "\n".join(["Declared in standard form.", *(f"Conserved: {x}, for {x}' = 0." for x in still)])
+    click.echo((declared if splitting is None else splitting.explain()) + "\n")
+    click.echo(str(system))
+
+
+@cli.command()
+@asks("set")
+@click.option("--order", default=3, show_default=True, help="Highest power of epsilon.")
+@click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
+@click.option(
+    "--values", is_flag=True, help="Put the parameters' values in: much shorter where there are many."
+)
+@json_option
+def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> None:
+    """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
+    from gsp.scenes.study import study_of
+    from gsp.slow.raw_series import carry_back
+    from gsp.slow.series import READABLE
+
+    study = study_of(scene)
+    whole = study.series(order, symbolic=not values)
+    through = order if as_json else next((k for k, n in enumerate(whole.sizes) if n > READABLE), order + 1) - 1
+    # Only what is printed is turned into expressions: that is where the time of a long series goes.
+    series: Any = whole.at_order(max(through, 0))
+    if raw and study.splitting is not None:
+        series = carry_back(series, study.splitting)
+        if series is None:
+            raise GspError(
+                f"the series of {scene.name} cannot be carried back to the raw variables explicitly. "
+                "Leave --raw out; the slow coordinates are given by `gsp split`."
+            )
+    fields = [("h", series.coefficients), ("f", series.reduced_field)]
+    if as_json:
+        rows = {letter: [[str(e) for e in row] for row in part] for letter, part in fields}
+        names = {letter: [s.name for s in part[0].symbols] for letter, part in fields}
+        print_json(
+            {
+                "name": scene.name,
+                "order": order,
+                "slow": names["f"],
+                "fast": names["h"],
+                "h": rows["h"],
+                "reduced_field": rows["f"],
+            }
+        )
+        return
+    if not study.branch.is_explicit:
+        fast = ", ".join(y.name for y in study.system.y)
+        click.echo(f"Here {fast} is the point of the critical manifold over the slow variables: {study.branch}")
+    remedy = "--json prints all of it" if values else "--values is shorter, --json prints all of it"
+    for letter, part in fields:
+        for k, size in enumerate(whole.sizes):
+            if k > through:
+                click.echo(f"{letter}_{k}  has coefficients of up to {size} terms; {remedy}")
+                continue
+            for symbol, expression in part[k].as_dict().items():
+                prime = "'" if letter == "f" else ""
+                click.echo(f"{letter}_{k}  {symbol}{prime} = {expression}")
+
+
+@cli.command()
+@asks("set", "region")
+@json_option
+def folds(scene: Scene, as_json: bool) -> None:
+    """Follow the critical manifold of MODEL through its folds.
+
+    In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
+    coefficients of v' = b dx + a v^2 along the null direction.
+    """
+    from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
+    from gsp.critical.continuation import CriticalCurve
+    from gsp.scenes.study import study_of
+
+    study = study_of(scene)
+    found = surroundings(study)
+    if found is None and never_folds(study.branch):
+        message = not_followed(study).rstrip(".")
+        if as_json:
+            print_json({"name": scene.name, "message": message, "special": [], "curves": []})
+        else:
+            click.echo(message)
+        return
+    if found is None:
+        raise GspError(not_followed(study))
+    curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
+    if as_json:
+        print_json(
+            {
+                "name": scene.name,
+                "message": found.message,
+                "special": [
+                    {"kind": str(p.kind), "point": dict(p.point), "coefficients": dict(p.coefficients)}
+                    for curve in curves
+                    for p in curve.special
+                ],
+                "curves": [
+                    {
+                        "kind": "critical manifold" if isinstance(curve, CriticalCurve) else "folds",
+                        "points": {name: curve[name].tolist() for name in curve.names},
+                    }
+                    for curve in curves
+                ],
+            }
+        )
+        return
+    texts = [str(curve) for curve in curves]
+    click.echo("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

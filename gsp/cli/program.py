@@ -1,0 +1,111 @@
+"""The program `gsp`: its commands, and with which status it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gsp import __version__
+from gsp.cli.telling import CHECK, WRITTEN
+from gsp.errors import GspError, OutputError, printable
+from gsp.results.interrupts import noticing
+
+# EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
+DEFECT = 70
+
+
+# With this environment variable a defect shows its traceback, with Python's own status, 1.
+DEBUG = "GSP_DEBUG"
+
+
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+class Program(click.Group):
+    """The commands; output that cannot be written, to a full disk or a closed pipe, is an error like any other."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            try:
+                return super().invoke(ctx)
+            finally:
+                sys.stdout.flush()
+        except OSError as error:
+            # Errors of files have the file's name, and are told where the file is written.
+            if error.filename is not None:
+                raise
+            raise OutputError(
+                f"the output cannot be written: {error.strerror or error}. What was printed is not complete."
+            ) from None
+
+
+@click.group(cls=Program, context_settings=CONTEXT)
+@click.version_option(__version__, prog_name="gsp")
+def cli() -> None:
+    """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
+
+    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file (TOML, or XPPAUT's .ode).
+
+    \b
+    gsp report chaplygin_sleigh        the whole analysis, as a report to read
+    gsp expand van_der_pol --order 5   the slow manifold as a series in epsilon
+    gsp check my_model.toml            is it normally hyperbolic in its region?
+    gsp choose my_model.toml           the cheapest model that meets its tolerance
+    gsp demo van_der_pol               a page in which the model runs, to move and to show
+    """
+
+
+def _tell(message: Any, category: Any, filename: Any, lineno: Any, file: Any = None, line: Any = None) -> None:
+    """A warning in one line."""
+    with suppress(OSError):
+        click.echo(f"gsp: {printable(' '.join(str(message).split()))}", err=True)
+
+
+def _stop_writing() -> None:
+    """Let Python flush what is left of the output to nowhere, where there is nobody to read it."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    warnings.showwarning = _tell
+    written: list[Path] = []
+    try:
+        with noticing() as check:
+            status = cli.main(standalone_mode=False, obj={CHECK: check, WRITTEN: written})
+            check()
+    except GspError as error:
+        with suppress(OSError):
+            click.echo(f"gsp: {printable(str(error))}", err=True)
+        _stop_writing()
+        sys.exit(2)
+    except click.ClickException as error:
+        with suppress(OSError):
+            error.show()
+        _stop_writing()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        what = f"{written[0]} was written before" if written else "nothing was written"
+        click.echo(f"gsp: interrupted; {what}", err=True)
+        sys.exit(130)
+    except Exception as error:
+        if os.environ.get(DEBUG):
+            raise
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        click.echo(
+            f"gsp: this is a defect of gsp, not of your model: {said}. Run again with {DEBUG}=1 for the traceback, "
+            "and report both.",
+            err=True,
+        )
+        sys.exit(DEFECT)
+    sys.exit(status if isinstance(status, int) else 0)

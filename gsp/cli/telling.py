@@ -1,0 +1,61 @@
+"""What commands tell while they run and when they are done, and what Ctrl-C has to know of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import click
+
+# What Ctrl-C has to know of a command: a check that it has not come yet, and the outputs that were written.
+CHECK, WRITTEN = "gsp.check", "gsp.written"
+
+
+@contextmanager
+def compiling_told() -> Iterator[None]:
+    """Say so, once, when kernels are compiled: on the first run on a machine, which takes half a minute longer."""
+    from gsp.kernels.compiling import told_when_compiling
+
+    def tell() -> None:
+        with suppress(OSError):
+            click.echo("gsp: compiling its numerics, once on this machine; later runs begin at once", err=True)
+
+    with told_when_compiling(tell):
+        yield
+
+
+@contextmanager
+def progress_bar(description: str, *, left: bool = False) -> Iterator[Callable[..., None]]:
+    """A bar on standard error; gives what takes the fraction done, and the stage where there are several."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
+    if left:
+        columns = (*columns, TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(description, total=1.0)
+
+        def show(share: float, stage: str = description) -> None:
+            check_interrupt()
+            bar.update(task, completed=share, description=stage)
+
+        yield show
+
+
+def print_json(value: object) -> None:
+    click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def check_interrupt() -> None:
+    context = click.get_current_context(silent=True)
+    if context is not None and context.obj is not None:
+        context.obj[CHECK]()
+
+
+def wrote(path: Path) -> None:
+    context = click.get_current_context(silent=True)
+    if context is not None and context.obj is not None:
+        context.obj[WRITTEN].append(path)

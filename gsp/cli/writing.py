@@ -1,0 +1,117 @@
+"""Commands that write pages: `gsp report`, `gsp demo`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option
+from gsp.cli.program import cli
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.errors import DeclarationError, GspError
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@output_option("Folder for the report [gsp-report-NAME].")
+@click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
+@json_option
+def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
+    """Analyse MODEL and write report.html, report.json and the figures."""
+    from gsp.report import check_folder
+
+    folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
+    check_folder(folder)
+    with progress_bar("") as show:
+        from gsp.analysis.analysis import STAGES, analyse
+        from gsp.report import write_report
+
+        stages = (*STAGES, "report")
+
+        def progress(stage: str, share: float) -> None:
+            if stage == "report" and share == 1.0:
+                wrote(folder)
+            show((stages.index(stage) + share) / len(stages), stage)
+
+        analysis = analyse(scene, order=order, progress=progress)
+        page = write_report(analysis, folder, progress=lambda share: progress("report", share))
+    written = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
+    if as_json:
+        print_json(written)
+        return
+    if "choice" not in analysis.lost:
+        click.echo(str(analysis.choice.verdict))
+    click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
+    for condition in analysis.hyperbolicity.conditions:
+        if not condition.holds:
+            click.echo(f"over the region as a whole: {condition}")
+    if "comparison" not in analysis.lost:
+        click.echo(str(analysis.comparison))
+    for name, reason in written["missing"].items():
+        click.echo(f"not made: {name}: {reason}")
+    click.echo(f"report: {page}")
+
+
+@cli.command()
+@click.argument("model", required=False)
+@OPTIONS["set"]
+@OPTIONS["epsilon"]
+@output_option("File for the page [gsp-demo-NAME.html].")
+@click.option("--open/--no-open", "opened", default=True, help="Show the page in the browser [yes].")
+@json_option
+def demo(
+    model: str | None,
+    settings: tuple[str, ...],
+    epsilon: str | None,
+    output: Path | None,
+    opened: bool,
+    as_json: bool,
+) -> None:
+    """Write a page in which MODEL runs: drag epsilon, the parameters and the start. Without MODEL list the demos.
+
+    The page is one HTML file that needs no network. A built-in scene with a story is told in steps.
+    """
+    from gsp.demos.demo import demo as make_demo
+    from gsp.demos.demo import stories
+
+    if model is None:
+        if settings or epsilon is not None or output is not None:
+            raise DeclarationError(
+                "a demo is made of a model. Got options and no MODEL. Name a scene or a model file."
+            )
+        _list_demos(stories(), as_json)
+        return
+    scene = asked(load_scene(model), settings, epsilon, ())
+    target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
+    if not target.absolute().parent.is_dir():
+        raise GspError(f"there is no folder {target.absolute().parent}. Make it, or give another path.")
+    with compiling_told():
+        page = make_demo(scene)
+    check_interrupt()
+    page.save(target)
+    wrote(target)
+    if as_json:
+        print_json({"name": scene.name, "file": str(target), "bytes": target.stat().st_size})
+    else:
+        click.echo(f"demo: {target}")
+    if opened and click.launch(target.absolute().as_uri()) != 0 and not as_json:
+        click.echo("No browser was found here; open the file in one.")
+
+
+def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
+    """Scenes with a story first, then the others."""
+    from gsp.models import summary
+
+    rows = sorted(summary(), key=lambda row: row[0] not in told)
+    if as_json:
+        print_json([{"name": name, "title": title, "told": name in told} for name, title in rows])
+        return
+    width = max(len(name) for name, _ in rows)
+    for name, title in rows:
+        click.echo(f"{name:{width}}  {'told in steps' if name in told else '':13}  {title}")
