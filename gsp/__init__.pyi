@@ -29,6 +29,7 @@ from .critical.continuation import switch_branch as switch_branch
 from .critical.critical_manifold import Branch as Branch
 from .critical.critical_manifold import CriticalManifold as CriticalManifold
 from .critical.critical_manifold import solve_critical as solve_critical
+from .demos.animation import animate as animate
 from .demos.demo import Demo as Demo
 from .demos.demo import demo as demo
 from .demos.demo import write_demo as write_demo

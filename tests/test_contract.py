@@ -326,7 +326,10 @@ CONTRACTS = {
         {"over": kind(inside=TIMES), "into": FOLDER, "model": NAME, "options": kind(), "workers": LIMIT,
          "client": kind(), "anew": FLAG, "points_per_chunk": LIMIT},
     ),
-    "Sweep": Contract((), lambda: "no such folder", dict),
+    "animate": Contract(
+        ("Scene", "Study"), michaelis, lambda: {"path": "film.gif"},
+        {"path": kind(), "seconds": POSITIVE},
+    ),
     "choose": Contract(("Scene", "Study"), michaelis, dict),
     "simulate": Contract(("Scene", "Study"), michaelis, dict, {"choice": kind()}),
     "singular_orbit": Contract(("Branch",), branch, lambda: {"start": ENZYME}),

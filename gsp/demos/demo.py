@@ -124,8 +124,21 @@ def _story(scene: Scene) -> dict[str, Any]:
     """The story of a built-in scene, as data; empty for any other scene, and for one that was changed."""
     if scene.name not in stories() or scene != models.load(scene.name):
         return {}
-    text = files("gsp.demos").joinpath("stories", f"{scene.name}.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    return _told(scene.name)
+
+
+def body_of(scene: Scene) -> dict[str, Any] | None:
+    """The body that moves along the path of a built-in scene, also at other parameters; None where there is none."""
+    if scene.name not in stories():
+        return None
+    known = models.load(scene.name)
+    if scene.path != known.path or scene.system.states != known.system.states:
+        return None
+    return _told(scene.name).get("body")
+
+
+def _told(name: str) -> dict[str, Any]:
+    return tomllib.loads(files("gsp.demos").joinpath("stories", f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def _folds(study: Study, quantities: list[str]) -> list[list[float | None]]:

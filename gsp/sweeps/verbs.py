@@ -17,7 +17,7 @@ from gsp.comparison.comparison import compare
 from gsp.comparison.survey import EXPLICIT, demands_of, reduced_name
 from gsp.errors import Status
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
-from gsp.integration.trajectory import integrate
+from gsp.integration.trajectory import trajectory_of
 from gsp.orbits.periodic import periodic_orbit
 from gsp.proofs.certificate import ProofVerdict
 from gsp.scenes.study import Study
@@ -50,7 +50,7 @@ def _integrate(
     study: Study, epsilon: float, tolerance: float, *, method: str | None = None, max_steps: int = 1_000_000
 ) -> Record:
     scene = study.scene
-    run = integrate(
+    run = trajectory_of(
         scene.full_flow,
         start=scene.full_start,
         span=scene.span,

@@ -1,0 +1,168 @@
+"""A run as a moving picture: what it draws in a plane, and one of its variables against time."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+
+from gsp.charts.sampling import margins
+from gsp.charts.style import BLUE, GREY, INK, SKY, STYLE, VERMILION, mathematics
+from gsp.errors import OutputError
+from gsp.integration.trajectory import Trajectory
+from gsp.results.files import write_file
+from gsp.systems.arguments import shown
+
+FRAMES_PER_SECOND = 20
+PIXELS_PER_INCH = 100
+# Ends of files that can be written, with what writes them.
+KINDS = (".gif", ".mp4")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body that moves along the path: outlines (k, 2) in its own frame, with whether each is drawn strongly.
+
+    `angle` names the quantity by which it is turned.
+    """
+
+    angle: str
+    parts: tuple[tuple[np.ndarray, bool], ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What moves: the full run, the limit run if there is one, the plane of two names, and what stands against time.
+
+    `curve` (2, k) is the critical manifold in the plane, with gaps of nan. `title` says what is seen.
+    """
+
+    full: Trajectory
+    limit: Trajectory | None
+    plane: tuple[str, str]
+    against_time: str
+    title: str
+    body: Body | None = None
+    curve: np.ndarray | None = None
+    is_path: bool = False
+
+
+def write_motion(
+    motion: Motion, path: str | Path, *, seconds: float, progress: Callable[[float], object] | None = None
+) -> Path:
+    """Write the moving picture to `path`, .gif or .mp4, whole or not at all.
+
+    Raises `OutputError` for another ending, for .mp4 where ffmpeg is not installed, and when it cannot be written.
+    """
+    target = check_motion_name(path)
+    frames = max(2, round(seconds * FRAMES_PER_SECOND))
+    with matplotlib.rc_context(STYLE), tempfile.TemporaryDirectory(prefix="gsp-") as scratch:
+        animation = _animation(motion, frames)
+        writer: AbstractMovieWriter = (
+            PillowWriter(fps=FRAMES_PER_SECOND)
+            if target.suffix.lower() == ".gif"
+            else FFMpegWriter(fps=FRAMES_PER_SECOND, extra_args=["-pix_fmt", "yuv420p"])
+        )
+        built = Path(scratch, f"built{target.suffix.lower()}")
+
+        def tell(frame: int, total: int) -> None:
+            if progress is not None:
+                progress((frame + 1) / frames)
+
+        animation.save(built, writer=writer, dpi=PIXELS_PER_INCH, progress_callback=tell)
+        return write_file(built.read_bytes(), target)
+
+
+def check_motion_name(path: str | Path) -> Path:
+    """`path`, when a moving picture can be written there; raises `OutputError` with the remedy when not."""
+    if not isinstance(path, (str, Path)):
+        raise OutputError(f"path is the name of a file, .gif or .mp4. Got {shown(path)}.")
+    target = Path(path)
+    if target.suffix.lower() not in KINDS:
+        raise OutputError(
+            f"a moving picture is written to a path that ends in .gif or .mp4. Got {target.name}. Give such a name."
+        )
+    if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise OutputError(f"{target.name} takes ffmpeg, which is not installed. Install it, or write a .gif.")
+    return target
+
+
+def _animation(motion: Motion, frames: int) -> FuncAnimation:
+    full, limit = motion.full, motion.limit
+    figure = Figure(figsize=(8.0, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    times = np.linspace(full.t[0], full.t[-1], frames)
+    run = full.sample(times)
+    line = full.sample(np.unique([*full.t, *np.linspace(full.t[0], full.t[-1], 3000)]))
+    other = None if limit is None else limit.sample(np.linspace(limit.t[0], limit.t[-1], 1000))
+    first, second = motion.plane
+    left.set(
+        xlim=_ends(line[first], motion),
+        ylim=_ends(line[second], motion),
+        xlabel=mathematics(first),
+        ylabel=mathematics(second),
+    )
+    if motion.is_path:
+        left.set_aspect("equal", adjustable="box")
+    if motion.curve is not None:
+        left.plot(*motion.curve, color=SKY, lw=4.0, alpha=0.6, label="$M_0$", zorder=0)
+    if other is not None:
+        left.plot(
+            other[first], other[second], color=BLUE, lw=1.2, ls=(0, (5, 3)), label=r"limit $\epsilon \to 0$"
+        )
+        right.plot(other.t, other[motion.against_time], color=BLUE, lw=1.2, ls=(0, (5, 3)))
+    right.set(
+        xlim=(full.t[0], full.t[-1]),
+        ylim=margins(line[motion.against_time]),
+        xlabel="slow time $t$",
+        ylabel=mathematics(motion.against_time),
+    )
+    right.plot(line.t, line[motion.against_time], color=INK, lw=0.8, alpha=0.2)
+    figure.suptitle(motion.title, fontsize="medium", color=GREY)
+    (trail,) = left.plot([], [], color=INK, lw=1.4, label="full")
+    (dot,) = left.plot([], [], "o", color=VERMILION, ms=6, zorder=5)
+    (past,) = right.plot([], [], color=INK, lw=1.4)
+    (now,) = right.plot([], [], "o", color=VERMILION, ms=6, zorder=5)
+    body = motion.body
+    outlines = []
+    if body is not None:
+        for _, strong in body.parts:
+            style = {"color": VERMILION, "lw": 2.4} if strong else {"color": INK, "lw": 1.0}
+            outlines.append(left.plot([], [], zorder=4, **style)[0])
+        dot.set_visible(False)
+    left.legend(loc="best", fontsize="small", frameon=False)
+    # Laid out once: doing it for each frame takes longer than drawing.
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+
+    def draw(frame: int) -> Sequence:
+        t = times[frame]
+        until = np.searchsorted(line.t, t, side="right")
+        trail.set_data(line[first][:until], line[second][:until])
+        past.set_data(line.t[:until], line[motion.against_time][:until])
+        x, y = run[first][frame], run[second][frame]
+        dot.set_data([x], [y])
+        now.set_data([t], [run[motion.against_time][frame]])
+        if body is not None:
+            angle = run[body.angle][frame]
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            for outline, (points, _) in zip(outlines, body.parts):
+                outline.set_data(*(points @ turn + (x, y)).T)
+        return trail, dot, past, now, *outlines
+
+    return FuncAnimation(figure, draw, frames=frames, blit=False)
+
+
+def _ends(values: np.ndarray, motion: Motion) -> tuple[float, float]:
+    """Ends of an axis: the full run, and on a path the body beside it."""
+    low, high = margins(values, 0.06)
+    if motion.body is None:
+        return low, high
+    reach = max(float(np.abs(points).max()) for points, _ in motion.body.parts)
+    return low - reach, high + reach

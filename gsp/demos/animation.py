@@ -1,0 +1,129 @@
+"""`animate`: a scene as a moving picture for slides, as a GIF or, where ffmpeg is installed, as an MP4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
+from gsp.demos.demo import body_of
+from gsp.errors import GspError
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.scenes.scene import Scene
+from gsp.scenes.study import Study, study_of
+from gsp.systems.arguments import check_number, check_progress
+
+SECONDS = 6.0
+# A longer one has more frames than a file for slides should.
+LONGEST = 120.0
+RTOL, ATOL = 1e-8, 1e-10
+# Points along the critical manifold, and the room beside the run over which it is drawn.
+POINTS, ROOM = 400, 0.15
+
+
+def animate(
+    scene: Scene | Study,
+    path: str | Path,
+    *,
+    seconds: float = SECONDS,
+    progress: Callable[[float], object] | None = None,
+) -> Path:
+    """Write a moving picture of the scene's full run at its epsilon, beside the limit, to `path` (.gif or .mp4).
+
+    A scene with a path shows it, with the body if its demo has one; any other the plane of its first slow and its first
+    fast variable, with the critical manifold where that is a curve. The film lasts `seconds`, and time runs evenly.
+    Raises `OutputError` for another ending, or when the file cannot be written, and what a study raises for a scene
+    that cannot be split.
+    """
+    study = study_of(scene, verb="animate")
+    target = check_motion_name(path)
+    check_progress(progress)
+    length = check_number(
+        seconds,
+        what="seconds",
+        be=f"a number above 0 and at most {LONGEST:g}",
+        above=0.0,
+        below=LONGEST * (1 + 1e-12),
+    )
+    return write_motion(_motion(study), target, seconds=length, progress=progress)
+
+
+def _motion(study: Study) -> Motion:
+    scene = study.scene
+    epsilon = f"$\\epsilon = {scene.epsilon:g}$"
+    title = f"{scene.title or scene.name or 'a run'}, {epsilon}".replace("_", " ")
+    fast = study.system.y[0].name
+    raw = [s.name for s in (*scene.full_flow.states, *scene.full_flow.observables)]
+    if scene.path is not None:
+        body = body_of(scene)
+        shown = None
+        if body is not None:
+            parts = tuple((_outline(part), bool(part["strong"])) for part in body["parts"])
+            shown = Body(body["angle"], parts)
+        against = fast if fast in raw else raw[0]
+        full = study.full(scene.epsilon)
+        return Motion(full, _limit(study), scene.path, against, title, body=shown, is_path=True)
+    # In slow and fast variables, so that the critical manifold is a graph.
+    full = trajectory_of(
+        study.system, start=study.start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+    )
+    slow = study.system.x[0].name
+    curve = _critical_curve(study, full) if len(study.system.states) == 2 else None
+    return Motion(full, _limit(study), (slow, fast), fast, title, curve=curve)
+
+
+def _limit(study: Study) -> Trajectory | None:
+    """The run of order 0, where there is one from this start."""
+    scene = study.scene
+    start = {**study.start, **scene.reconstruction_start}
+    try:
+        return trajectory_of(
+            study.reduced(0), start=start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+        )
+    except GspError:
+        # The picture of the full run is true without it.
+        return None
+
+
+def _critical_curve(study: Study, full: Trajectory) -> np.ndarray | None:
+    """Points (2, k) of every branch over the slow variable as far as the run goes; None where there is no real one."""
+    slow, fast = (s.name for s in study.system.states)
+    low, high = float(full[slow].min()), float(full[slow].max())
+    room = ROOM * (high - low) or 1.0
+    x = np.linspace(low - room, high + room, POINTS)
+    floor, ceiling = float(full[fast].min()), float(full[fast].max())
+    margin = ROOM * (ceiling - floor) or 1.0
+    bounds = {fast: (floor - margin, ceiling + margin)}
+    pieces: list[np.ndarray] = []
+    for branch in study.critical.branches:
+        try:
+            found = [branch.roots(np.array([value]), bounds=bounds).ravel() for value in x]
+        except GspError:
+            continue
+        points = np.array([(value, root) for value, roots in zip(x, found) for root in roots])
+        if points.size:
+            pieces.append(_joined(points, (high - low + 2 * room) / POINTS, margin))
+    return np.concatenate(pieces, axis=1) if pieces else None
+
+
+def _joined(points: np.ndarray, step: float, reach: float) -> np.ndarray:
+    """Points of a curve in the order along it, (2, k): each next to the last, with a gap where none is near."""
+    left = list(range(len(points)))
+    order = [left.pop(0)]
+    rows: list[tuple[float, float]] = [tuple(points[order[0]])]
+    scale = np.array([step, reach / 20])
+    while left:
+        away = np.abs((points[left] - points[order[-1]]) / scale).max(axis=1)
+        nearest = int(np.argmin(away))
+        if away[nearest] > 4.0:
+            rows.append((np.nan, np.nan))
+        order.append(left.pop(nearest))
+        rows.append(tuple(points[order[-1]]))
+    return np.array(rows).T
+
+
+def _outline(part: dict) -> np.ndarray:
+    points = np.array(part["points"], dtype=float)
+    return np.vstack([points, points[:1]]) if part["closed"] else points

@@ -1,0 +1,108 @@
+"""A scene as a moving picture: what moves is the run, and what cannot be written is refused before any work."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import gsp
+from gsp import models
+from gsp.charts import motion as moving
+from gsp.demos import animation
+from gsp.demos.demo import body_of
+from gsp.errors import DeclarationError, OutputError
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with Image.open(path) as image:
+        found = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            found.append(np.asarray(image.convert("RGB")).astype(int))
+        return found
+
+
+def test_the_sleigh_moves_and_takes_its_body_along(tmp_path: Path) -> None:
+    shares: list[float] = []
+    file = gsp.animate(
+        models.load("chaplygin_sleigh"), tmp_path / "sleigh.gif", seconds=0.3, progress=shares.append
+    )
+    found = frames(file)
+    assert len(found) == 6
+    assert shares[-1] == 1.0
+    assert all(np.abs(a - b).max() > 100 for a, b in pairwise(found))
+
+
+def test_a_body_goes_where_the_run_goes() -> None:
+    shown = animation._motion(gsp.study(models.load("chaplygin_sleigh")))
+    assert shown.body is not None
+    assert shown.plane == ("x", "y")
+    figure = moving._animation(shown, 5)
+    figure._draw_frame(4)
+    # Else matplotlib warns that it was never shown.
+    figure._draw_was_started = True
+    panel = figure._fig.axes[0]
+    run = shown.full.sample(np.array([shown.full.t[-1]]))
+    place = np.array([run["x"][0], run["y"][0]])
+    outlines = [line for line in panel.lines if line.get_zorder() == 4]
+    assert len(outlines) == len(shown.body.parts)
+    for line, (points, _) in zip(outlines, shown.body.parts):
+        drawn = np.column_stack(line.get_data())
+        # A turn about the place keeps lengths, and takes the first axis to the heading.
+        np.testing.assert_allclose(
+            np.linalg.norm(drawn - place, axis=1), np.linalg.norm(points, axis=1), atol=1e-12
+        )
+    heading = run["phi"][0]
+    tip = np.column_stack(outlines[1].get_data())[1] - place
+    assert np.arctan2(tip[1], tip[0]) == pytest.approx(np.arctan2(np.sin(heading), np.cos(heading)), abs=1e-12)
+
+
+def test_the_critical_manifold_is_drawn_where_it_is(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(
+        '[slow]\ny = "-x"\n[fast]\nx = "y - x^3/3 + x"\n[region]\ny = [-0.5, 0.5]\nx = [1.2, 2.5]\n'
+        "[start]\ny = 0\nx = 1.9\n[scene]\nspan = [0, 4]\nepsilon = 0.01\n"
+    )
+    shown = animation._motion(gsp.study(gsp.load(tmp_path / "m.toml")))
+    assert shown.curve is not None
+    y, x = shown.curve
+    known = np.isfinite(x)
+    np.testing.assert_allclose(y[known], x[known] ** 3 / 3 - x[known], atol=1e-9)
+    # The cubic through both folds, not the sheet of the start alone.
+    assert x[known].min() < -1.5
+    assert x[known].max() > 1.5
+    steps = np.abs(np.diff(x))
+    assert np.nanmax(steps) < 0.3
+
+
+def test_a_scene_of_three_variables_is_shown_in_a_plane_of_two(tmp_path: Path) -> None:
+    shown = animation._motion(gsp.study(models.load("koper")))
+    assert shown.curve is None
+    assert shown.plane == ("y", "x")
+    assert len(frames(gsp.animate(models.load("koper"), tmp_path / "k.gif", seconds=0.1))) == 2
+
+
+def test_a_changed_sleigh_keeps_its_body_and_another_model_has_none() -> None:
+    changed = gsp.study(models.load("chaplygin_sleigh")).asking(epsilon=0.2).scene
+    assert body_of(changed) is not None
+    assert body_of(models.load("linear")) is None
+
+
+def test_what_cannot_be_written_is_refused_before_any_work(tmp_path: Path, monkeypatch) -> None:
+    def worked(*arguments, **keywords):
+        raise AssertionError("work was done")
+
+    monkeypatch.setattr(animation, "_motion", worked)
+    scene = models.load("linear")
+    with pytest.raises(OutputError, match=r"ends in \.gif or \.mp4"):
+        gsp.animate(scene, tmp_path / "film.avi")
+    monkeypatch.setattr(moving.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(OutputError, match="ffmpeg, which is not installed"):
+        gsp.animate(scene, tmp_path / "film.mp4")
+    for seconds in (0.0, -1.0, float("nan"), 121.0):
+        with pytest.raises(DeclarationError, match="seconds is a number above 0"):
+            gsp.animate(scene, tmp_path / "film.gif", seconds=seconds)
+    assert list(tmp_path.iterdir()) == []
