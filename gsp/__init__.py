@@ -34,6 +34,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     simulate                      that model over the span, the full system where it does not hold
     analyse, write_report         all of it for one scene
     demo, write_demo              one HTML file in which the scene's model runs: to move, to show, to teach
+    animate                       a moving picture for slides
     sweep                         one of these at every point of a grid, kept on disk and resumed
 """
 

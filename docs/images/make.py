@@ -28,7 +28,7 @@ def ensemble() -> None:
 
 
 def sleigh() -> None:
-    """The figure of README.md."""
+    """The figures of README.md, one of which moves."""
     analysis = gsp.analyse(gsp.models.load("chaplygin_sleigh"))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
@@ -36,6 +36,7 @@ def sleigh() -> None:
         charts.convergence(analysis, left)
         charts.error_against_epsilon(analysis.comparison, right)
         figure.savefig(FOLDER / "sleigh.png", dpi=140)
+    gsp.animate(gsp.models.load("chaplygin_sleigh"), FOLDER / "sleigh.gif", seconds=5)
 
 
 def work_precision() -> None:
