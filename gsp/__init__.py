@@ -35,6 +35,7 @@ The pipeline, each verb taking the frozen noun of the one before:
     analyse, write_report         all of it for one scene
     demo, write_demo              one HTML file in which the scene's model runs: to move, to show, to teach
     animate                       a moving picture for slides
+    export                        a reduced flow as text for Python, C, JavaScript, Julia, LaTeX or XPPAUT
     sweep                         one of these at every point of a grid, kept on disk and resumed
 """
 

@@ -36,6 +36,7 @@ from .demos.demo import write_demo as write_demo
 from .errors import BeyondReachWarning as BeyondReachWarning
 from .errors import GspError as GspError
 from .errors import Status as Status
+from .exports.export import export as export
 from .fibres.base_points import BasePoint as BasePoint
 from .fibres.base_points import project as project
 from .fibres.composite_solution import CompositeSolution as CompositeSolution

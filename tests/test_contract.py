@@ -346,6 +346,7 @@ CONTRACTS = {
     ),
     "demo": Contract(("Scene", "Study"), michaelis, dict),
     "write_demo": Contract(("Scene", "Study"), michaelis, lambda: {"path": "demo.html"}, {"path": kind("text")}),
+    "export": Contract(("Scene", "Study"), michaelis, dict, {"to": NAME}),
     "SlowFastSystem": Contract(
         ("BasePoint",), lambda: {y: -y}, lambda: {"fast": {x: y - x}, "epsilon": epsilon},
         {"fast": EXPRESSIONS, "epsilon": kind(), "parameters": EXPRESSIONS, "name": kind("text"),

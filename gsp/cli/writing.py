@@ -1,4 +1,4 @@
-"""Commands that write pages: `gsp report`, `gsp demo`."""
+"""Commands that write pages and text: `gsp report`, `gsp demo`, `gsp export`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
+from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
@@ -130,3 +131,33 @@ def animate(scene: Scene, output: Path | None, seconds: float) -> None:
         make_animation(scene, target, seconds=seconds, progress=show)
     wrote(target)
     click.echo(f"picture: {target}")
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--order", default=1, show_default=True, help="Highest power of epsilon in the reduced flow.")
+@click.option(
+    "--to",
+    default="python",
+    show_default=True,
+    metavar="FORMAT",
+    help="python, c, javascript, julia, latex or ode (XPPAUT).",
+)
+@output_option("File for the text [printed].")
+@json_option
+def export(scene: Scene, order: int, to: str, output: Path | None, as_json: bool) -> None:
+    """Write the reduced flow of MODEL for another tool: text that stands alone, its measured error in a comment."""
+    from gsp.exports.export import export as export_scene
+
+    text = export_scene(scene, order=order, to=to)
+    check_interrupt()
+    if output is not None:
+        write_file(text.encode(), output)
+        wrote(output)
+    if as_json:
+        written = {"text": text} if output is None else {"file": str(output)}
+        print_json({"name": scene.name, "order": order, "format": to, **written})
+    elif output is None:
+        click.echo(text, nl=False)
+    else:
+        click.echo(f"export: {output}")

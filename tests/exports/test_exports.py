@@ -1,0 +1,313 @@
+"""Exported texts run in their own tools and compute what the package does."""
+
+import json
+import re
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from click.testing import CliRunner
+
+import gsp
+from gsp import models
+from gsp.cli import cli
+from gsp.errors import BranchError, DeclarationError, UnsupportedFunctionError
+from gsp.exports.formats import FORMATS, JAVASCRIPT, PYTHON, XPPAUT, C, Language
+from gsp.exports.printing import Printer
+from gsp.exports.reduced_model import inert
+from gsp.lowering.compiled_flow import compile_function
+from gsp.readers.expressions import parse_expression
+from tests.cases import sampled
+
+EXPLICIT = [name for name, _ in models.summary() if name not in ("koper", "van_der_pol", "fitzhugh_nagumo")]
+FEW = ("michaelis_menten", "car")
+ORDER = 2
+GOLDEN = Path(__file__).parent / "michaelis_menten.jl"
+
+
+@cache
+def study(name: str) -> gsp.Study:
+    return gsp.study(models.load(name))
+
+
+@cache
+def text_of(name: str, to: str) -> str:
+    return gsp.export(study(name), order=ORDER, to=to)
+
+
+@cache
+def expected(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (m, n_slow) of the region, the package's reduced rates (m, n_slow) and slow manifold (m, n_fast)."""
+    made, random = study(name), np.random.default_rng(5)
+    x = made.system.x
+    points = np.column_stack([random.uniform(*made.region[s.name], 20) for s in x])
+    flow = made.reduced(ORDER, reconstructed=False)
+    assert flow.states == x
+    wanted = (*flow.rates, *(flow.observables[y] for y in made.system.y))
+    function = compile_function(wanted, arguments=x, epsilon=flow.epsilon, parameters=())
+    values = function(points, np.array([made.scene.epsilon])).reshape(len(points), -1)
+    return points, values[:, : len(x)], values[:, len(x) :]
+
+
+def check(name: str, rates: object, manifold: object) -> None:
+    _, wanted_rates, wanted_manifold = expected(name)
+    for found, wanted in ((rates, wanted_rates), (manifold, wanted_manifold)):
+        values = np.asarray(found, dtype=float)
+        assert values.shape == wanted.shape
+        # Relative to a component's size over the region: a value near a zero has no digits of its own.
+        size = np.abs(wanted).max(axis=0)
+        assert (np.abs(values - wanted) <= 1e-12 * np.maximum(np.abs(wanted), size)).all(), name
+
+
+def run_python(text: str) -> dict:
+    names: dict = {}
+    exec(compile(text, "exported.py", "exec"), names)
+    return names
+
+
+def run_c(
+    text: str, folder: Path, points: np.ndarray, epsilon: float, counts: tuple[int, int]
+) -> list[np.ndarray]:
+    """What both functions give at `points`, run in a program of their own."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    rows = ", ".join("{" + ", ".join(map(repr, row)) + "}" for row in points.tolist())
+    calls = "".join(
+        f"{name}(points[i], {epsilon!r}, reduced_parameters, out); "
+        f'for (int j = 0; j < {n}; j++) printf("%.17g ", out[j]); '
+        for name, n in zip(("reduced_rates", "reduced_slow_manifold"), counts)
+    )
+    main = (
+        f"#include <stdio.h>\nstatic const double points[][{points.shape[1]}] = {{{rows}}};\n"
+        f"int main(void) {{ double out[64]; for (int i = 0; i < {len(points)}; i++) "
+        f'{{ {calls} printf("\\n"); }} return 0; }}\n'
+    )
+    (folder / "model.c").write_text(text + main, encoding="utf-8")
+    subprocess.run(
+        ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off", "-O1", "model.c",
+         "-o", "model", "-lm"], cwd=folder, check=True, timeout=120,
+    )  # fmt: skip
+    printed = subprocess.run([folder / "model"], capture_output=True, text=True, check=True, timeout=60).stdout
+    values = np.array([[float(word) for word in line.split()] for line in printed.splitlines()])
+    return np.hsplit(values, [counts[0]])
+
+
+def run_node(text: str, folder: Path, points: np.ndarray) -> dict:
+    if shutil.which("node") is None:
+        pytest.skip("node is not installed")
+    (folder / "model.js").write_text(text, encoding="utf-8")
+    call = (
+        f"const m = require('./model.js'); const points = {json.dumps(points.tolist())};"
+        "console.log(JSON.stringify({rates: points.map(p => m.rates(p)), y: points.map(p => m.slowManifold(p))}));"
+    )
+    done = subprocess.run(
+        ["node", "-e", call], cwd=folder, capture_output=True, text=True, check=True, timeout=60
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_python(name: str) -> None:
+    points, *_ = expected(name)
+    names = run_python(text_of(name, "python"))
+    check(name, names["rates"](0.0, points.T).T, names["slow_manifold"](points.T).T)
+    # At one point too, as an integrator calls it.
+    one = np.array([names["rates"](0.0, point) for point in points])
+    assert one.shape == points.shape
+    check(name, one, names["slow_manifold"](points.T).T)
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_c(name: str, tmp_path: Path) -> None:
+    points, rates, manifold = expected(name)
+    counts = rates.shape[1], manifold.shape[1]
+    found = run_c(text_of(name, "c"), tmp_path, points, study(name).scene.epsilon, counts)
+    check(name, *found)
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_javascript(name: str, tmp_path: Path) -> None:
+    found = run_node(text_of(name, "javascript"), tmp_path, expected(name)[0])
+    check(name, found["rates"], found["y"])
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_reads_back_from_an_ode_file(name: str, tmp_path: Path) -> None:
+    text = text_of(name, "ode")
+    path = tmp_path / "model.ode"
+    # With a state that is fast the file is a model with two time scales, as those are that can be read.
+    path.write_text(text.replace("par ", "probe'=(1 - probe)/epsilon\npar ", 1), encoding="utf-8")
+    made, (points, _, manifold) = study(name), expected(name)
+    field = gsp.load(path).system
+    assert isinstance(field, gsp.VectorField)
+    count = len(made.system.x)
+    rates = {state: rate for state, rate in zip(field.states, field.rates) if state.name != "probe"}
+    assert len(rates) == count
+    outputs = [*rates.values(), *field.observables.values()]
+    outputs = [output.xreplace(dict(field.parameters)) for output in outputs]
+    function = compile_function(outputs, arguments=tuple(rates), epsilon=field.epsilon, parameters=())
+    values = function(points, np.array([made.scene.epsilon])).reshape(len(points), -1)
+    assert values.shape[1] == count + manifold.shape[1]
+    check(name, values[:, :count], values[:, count:])
+
+
+def test_parameters_and_epsilon_are_arguments(tmp_path: Path) -> None:
+    names = run_python(text_of("michaelis_menten", "python"))
+    made = study("michaelis_menten")
+    other = gsp.study(models.load("michaelis_menten")).system.with_parameters(kappa=2, **{"lambda": 0.25})
+    series = gsp.expand(gsp.solve_critical(other).branches[0], order=ORDER)
+    got = names["slow_manifold"]([0.7], 0.02, kappa=2.0, lambda_=0.25)
+    assert got == pytest.approx(series.evaluate({"s": 0.7}, 0.02), rel=1e-13)
+    assert got != pytest.approx(made.series(ORDER).evaluate({"s": 0.7}, 0.02), rel=1e-3)
+
+
+def test_where_symbols_take_too_many_terms_values_are_put_in_and_the_text_says_so() -> None:
+    assert "values of the parameters are put in" in text_of("car", "python")
+    assert "values of the parameters are put in" not in text_of("michaelis_menten", "python")
+
+
+def test_the_comment_names_origin_order_region_and_the_measured_error() -> None:
+    scene = study("michaelis_menten").scene
+    error = gsp.compare(study("michaelis_menten"), orders=(ORDER,), epsilons=(scene.epsilon,)).errors[ORDER][0]
+    for to in FORMATS:
+        comment = re.sub(r"\s*(\*/)?\n(#|%|//|/\*) ", " ", text_of("michaelis_menten", to))
+        for said in (
+            "order 2 in epsilon: michaelis_menten", "Segel", "s in [0.05, 2]", f"Measured error: {error:.2g},",
+            "at epsilon = 0.05 over t = 0 to 5",
+        ):  # fmt: skip
+            assert said in comment, (to, said)
+
+
+def test_the_julia_text_is_the_one_that_was_read() -> None:
+    assert text_of("michaelis_menten", "julia") == GOLDEN.read_text(encoding="utf-8")
+
+
+def test_latex_holds_the_terms() -> None:
+    text = text_of("michaelis_menten", "latex")
+    made, (s,) = study("michaelis_menten"), study("michaelis_menten").system.x
+    for row in (*made.series(ORDER).coefficients, *made.series(ORDER).reduced_field):
+        assert sp.latex(row[0]) in text
+    assert rf"\dot{{{s.name}}} &= " in text
+    assert text.count(r"\epsilon^{2} ") == 2
+    assert r"\lambda = \frac{1}{2}" in text
+
+
+HOSTILE = 'a "quote" */ #include <x> \\ """ =# alert(1) *\\/ /* //'
+
+
+def hostile() -> gsp.Scene:
+    """A model whose names are keywords of one language or another, and whose texts try to end a comment."""
+    words = [sp.Symbol(name) for name in ("in", "var", "end", "lambda", "np", "slow", "u0", "int", "t")]
+    x, y, epsilon, *parameters = *words, sp.Symbol("_"), sp.Symbol("Q_"), sp.Symbol("q_")
+    rate = -x - sp.sin(x * sum(parameters)) ** 2 / (1 + x**2) - sp.cos(sp.sin(x * sum(parameters)))
+    system = gsp.SlowFastSystem(
+        slow={x: rate + y}, fast={y: sp.exp(-x) * sp.Rational(1, 3) - y}, epsilon=epsilon,
+        parameters={p: sp.Rational(k + 1, 7) for k, p in enumerate(parameters)},
+    )  # fmt: skip
+    return gsp.Scene(
+        system, {"in": (0, 2)}, {"in": 1, "var": 0.2}, (0, 1), 0.01, (0.02, 0.01), 1e-6, source=HOSTILE
+    )
+
+
+def test_names_and_texts_of_a_model_do_nothing_in_any_language(tmp_path: Path) -> None:
+    made = gsp.study(hostile())
+    x = np.array([[0.3], [1.7]])
+    series = made.series(1)
+    wanted_y = series.evaluate(x, 0.01)
+    flow = made.reduced(1)
+    function = compile_function(flow.rates, arguments=flow.states, epsilon=flow.epsilon, parameters=())
+    wanted = function(x, np.array([0.01])).reshape(2, 1)
+    texts = {to: gsp.export(made, order=1, to=to) for to in FORMATS}
+    for to, text in texts.items():
+        assert "#include <x>" in text, to
+        assert "Renamed: " in text, to
+    names = run_python(texts["python"])
+    np.testing.assert_allclose(names["rates"](0.0, x.T).T, wanted, rtol=1e-13)
+    np.testing.assert_allclose(names["slow_manifold"](x.T).T, wanted_y, rtol=1e-13)
+    for rates, y in (
+        run_c(texts["c"], tmp_path, x, 0.01, (1, 1)),
+        run_node(texts["javascript"], tmp_path, x).values(),
+    ):
+        np.testing.assert_allclose(rates, wanted, rtol=1e-13)
+        np.testing.assert_allclose(y, wanted_y, rtol=1e-13)
+
+
+def test_a_comment_is_one_line_without_hidden_characters_or_ends() -> None:
+    assert inert("a\nb\r\nc\x1b[31m\u202e\u2028 \\ d") == "a b c/x1b[31m/u202e / d"
+    assert inert("**//*/ /**/") == "** // * / / ** /"
+    for hard in ("*/", "/*", "/*/", "*//*", "**//", "*\\", "\\*"):
+        assert not re.search(r"\*/|/\*", inert(hard)), hard
+
+
+x, y, k = sp.symbols("x y k")
+HARD = {
+    "powers": x**2 / y**3 - (x + y) ** 7 / (x - y) ** 4 + x**-1 + k / x**2 + 1 / (x * y) ** 2,
+    "a power that varies": (x + 3) ** (2 * k + 1) + 2 ** (-y) - (x + 5) ** (k - y),
+    "a power of a power": ((x + 3) ** k) ** y + ((x + 3) ** 3) ** 5,
+    "roots": sp.sqrt(x + 3) + 1 / sp.sqrt(y + 3) + (x + 3) ** sp.Rational(2, 3) + (y + 4) ** sp.Rational(-5, 3),
+    "negatives": (-x) ** 3 - (-(x + 1) - y) - (-2) * -(x**2),
+    "numbers": sp.Rational(-5, 7) / y + x / 3 + sp.Integer(3) ** 60 * x + sp.Rational(10**30 + 1, 10**29) * y,
+    "extremes": sp.Max(x, y, k) - sp.Min(x, y, k) * sp.Max(0, x),
+    "signs": sp.sign(x - y) * sp.Abs(x * y),
+    "elementary": sp.exp(-x) * sp.sin(y) + sp.cos(x) * sp.tan(y / 9) + sp.tanh(x) + sp.sinh(y) - sp.cosh(k),
+    "inverse": sp.atan(x) + sp.asin(x / 9) + sp.acos(y / 9) + sp.log(x**2 + 1) + sp.pi * x + sp.E * y,
+}
+
+
+@pytest.mark.parametrize("kind", HARD)
+def test_every_kind_of_expression_keeps_its_value(kind: str, tmp_path: Path) -> None:
+    expression, names = HARD[kind], {x: "x", y: "y", k: "k"}
+
+    def printed(language: Language) -> str:
+        return Printer(language, names).text(expression)
+
+    points = np.random.default_rng(3).uniform(-2, 2, (8, 3))
+    wanted = [float(expression.evalf(40, subs=dict(zip((x, y, k), map(sp.Float, p))))) for p in points]
+    python = [eval(printed(PYTHON), {"np": np, "x": a, "y": b, "k": c}) for a, b, c in points]
+    np.testing.assert_allclose(python, wanted, rtol=1e-13)
+    read = parse_expression(printed(XPPAUT), symbols={s.name: s for s in (x, y, k)})
+    values = [float(read.evalf(40, subs=dict(zip((x, y, k), map(sp.Float, p))))) for p in points]
+    np.testing.assert_allclose(values, wanted, rtol=1e-13)
+    lines = {
+        "c": "#include <math.h>\ndouble sign(double u) { return (u > 0) - (u < 0); }\n"
+        "const double reduced_parameters[1] = {0};\n"
+        "void reduced_rates(const double *slow, double e, const double *p, double *out)\n"
+        "{ double x = slow[0], y = slow[1], k = slow[2]; (void)e; (void)p; (void)x; (void)y; (void)k; "
+        f"out[0] = {printed(C)}; }}\n"
+        "void reduced_slow_manifold(const double *s, double e, const double *p, double *out)\n"
+        "{ (void)s; (void)e; (void)p; (void)out; }\n",
+        "javascript": f"module.exports = {{rates: ([x, y, k]) => {printed(JAVASCRIPT)}, slowManifold: () => 0}};",
+    }
+    np.testing.assert_allclose(run_c(lines["c"], tmp_path, points, 0.0, (1, 0))[0][:, 0], wanted, rtol=1e-13)
+    np.testing.assert_allclose(run_node(lines["javascript"], tmp_path, points)["rates"], wanted, rtol=1e-13)
+
+
+def test_what_a_language_lacks_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedFunctionError, match="erf has no counterpart in JavaScript"):
+        Printer(JAVASCRIPT, {x: "x"}).text(sp.erf(x))
+    with pytest.raises(UnsupportedFunctionError, match="besselj"):
+        Printer(PYTHON, {x: "x"}).text(sp.besselj(0, x))
+    with pytest.raises(UnsupportedFunctionError, match="Piecewise"):
+        Printer(C, {x: "x"}).text(sp.Piecewise((x, x > 0), (1, True)))
+
+
+def test_an_implicit_branch_and_an_unknown_format_are_refused_with_the_remedy() -> None:
+    with pytest.raises(BranchError, match=r"only implicitly.*reduced\(order\)"):
+        gsp.export(models.load("van_der_pol"), order=1)
+    with pytest.raises(DeclarationError, match=r'to is one of python.*Did you mean "latex"'):
+        gsp.export(models.load("linear"), to="latx")
+
+
+def test_the_command_prints_or_writes_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ["export", "linear", "--order", "2", "--to", "c"]
+    wanted = gsp.export(models.load("linear"), order=2, to="c")
+    assert CliRunner().invoke(cli, arguments).stdout == wanted
+    assert CliRunner().invoke(cli, [*arguments, "-o", "model.c"]).stdout == "export: model.c\n"
+    assert Path("model.c").read_text(encoding="utf-8") == wanted
+    written = json.loads(CliRunner().invoke(cli, [*arguments, "--json"]).stdout)
+    assert written == {"name": "linear", "order": 2, "format": "c", "text": wanted}
