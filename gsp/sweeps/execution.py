@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
@@ -77,16 +78,18 @@ def _end_with(parent: Any) -> None:
 
 def _until_done(store: Store, progress: Progress | None, attempt: Callable[[int], bool]) -> None:
     """Go through what is left until all is done; what others are at work on is looked at again."""
+    tally = _Tally(store, progress)
     left = _left(store)
     while left:
         moved = False
         for chunk in left:
-            moved |= attempt(chunk)
-            _tell(store, progress)
+            mine = attempt(chunk)
+            moved |= mine
+            tally.tell(mine)
         left = _left(store)
         if left and not moved:
             time.sleep(LOOK)
-    _tell(store, progress)
+    tally.tell(0, look=True)
 
 
 def _left(store: Store) -> list[int]:
@@ -94,14 +97,31 @@ def _left(store: Store) -> list[int]:
     return [chunk for chunk in range(store.plan.chunks) if chunk not in done]
 
 
-def _tell(store: Store, progress: Progress | None) -> None:
-    if progress is not None:
-        progress(len(store.ledger.done()) / store.plan.chunks)
+class _Tally:
+    """How far it is, for `progress`: the ledger is listed so seldom that it costs a hundredth, and counted between."""
+
+    def __init__(self, store: Store, progress: Progress | None) -> None:
+        self._store, self._progress = store, progress
+        self._done, self._next = 0, -math.inf
+
+    def tell(self, finished: int, *, look: bool = False) -> None:
+        """Tell the share that is done, `finished` more than at the last time."""
+        if self._progress is None:
+            return
+        begun = time.monotonic()
+        if look or begun >= self._next:
+            self._done = max(self._done, len(self._store.ledger.done()))
+            now = time.monotonic()
+            self._next = now + 100.0 * (now - begun)
+        else:
+            self._done = min(self._done + finished, self._store.plan.chunks)
+        self._progress(self._done / self._store.plan.chunks)
 
 
 def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: Progress | None) -> None:
     """Keep `most` chunks at work in executors that `begin` makes, until all is done."""
     deaths: Counter[int] = Counter()
+    tally = _Tally(store, progress)
     executor = begin()
     try:
         waiting = deque(_left(store))
@@ -120,11 +140,13 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
                 except BrokenProcessPool:
                     broken.append(chunk)
             finished, _ = wait(at_work, timeout=LOOK, return_when=FIRST_COMPLETED)
-            busy = []
+            busy, entered = [], 0
             for future in finished:
                 chunk = at_work.pop(future)
                 try:
-                    if not future.result():
+                    if future.result():
+                        entered += 1
+                    else:
                         busy.append(chunk)
                 except (BrokenProcessPool, CancelledError):
                     broken.append(chunk)
@@ -140,7 +162,7 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
                 executor.shutdown(wait=False, cancel_futures=True)
                 executor = begin()
                 waiting.extendleft(sorted(broken, reverse=True))
-            _tell(store, progress)
+            tally.tell(entered)
             if not waiting and not at_work:
                 # What others were at work on is theirs, unless they have ended.
                 waiting = deque(_left(store))
@@ -151,6 +173,7 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
         executor.shutdown(wait=True, cancel_futures=True)
         raise
     executor.shutdown()
+    tally.tell(0, look=True)
 
 
 def _point_by_point(store: Store, chunk: int) -> None:

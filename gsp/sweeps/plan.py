@@ -116,6 +116,10 @@ class Plan:
         """The place of a point among all, the last axis fastest."""
         return int(np.ravel_multi_index(point, self.shape))
 
+    def point(self, number: int) -> tuple[int, ...]:
+        """The indices along the axes of the point with this number."""
+        return tuple(map(int, np.unravel_index(number, self.shape)))
+
     def chunk_of(self, point: tuple[int, ...]) -> int:
         """The chunk that holds a point."""
         place = tuple(i // b for i, b in zip(point, self.block))

@@ -39,9 +39,7 @@ def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     file = Path(path)
     try:
         return _arguments(read_document(file), file.parent)
-    except DeclarationError as error:
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
-    except ModelFileError as error:
+    except (DeclarationError, ModelFileError) as error:
         raise ModelFileError(printable(f"{file.name}: {error}")) from None
 
 

@@ -363,7 +363,7 @@ def _measured(plan: Plan, subject: Subject, points: int | None) -> Plan:
     tried = dict.fromkeys(round(k * (plan.size - 1) / (TRIED - 1)) for k in range(TRIED))
     variables = dict(plan.variables)
     for number in tried:
-        point = _point(plan, number)
+        point = plan.point(number)
         begun = time.perf_counter()
         try:
             found = compute_point(plan, subject, plan.coordinates(point))
@@ -398,12 +398,6 @@ def _measured(plan: Plan, subject: Subject, points: int | None) -> Plan:
         for name, variable in variables.items()
     }
     return replace(plan, block=block_of(plan.shape, each), variables=variables, known=known)
-
-
-def _point(plan: Plan, number: int) -> tuple[int, ...]:
-    import numpy as np
-
-    return tuple(map(int, np.unravel_index(number, plan.shape)))
 
 
 def _kept(name: str, value: object, variable: Variable) -> object:
