@@ -12,7 +12,8 @@ from typing import Any
 import sympy as sp
 from sympy.printing.jscode import JavascriptCodePrinter
 
-from gsp.errors import BudgetError, UnsupportedFunctionError
+from gsp.algebra.doubles import nearest_double
+from gsp.errors import UnsupportedFunctionError
 
 # Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
 EXACT = 2**53
@@ -94,11 +95,11 @@ class _Printer(JavascriptCodePrinter):
     _print_Dummy = _print_Symbol
 
     def _print_Integer(self, expr: sp.Integer) -> str:
-        return str(int(expr)) if abs(int(expr)) <= EXACT else _double(expr)
+        return str(int(expr)) if abs(int(expr)) <= EXACT else nearest_double(expr)
 
     def _print_Rational(self, expr: sp.Rational) -> str:
         p, q = int(expr.p), int(expr.q)
-        return f"{p}/{q}" if max(abs(p), q) <= EXACT else _double(expr)
+        return f"{p}/{q}" if max(abs(p), q) <= EXACT else nearest_double(expr)
 
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.as_base_exp() if not expr.is_Pow else expr.args
@@ -166,14 +167,3 @@ class _Printer(JavascriptCodePrinter):
         raise UnsupportedFunctionError(
             f"{type(expr).__name__} has no counterpart in JavaScript. Got {str(expr)[:80]}. Use other functions."
         )
-
-
-def _double(number: sp.Rational) -> str:
-    """The nearest double of a number that is longer than a double."""
-    try:
-        return repr(int(number.p) / int(number.q))
-    except OverflowError:
-        raise BudgetError(
-            f"a number of {len(str(abs(int(number.p))))} digits is beyond double precision. "
-            "Give one below 1e308."
-        ) from None

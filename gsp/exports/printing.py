@@ -9,7 +9,8 @@ from typing import Any, Never
 import sympy as sp
 from sympy.printing.codeprinter import CodePrinter
 
-from gsp.errors import BudgetError, UnsupportedFunctionError
+from gsp.algebra.doubles import nearest_double
+from gsp.errors import UnsupportedFunctionError
 
 # Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
 EXACT = 2**53
@@ -65,14 +66,14 @@ class Printer(CodePrinter):
     _print_Dummy = _print_Symbol
 
     def _print_Integer(self, expr: Any) -> str:
-        return self._in.whole.format(int(expr)) if abs(int(expr)) <= EXACT else _double(expr)
+        return self._in.whole.format(int(expr)) if abs(int(expr)) <= EXACT else nearest_double(expr)
 
     _print_Zero = _print_One = _print_NegativeOne = _print_Integer
 
     def _print_Rational(self, expr: Any) -> str:
         p, q = int(expr.p), int(expr.q)
         if max(abs(p), q) > EXACT:
-            return f"({_double(expr)})"
+            return f"({nearest_double(expr)})"
         return f"({self._in.whole.format(p)}/{self._in.whole.format(q)})"
 
     _print_Half = _print_Rational
@@ -131,14 +132,3 @@ class Printer(CodePrinter):
         )
 
     emptyPrinter = _print_not_supported
-
-
-def _double(number: Any) -> str:
-    """The nearest double of a number that is longer than a double."""
-    try:
-        return repr(int(number.p) / int(number.q))
-    except OverflowError:
-        raise BudgetError(
-            f"a number of {len(str(abs(int(number.p))))} digits is beyond double precision. "
-            "Give one below 1e308."
-        ) from None
