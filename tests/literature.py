@@ -143,7 +143,7 @@ def main(arguments: list[str]) -> int:
         for ending in pool.imap(_run, asked):
             wrong += bool(ending.complaint)
             print(ending, flush=True)
-    print(f"{len(asked)} runs, {wrong} with a complaint", flush=True)
+    print(f"{len(asked)} systems, {wrong} with a complaint", flush=True)
     return int(wrong > 0)
 
 
