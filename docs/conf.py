@@ -1,0 +1,117 @@
+"""The documentation site: `sphinx-build -W -n docs docs/_build`. Nothing is fetched while it is built."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import gsp
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+project = "gsp"
+author = copyright = "The gsp developers"
+version = release = gsp.__version__
+language = "en-GB"
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
+exclude_patterns = ["_build", "paper", "images/*.py", "gallery/**/*.ipynb", "gallery/**/*.py"]
+default_role = "code"
+nitpicky = True
+# Types of other packages, and those of ours that are no public names, are not documented here.
+nitpick_ignore_regex = [("py:.*", r"(?!gsp\.[a-z]+$).*")]
+
+myst_heading_anchors = 3
+# A file of the repository that is no page of the site is handed over as it is.
+suppress_warnings = ["config.cache", "myst.xref_missing"]
+
+html_theme = "furo"
+html_title = "gsp"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+
+sphinx_gallery_conf = {
+    "examples_dirs": ["../examples"],
+    "gallery_dirs": ["gallery"],
+    # Every script is run, and one that fails ends the build.
+    "filename_pattern": r"\.py$",
+    "abort_on_example_error": True,
+    "parallel": 2,
+    "image_scrapers": ("gallery_figures.keep",),
+    "reset_modules": (),
+    "capture_repr": (),
+    "download_all_examples": False,
+    "show_signature": False,
+    "show_memory": False,
+    "min_reported_time": 1,
+    "within_subsection_order": "FileNameSortKey",
+    "subsection_order": [
+        f"../examples/{name}" for name in ("manifolds", "hyperbolicity", "passage", "runs", "mechanics")
+    ],
+    "thumbnail_size": (480, 300),
+}
+
+DEMO = re.compile(r"<!-- demo (\w+) -->")
+CONTENTS = re.compile(r"<!-- contents\n(.*?)-->", re.DOTALL)
+
+
+def with_demos(app, docname: str, source: list[str]) -> None:
+    """A comment `<!-- demo NAME -->`, which nobody sees in the plain page, is the running demo on the site."""
+    folder = "../" * docname.count("/") + "demos"
+    frame = (
+        '<iframe class="demo" src="{0}/{1}.html" title="Demo of {1}" loading="lazy" allowfullscreen></iframe>'
+    )
+    source[0] = DEMO.sub(lambda found: frame.format(folder, found[1]), source[0])
+
+
+def with_links(app, docname: str, source: list[str]) -> None:
+    """What the plain pages cannot have: the folder of examples as a gallery, and the contents of the site."""
+    source[0] = source[0].replace("](../examples)", "](gallery/index.rst)")
+    source[0] = CONTENTS.sub(lambda found: contents(found[1]), source[0])
+
+
+def contents(text: str) -> str:
+    """A table of contents for each line "Heading: page page ..."."""
+    tables = []
+    for line in text.strip().splitlines():
+        heading, _, pages = line.partition(": ")
+        tables.append(
+            "\n".join(["```{toctree}", ":hidden:", f":caption: {heading}", "", *pages.split(), "```"])
+        )
+    return "\n\n".join(tables)
+
+
+def write_demos(app, error) -> None:
+    """The told demos beside the pages that show them."""
+    if error is not None or app.builder.format != "html":
+        return
+    folder = Path(app.outdir, "demos")
+    folder.mkdir(exist_ok=True)
+    pages = [HERE / f"{name}.md" for name in app.env.found_docs if (HERE / f"{name}.md").is_file()]
+    for name in sorted({found for page in pages for found in DEMO.findall(page.read_text(encoding="utf-8"))}):
+        gsp.write_demo(gsp.models.load(name), folder / f"{name}.html")
+
+
+def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> None:
+    """Docstrings are plain text: |x|, x* and h_ mean what they say, outside code and doctests."""
+    for i, line in enumerate(lines):
+        if line.lstrip().startswith(">>>"):
+            continue
+        parts = re.split(r"(`[^`]*`)", line)
+        parts[::2] = [
+            re.sub(r"([|*])|(?<=\w)(_)(?=\W|$)", lambda found: "\\" + found[0], part) for part in parts[::2]
+        ]
+        lines[i] = "".join(parts)
+
+
+def setup(app) -> None:
+    app.connect("source-read", with_demos)
+    app.connect("source-read", with_links)
+    app.connect("build-finished", write_demos)
+    app.connect("autodoc-process-docstring", as_restructured_text)
