@@ -266,21 +266,19 @@ class _Proof:
         off = [ia.subtract(p, q) for p, q in zip(x, c)]
         line = [_dot(slope[i * n : i * n + n], off, b[i]) for i in range(m)]
         room = [ia.of(r) for r in tube.radius]
-        values = self.program.values(c + b)
-        along = self.program.derivatives(x + line)
-        residual = []
-        for i in range(m):
-            total = values[i]
-            for k in range(n):
-                rate = along[i][k]
-                for j in range(m):
-                    rate = ia.add(rate, ia.multiply(along[i][n + j], slope[j * n + k]))
-                total = ia.add(total, ia.multiply(rate, off[k]))
-            residual.append(total)
+        residual = self.program.values(c + b)
+        # Over a point, a glue's, nothing is left of the slopes.
+        if any(step != ia.ZERO for step in off):
+            along = self.program.derivatives(x + line)
+            for i in range(m):
+                for k in range(n):
+                    rate = along[i][k]
+                    for j in range(m):
+                        rate = ia.add(rate, ia.multiply(along[i][n + j], slope[j * n + k]))
+                    residual[i] = ia.add(residual[i], ia.multiply(rate, off[k]))
         ball = [(-r[1], r[1]) for r in room]
         y = [ia.add(p, r) for p, r in zip(line, ball)]
-        full = self.program.derivatives(x + y)
-        derivative = [row[n:] for row in full]
+        derivative = self.program.derivatives(x + y, n)
         for i in range(m):
             image = ia.negative(_dot(inverse[i * m : i * m + m], residual, ia.ZERO))
             for k in range(m):

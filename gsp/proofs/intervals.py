@@ -19,6 +19,7 @@ LARGEST_EXPONENT = 2000 * ONE
 TERMS = 40
 # Beyond doubles, and squares of them: whole numbers do not grow without end.
 LARGEST = ONE << 4096
+_LARGEST_PRODUCT = LARGEST << SHIFT
 
 
 class OutOfDomain(ArithmeticError):
@@ -48,9 +49,19 @@ def negative(a: Interval) -> Interval:
 
 def multiply(a: Interval, b: Interval) -> Interval:
     """a b; raises `OutOfDomain` when it is larger than any double."""
-    ends = (a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1])
-    low, high = min(ends), max(ends)
-    if max(-low, high) > LARGEST << SHIFT:
+    # By signs: two products instead of four.
+    (low, high), (least, most) = a, b
+    if least >= 0:
+        low, high = low * (least if low >= 0 else most), high * (most if high >= 0 else least)
+    elif most <= 0:
+        low, high = high * (least if high >= 0 else most), low * (most if low >= 0 else least)
+    elif low >= 0:
+        low, high = high * least, high * most
+    elif high <= 0:
+        low, high = low * most, low * least
+    else:
+        low, high = min(low * most, high * least), max(low * least, high * most)
+    if high > _LARGEST_PRODUCT or low < -_LARGEST_PRODUCT:
         raise OutOfDomain("a number is too large")
     return low >> SHIFT, -(-high >> SHIFT)
 

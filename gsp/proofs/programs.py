@@ -91,15 +91,15 @@ class Program:
             return self.constants[i]
         return _FUNCTIONS[name](found[one])
 
-    def derivatives(self, arguments: list[Interval]) -> list[list[Interval]]:
-        """Derivatives by every variable (m, n + m), forward from variable to output."""
+    def derivatives(self, arguments: list[Interval], first: int = 0) -> list[list[Interval]]:
+        """Derivatives by the variables from the `first` on (m, variables - first), forward from variable to output."""
         found = list(arguments)
-        slopes: list[dict[int, Interval]] = [{k: ia.UNIT} for k in range(self.variables)]
+        slopes: list[dict[int, Interval]] = [{k: ia.UNIT} if k >= first else {} for k in range(self.variables)]
         for i, (name, one, two) in enumerate(self.code):
             value = self._value(i, name, one, two, found)
             found.append(value)
             slopes.append(self._slope(name, one, two, value, found, slopes))
-        return [[slopes[place].get(k, ia.ZERO) for k in range(self.variables)] for place in self.outputs]
+        return [[slopes[place].get(k, ia.ZERO) for k in range(first, self.variables)] for place in self.outputs]
 
     def _slope(
         self,
@@ -119,9 +119,10 @@ class Program:
                 total[k] = ia.add(before, slope) if name == "+" else ia.subtract(before, slope)
             return total
         if name == "*":
-            total = {k: ia.multiply(slope, found[two]) for k, slope in slopes[one].items()}
+            total = {k: _scaled(slope, found[two]) for k, slope in slopes[one].items()}
             for k, slope in slopes[two].items():
-                total[k] = ia.add(total.get(k, ia.ZERO), ia.multiply(slope, found[one]))
+                part = _scaled(slope, found[one])
+                total[k] = ia.add(total[k], part) if k in total else part
             return total
         if name == "/":
             total = {k: ia.divide(slope, found[two]) for k, slope in slopes[one].items()}
@@ -132,7 +133,7 @@ class Program:
         if not slopes[one]:
             return {}
         rate = self._rate(name, found[one], two, value)
-        return {k: ia.multiply(rate, slope) for k, slope in slopes[one].items()}
+        return {k: _scaled(slope, rate) for k, slope in slopes[one].items()}
 
     @staticmethod
     def _rate(name: str, a: Interval, exponent: Any, value: Interval) -> Interval:
@@ -157,6 +158,11 @@ class Program:
             return ia.divide(ia.UNIT, ia.add(ia.UNIT, ia.power(a, 2)))
         assert name == "sqrt"
         return ia.divide((ia.ONE // 2, ia.ONE // 2), value)
+
+
+def _scaled(slope: Interval, by: Interval) -> Interval:
+    """The product; the slope of a variable by itself is 1."""
+    return by if slope is ia.UNIT else ia.multiply(slope, by)
 
 
 def _power(a: Interval, exponent: Fraction) -> Interval:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import sympy as sp
+from flint import arb
 
 from gsp.algebra.functions import are_rational, is_rational_node
 from gsp.algebra.ring import Element, LocalisedRing, read
@@ -176,11 +177,6 @@ class Invariance:
         return self._balls(self._by(self._gamma, self._by_z))
 
     @cached_property
-    def normal_slopes(self) -> BallFunction:
-        """D_x D_z Gamma (m m n,): by row of Gamma, then z, then x."""
-        return self._balls(self._by(self._by(self._gamma, self._by_z), self._by_x))
-
-    @cached_property
     def rates(self) -> BallFunction:
         """f (slow,)."""
         return self._balls(self._f)
@@ -189,6 +185,22 @@ class Invariance:
     def rate_slopes(self) -> BallFunction:
         """D_x f (slow n,), the total derivative at constant z, then D_z f (slow m,), row by row."""
         return self._balls([*self._by(self._f, self._by_x), *self._by(self._f, self._by_z)])
+
+    @cached_property
+    def _linearisation(self) -> BallFunction:
+        rates = [*self._by(self._f, self._by_x), *self._by(self._f, self._by_z)]
+        normal = self._by(self._gamma, self._by_z)
+        return self._balls([*rates, *normal, *self._by(self._rho, self._by_x), *self._by(normal, self._by_x)])
+
+    def linearisation(self, arguments: Sequence[arb]) -> tuple[list[arb], list[arb], list[arb], list[arb]]:
+        """`rate_slopes`, `normal`, D_x rho (m n,) and D_x D_z Gamma (m m n,): by row of Gamma, then z, then x.
+
+        They share what they are made of, so that together they cost less.
+        """
+        values, n, m = self._linearisation(arguments), self.n, self.m
+        ends = [self.slow * (n + m)]
+        ends += [ends[0] + m * m, ends[0] + m * m + m * n]
+        return values[: ends[0]], values[ends[0] : ends[1]], values[ends[1] : ends[2]], values[ends[2] :]
 
     @cached_property
     def forcing(self) -> BallFunction:

@@ -23,6 +23,7 @@ Nothing is claimed of a comparison unless it is proved True.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -63,6 +64,7 @@ class Isolation:
     region: Box
     tally: Tally
     _residuals: dict[Box, list[arb]] = field(default_factory=dict)
+    _slopes: dict[Box, list[arb]] = field(default_factory=dict)
 
     def faces(self, widths: Widths) -> bool:
         """Whether the tube of `widths`, one for each block, is proved isolating."""
@@ -87,9 +89,14 @@ class Isolation:
             rate = self.invariance.rates(self._arguments(box, widths))[axis]
             return 1 if rate > 0 else (-1 if rate < 0 else 0)
 
-        for way in (1, -1):
-            if _proved(face, lambda box, way=way: sign(box) == way, Tally(SIDE_BOXES)):
-                return way if upper else -way
+        # The signs at the corners say which way to try, if any.
+        ways = {sign(tuple((v, v) for v in corner)) for corner in itertools.product(*face)}
+        if (
+            len(ways) == 1
+            and (way := ways.pop())
+            and _proved(face, lambda box: sign(box) == way, Tally(SIDE_BOXES))
+        ):
+            return way if upper else -way
         return 0
 
     def rates(self, x: list[arb], widths: Widths) -> list[arb]:
@@ -100,7 +107,7 @@ class Isolation:
 
     def _steepest(self, box: Box) -> list[float]:
         """How much rho varies along each side of a box."""
-        slopes = self.invariance.residual_slopes([balls.hull(low, high) for low, high in box])
+        slopes = self._residual_slopes(box)
         n = len(box)
         return [
             (high - low) * max(balls.magnitude(slopes[i * n + k]) for i in range(self.invariance.m))
@@ -118,6 +125,14 @@ class Isolation:
         *x, small = [balls.hull(low, high) for low, high in box]
         return [*x, *self._tube(widths), small]
 
+    def _residual_slopes(self, box: Box) -> list[arb]:
+        found = self._slopes.get(box)
+        if found is None:
+            found = self._slopes[box] = self.invariance.residual_slopes(
+                [balls.hull(low, high) for low, high in box]
+            )
+        return found
+
     def _residual(self, box: Box) -> list[arb]:
         """rho over a box: its natural enclosure or the mean-value form, whichever is the smaller."""
         known = self._residuals.get(box)
@@ -126,9 +141,11 @@ class Isolation:
         x = [balls.hull(low, high) for low, high in box]
         middle = [arb(low + 0.5 * (high - low)) for low, high in box]
         natural = self.invariance.residual(x)
-        centred = self.invariance.residual(middle)
-        slopes = self.invariance.residual_slopes(x)
         n = len(box)
+        if all(low == high for low, high in box):
+            return natural
+        centred = self.invariance.residual(middle)
+        slopes = self._residual_slopes(box)
         for i in range(len(natural)):
             value = centred[i]
             for k in range(n):
@@ -165,14 +182,11 @@ class Isolation:
     def _cone_of(self, box: Box, widths: Widths, slope: float, collar: float, side: int) -> bool:
         n, m, slow = self.invariance.n, self.invariance.m, self.invariance.slow
         arguments = self._arguments(box, widths)
-        *x, small = [balls.hull(low, high) for low, high in box]
+        small = arguments[-1]
         z, length = arguments[n : n + m], arb(slope)
-        rates = self.invariance.rate_slopes(arguments)
-        matrix = self.invariance.normal(arguments)
-        along = self.invariance.residual_slopes([*x, small])
-        bends = self.invariance.normal_slopes(arguments)
+        rates, matrix, along, bends = self.invariance.linearisation(arguments)
         # z is measured in units of L, so that Q has the entries 1 and -1.
-        slopes = [[along[i * (n + 1) + k] for k in range(n)] for i in range(m)]
+        slopes = [[along[i * n + k] for k in range(n)] for i in range(m)]
         for i in range(m):
             for k in range(n):
                 for j in range(m):

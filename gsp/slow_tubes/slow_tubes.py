@@ -225,17 +225,18 @@ class _Search:
         """The least tube at `epsilon`, with cones rather than without."""
         for problem in problems:
             self._keep(problem.least(epsilon))
-            if self.best is not None and self.best.slope is not None:
+            if self.best is not None and self.best.cones:
                 return
 
     def _largest(self, problems: list[TubeSearch]) -> None:
         for problem in problems:
             good, bad, small = 0.0, math.inf, 0.125
+            known: ProvedTube | None = None
             while small <= LARGEST_EPSILON and small > 1e-9 and not bad <= good * (1.0 + EPSILON_RESOLUTION):
-                tube = problem.within(small, LARGEST_RATIO)
+                tube = problem.within(small, LARGEST_RATIO, known)
                 if tube is not None:
                     self._keep(tube)
-                    good = small
+                    good, known = small, tube
                 else:
                     bad = small
                 small = (
@@ -246,7 +247,7 @@ class _Search:
                 return
 
     def _keep(self, tube: ProvedTube | None) -> None:
-        if tube is not None and (self.best is None or tube.slope is not None or self.best.slope is None):
+        if tube is not None and (self.best is None or tube.cones or not self.best.cones):
             self.best = tube
 
     # -- what is reported --------------------------------------------------------------------------
@@ -256,7 +257,7 @@ class _Search:
         scaled = problem.half_widths(tube.widths)
         power = balls.power(arb(tube.epsilon), self.series.order + 1)
         names = [y.name for y in self.series.branch.system.y]
-        proved = tube.slope is not None
+        proved = bool(tube.cones)
         size, following = norm([arb(v) for v in scaled]), self._next_term()
         return replace(
             nothing,

@@ -6,7 +6,8 @@ import heapq
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from flint import arb
@@ -23,22 +24,41 @@ WIDTH_RESOLUTION = 0.005
 SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
 # The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
-UNSCALED_SLOPES, SLOPES = (1.0, 0.25), (16.0, 4.0, 2.0)
+UNSCALED_SLOPES, SLOPES = (1.0, 0.5, 0.25), (16.0, 4.0, 2.0)
 # The slow flow may be cut off in a collar so wide that |grad chi| |f| <= COLLAR.
 COLLAR, STEEPEST_COLLAR = 1.0, 1024.0
+# A step to a larger epsilon may take so many boxes, or this many times what the first one took.
+STEP_BOXES, STEP_SHARE = 256, 2
 # Samples in the region that propose a width, those that rule a slope out, and boxes that bound a supremum to SUPREMUM
 # of itself.
 SAMPLES, CORNERS, SUPREMUM, SUPREMUM_BOXES = 81, 9, 0.005, 4_000
 
 
 @dataclass(frozen=True, eq=False)
+class Cones:
+    """Cone conditions of one `slope` and `collar`, proved for epsilon from `low` to `high`."""
+
+    low: float
+    high: float
+    slope: float
+    collar: float
+    # Of the slope among those that were tried: steeper ones fail for larger epsilon too.
+    place: int
+
+
+@dataclass(frozen=True, eq=False)
 class ProvedTube:
-    """A tube that was proved: up to `epsilon`, `widths` of the blocks, `slope` of the cones or None."""
+    """A tube that was proved: up to `epsilon`, `widths` of the blocks, the `cones` from 0 to epsilon or none.
+
+    The theorem is about each epsilon by itself, so that cones of different slopes may follow one another.
+    """
 
     problem: TubeSearch
     epsilon: float
     widths: np.ndarray
-    slope: float | None
+    cones: tuple[Cones, ...]
+    # Boxes that its first step took.
+    tried: int
 
 
 class TubeSearch:
@@ -47,25 +67,48 @@ class TubeSearch:
     def __init__(self, invariance: Invariance, basis: AdaptedBasis, region: Box, tally: Tally) -> None:
         self.invariance, self.basis, self.region, self.tally = invariance, basis, region, tally
 
-    def _isolation(self, epsilon: float) -> Isolation:
-        return Isolation(self.invariance, self.basis, (*self.region, (0.0, epsilon)), self.tally)
+    def _isolation(self, epsilon: float, low: float = 0.0, tally: Tally | None = None) -> Isolation:
+        return Isolation(self.invariance, self.basis, (*self.region, (low, epsilon)), tally or self.tally)
 
     def _samples(self, epsilons: tuple[float, ...], samples: int = SAMPLES) -> list[np.ndarray]:
         count = max(2, round(samples ** (1.0 / len(self.region))))
         axes = [np.linspace(low, high, count) for low, high in self.region]
         return [np.array(point) for point in itertools.product(*axes, epsilons)]
 
-    def within(self, epsilon: float, ratio: float) -> ProvedTube | None:
-        """A tube of `ratio` times the first term left out, with cones, for all epsilon up to `epsilon`."""
-        isolation = self._isolation(epsilon)
-        shape = isolation.shape(self._samples((0.0,)))
+    @cached_property
+    def _first_left_out(self) -> np.ndarray | None:
+        """Widths (blocks,) of the tube that epsilon = 0 asks for: those of the first term left out."""
+        return self._isolation(0.0).shape(self._samples((0.0,)))
+
+    def within(self, epsilon: float, ratio: float, known: ProvedTube | None = None) -> ProvedTube | None:
+        """A tube of `ratio` times the first term left out, with cones, for all epsilon up to `epsilon`.
+
+        `known` is one of the same ratio up to a smaller epsilon; only what lies beyond it is proved then, and a step
+        that takes many more boxes than the first one is at the border.
+        """
+        shape = self._first_left_out
         if shape is None:
             return None
         widths = ratio * shape
-        if not isolation.faces(widths):
+        if known is not None and known.cones[0].collar == 0.0 and self._collar(epsilon, widths) > 0.0:
+            # The slow flow leaves through every side for the smaller epsilon only.
+            known = None
+        if known is None:
+            tally, low, cones = self.tally, 0.0, ()
+        else:
+            most = min(self.tally.most, max(STEP_BOXES, STEP_SHARE * known.tried))
+            tally, low, cones = Tally(most), known.epsilon, known.cones
+        before = tally.tried
+        isolation = self._isolation(epsilon, low, tally)
+        first = 0 if known is None else known.cones[-1].place
+        found = self._cones(isolation, widths, first) if isolation.faces(widths) else None
+        tried = tally.tried - before
+        if tally is not self.tally:
+            self.tally.tried += tried
+        if found is None:
             return None
-        slope = self._slope(isolation, epsilon, widths)
-        return None if slope is None else ProvedTube(self, epsilon, widths, slope)
+        # Of the first step: a budget that grew from step to step would end with all boxes at the border.
+        return ProvedTube(self, epsilon, widths, (*cones, found), tried if known is None else known.tried)
 
     def least(self, epsilon: float, known: ProvedTube | None = None) -> ProvedTube | None:
         """The narrowest tube found up to `epsilon`, with cones if they can be had; `known` is one with them."""
@@ -88,25 +131,36 @@ class TubeSearch:
             else:
                 low = middle
         widths = high * shape
-        slope = self._slope(isolation, epsilon, widths)
-        if known is not None and (slope is None or widths.max() > known.widths.max()):
+        if known is not None and (widths <= known.widths).all():
+            # What holds all over a tube holds in every narrower one.
+            return replace(known, widths=widths)
+        if known is not None and widths.max() > known.widths.max():
             return known
-        return ProvedTube(self, epsilon, widths, slope)
+        found = self._cones(isolation, widths)
+        if known is not None and found is None:
+            return known
+        return ProvedTube(self, epsilon, widths, () if found is None else (found,), self.tally.tried)
 
-    def _slope(self, isolation: Isolation, epsilon: float, widths: np.ndarray) -> float | None:
-        """The slope of cones that hold, None where none do."""
-        collar = 0.0 if self.boundary(epsilon, widths) == "overflowing" else COLLAR
+    def _collar(self, epsilon: float, widths: np.ndarray) -> float:
+        """How steeply the slow flow has to be cut off at the sides; 0 where it leaves through them all."""
+        return 0.0 if self.boundary(epsilon, widths) == "overflowing" else COLLAR
+
+    def _cones(self, isolation: Isolation, widths: np.ndarray, first: int = 0) -> Cones | None:
+        """Cones that hold, None where none do; of the slopes to try the `first` are passed over."""
+        low, epsilon = isolation.region[-1]
+        collar = self._collar(epsilon, widths)
         slaved = isolation.steepness(self._samples((epsilon,)))
         unscaled = epsilon ** -(self.invariance.order + 1)
         slopes = [s * unscaled for s in UNSCALED_SLOPES] + [s * slaved for s in SLOPES if slaved > 0.0]
+        slopes = slopes[min(first, len(slopes) - 1) :]
         corners = [
             Isolation(self.invariance, self.basis, tuple((float(v), float(v)) for v in point), Tally(1))
             for point in self._samples((epsilon,), CORNERS)
         ]
-        for slope in slopes:
+        for place, slope in enumerate(slopes, start=first):
             # A slope that fails at a point is not tried on boxes.
             if all(c.cones(widths, slope, collar) for c in corners) and isolation.cones(widths, slope, collar):
-                return slope
+                return Cones(low, epsilon, slope, collar, place)
         return None
 
     def boundary(self, epsilon: float, widths: np.ndarray) -> str:
@@ -124,10 +178,16 @@ class TubeSearch:
         """The width of a collar at the sides in which f may be cut off; 0 where it need not be."""
         if self.boundary(tube.epsilon, tube.widths) == "overflowing":
             return 0.0
-        assert tube.slope is not None
-        isolation, steep = self._isolation(tube.epsilon), COLLAR
-        while steep < STEEPEST_COLLAR and isolation.cones(tube.widths, tube.slope, 2.0 * steep):
+        most = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)))
+        # From the largest epsilon on, where the rates are nearest to one another.
+        parts = [(self._isolation(c.high, c.low, most), c) for c in reversed(tube.cones)]
+        steep = COLLAR
+        while steep < STEEPEST_COLLAR and all(
+            part.cones(tube.widths, c.slope, 2.0 * steep) for part, c in parts
+        ):
             steep *= 2.0
+        self.tally.tried += most.tried
+        isolation = self._isolation(tube.epsilon)
         fastest = supremum(lambda box: norm(isolation.rates(box, tube.widths)), isolation.region)
         return balls.magnitude(arb(fastest) / arb(steep))
 

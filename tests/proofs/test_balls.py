@@ -73,6 +73,19 @@ def elementary_functions_hold(cases: int) -> None:
                 assert holds(wide, known), (name, low, high, a)
 
 
+def root_powers_hold(cases: int) -> None:
+    draw = random.Random(8)
+    for _ in range(cases):
+        # The power of a fraction is checked by whole powers: a = r^q, and r^p is to be held.
+        low, high = interval(draw, positive=True)
+        p, q = draw.choice([(1, 2), (1, 3), (-2, 3), (3, 2), (5, 4), (-1, 2)])
+        r = inside(draw, low, high)
+        wide = balls.hull(low, high)
+        assert holds(balls.root_power(balls.power(wide, q), p, q), r**p), (low, high, p, q)
+        assert holds(balls.negative(wide), -r)
+        assert holds(balls.hull(low, high), r)
+
+
 def roundings_hold(cases: int) -> None:
     draw = random.Random(3)
     for _ in range(cases):
@@ -91,6 +104,10 @@ def test_elementary_functions_hold_the_exact_value() -> None:
     elementary_functions_hold(CASES)
 
 
+def test_powers_of_fractions_hold_the_exact_value() -> None:
+    root_powers_hold(CASES)
+
+
 def test_bounds_in_doubles_are_on_the_right_side() -> None:
     roundings_hold(WHOLE)
 
@@ -99,6 +116,7 @@ def test_bounds_in_doubles_are_on_the_right_side() -> None:
 def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
     rational_operations_hold(WHOLE)
     elementary_functions_hold(WHOLE)
+    root_powers_hold(WHOLE)
 
 
 @pytest.mark.parametrize("function", [balls.log, balls.sqrt, lambda ball: balls.root_power(ball, -2, 3)])

@@ -55,6 +55,13 @@ def morris_lecar():
     return branch({n: x - n}, {x: fast}, {}, {"n": 0.5, "x": -0.5})
 
 
+def books_morris_lecar():
+    # Set 1 of the usual constants: C = 20, V_K = -84, V_L = -60, V_Ca = 120, I = 90.
+    open_share = (1 + sp.tanh((x + Q(6, 5)) / 18)) / 2
+    fast = (90 - 2 * (x + 60) - Q(22, 5) * open_share * (x - 120) - 8 * n * (x + 84)) / 20
+    return branch({n: x - n}, {x: fast}, {}, {"n": 0.3, "x": -45.0})
+
+
 def complex_pair():
     return branch({s: -s}, {x: -x - 8 * y + s * x / 4, y: x - y + s**2}, {})
 
@@ -82,10 +89,13 @@ def four_fast():
     )
 
 
+KOPER_WIDE = {"y": (-0.25, 0.75), "z": (-1, 1), "k": (-10.125, -9.875), "lambda": (-7.125, -6.875)}
 CASES = {
     "sleigh": (sleigh, {"v": (-10, 10), "p": (-10, 10), "m": (0.5, 2), "I": (0.5, 2), "a": (0, 1)}, (1, 0), 10),
     "FitzHugh-Nagumo": (fitzhugh_nagumo, {"w": (-0.25, 1.5), "i": (0, 0.25)}, (1, 0), 20),
     "Koper": (koper, {"y": (-0.25, 0.7), "z": (-1, 1), "k": (-10.125, -9.875), "lambda": (-7.1, -6.9)}, (1, 0), 20),
+    "Koper, wider": (koper, KOPER_WIDE, (1, 0), 8),
+    "Morris-Lecar of the books": (books_morris_lecar, {"n": (0.1328, 0.5)}, (1, 0), 14),
     "Morris-Lecar": (morris_lecar, {"n": (0.15, 0.6)}, (1, 0), 20),
     "complex pair": (complex_pair, {"s": (-1, 1)}, (2, 0), 5),
     "saddle": (saddle, {"s": (-1, 1), "z": (-1, 1)}, (1, 1), 10),

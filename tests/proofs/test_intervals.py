@@ -53,6 +53,15 @@ def elementary_functions_hold(cases: int) -> None:
                 assert found[0] <= value <= found[1], (name, low, high, a)
 
 
+def test_a_product_is_the_least_interval_for_all_signs() -> None:
+    ends = [k * ia.ONE for k in (-3, -2, 0, 1, 2)]
+    sides = [(low, high) for low in ends for high in ends if low <= high]
+    for a in sides:
+        for b in sides:
+            products = [p * q // ia.ONE for p in a for q in b]
+            assert ia.multiply(a, b) == (min(products), max(products))
+
+
 def test_rational_operations_hold_the_exact_value() -> None:
     rational_operations_hold(CASES)
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import flint
 import numpy as np
 import pytest
 import sympy as sp
@@ -10,9 +11,11 @@ from sympy import Rational as R
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.proofs import balls
 from gsp.proofs.certificate import ProofVerdict
 from gsp.slow.series import expand
 from gsp.slow_tubes.certify import certify
+from gsp.slow_tubes.slow_tubes import _Search
 from gsp.systems.system import SlowFastSystem
 
 epsilon, s, c, v, p, w, x, y, a = sp.symbols("epsilon s c v p w x y a")
@@ -57,14 +60,16 @@ def test_epsilon_a_tenth_and_the_largest_one_for_the_sleigh() -> None:
     assert largest.verdict is ProofVerdict.PROVED
     assert largest.epsilon_0 >= 0.15
     assert largest.ratio <= 2.1
-    assert largest.tried < 3000
+    assert largest.tried < 1000
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_michaelis_menten_holds_to_nine_tenths(order: int) -> None:
+@pytest.mark.parametrize(("order", "most"), [(1, 2000), (2, 5000), (3, 5000), (4, 9000)])
+def test_michaelis_menten_holds_to_nine_tenths(order: int, most: int) -> None:
     tube = certify(michaelis_menten(order), region=HALF_LINE)
     assert tube.verdict is ProofVerdict.PROVED
     assert tube.epsilon_0 >= 0.9
+    # What lies below an epsilon that was proved is not proved again on the way to the next: it took 12000.
+    assert tube.tried < most
     assert tube.ratio <= 1.1
     # At s = 1/10 the fast rate (s + 1)/epsilon + Dh f_c must exceed the slow one and the collar.
     assert tube.epsilon_0 <= 1.25
@@ -88,6 +93,38 @@ def test_a_complex_pair_far_from_normal(order: int, bound: float) -> None:
     tube = certify(pair, region={"s": (-1, 1)}, epsilon=0.01)
     assert tube.verdict is ProofVerdict.PROVED
     assert tube.delta <= 2.0 * bound
+
+
+def test_the_cones_of_the_steps_cover_every_epsilon() -> None:
+    manifold = michaelis_menten(2)
+    with flint.ctx.workprec(balls.PRECISION):
+        search = _Search(manifold, {"s": (0.1, 5.0)}, 20_000)
+        search.result(None)
+        tube = search.best
+        assert tube is not None
+        ends = [0.0, *(cone.high for cone in tube.cones)]
+        assert [cone.low for cone in tube.cones] == ends[:-1]
+        assert ends[-1] == tube.epsilon
+        assert len({cone.slope for cone in tube.cones}) > 1
+        # Narrower than the tube in which they were proved; there they hold as well.
+        for cone in tube.cones:
+            part = tube.problem._isolation(cone.high, cone.low)
+            assert part.cones(tube.widths, cone.slope, cone.collar)
+            assert part.faces(tube.widths)
+
+
+def test_cones_proved_without_a_collar_are_not_taken_for_cones_with_one() -> None:
+    # At x = 1 the flow leaves for epsilon < 1/4 and enters beyond: what was proved without a collar does not do there.
+    manifold = series({x: (x - 4 * epsilon) / 8}, {y: -8 * y + x}, 1)
+    assert certify(manifold, region={"x": (-1, 1)}, epsilon=0.125).boundary == "overflowing"
+    with flint.ctx.workprec(balls.PRECISION):
+        search = _Search(manifold, {"x": (-1.0, 1.0)}, 20_000)
+        tube = search.result(None)
+        assert tube.epsilon_0 > 0.25
+        assert (tube.boundary, tube.collar > 0.0) == ("mixed", True)
+        assert search.best is not None
+        assert all(cone.collar > 0.0 for cone in search.best.cones)
+        assert search.best.cones[0].low == 0.0
 
 
 def test_trajectories_that_start_in_the_tube_stay_in_it() -> None:
@@ -203,11 +240,11 @@ def test_an_interruption_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -
 
     within, calls = TubeSearch.within, []
 
-    def interrupted(self, epsilon: float, ratio: float):
+    def interrupted(self, epsilon: float, *more):
         calls.append(epsilon)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return within(self, epsilon, ratio)
+        return within(self, epsilon, *more)
 
     monkeypatch.setattr(TubeSearch, "within", interrupted)
     tube = certify(saddle(1), region={"s": (-1, 1)})
