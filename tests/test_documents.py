@@ -44,7 +44,9 @@ def test_paths_that_a_document_names_are_there(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     paths = re.findall(r"(?<![\w./])(?:gsp|tests|docs|benchmarks|examples)/[\w./-]*\w", text)
     assert paths
-    assert [path for path in paths if not (ROOT / path).exists()] == []
+    # What sphinx-build writes is there only where it was run.
+    kept = [path for path in paths if not path.startswith("docs/_build")]
+    assert [path for path in kept if not (ROOT / path).exists()] == []
 
 
 @pytest.mark.parametrize("document", sampled(DOCUMENTS, always=DOCUMENTS[:1]), ids=lambda path: path.name)
