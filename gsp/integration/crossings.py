@@ -20,14 +20,10 @@ from gsp.integration.loop import Record, Run, advance
 from gsp.integration.methods import Method
 from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
+from gsp.kernels.scan import DIP, SUBDIVISIONS
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.roots import least, root
 
-# Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
-# dip between two points shows at the points beside it.
-SUBDIVISIONS = 8
-# A dip below the neighbouring points is about an eighth of their second difference; a factor of 8 for safety.
-DIP = 1.0
 TINY = 1e-300
 # Secant steps with the method's own result: two or three are taken.
 REFINEMENTS = 8

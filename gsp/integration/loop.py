@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from gsp.errors import DeclarationError, Status
 from gsp.integration.methods import MILD_ATTEMPTS, Method, begins_with_series, choose_method, solver_of
 from gsp.kernels import ledger
-from gsp.kernels.launch import launch, rate_at_start
+from gsp.kernels.grid import runs_along
+from gsp.kernels.launch import launch, launch_watched, rate_at_start
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
@@ -29,6 +30,7 @@ STATUS = {
     ledger.TOO_MANY_STEPS: Status.TOO_MANY_STEPS,
     ledger.NON_FINITE: Status.NON_FINITE,
     ledger.SINGULAR_JACOBIAN: Status.SINGULAR_JACOBIAN,
+    ledger.LOOK_WANTED: Status.EVENT_REACHED,
 }
 
 
@@ -84,11 +86,19 @@ class Record(NamedTuple):
         return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
+class Tests(NamedTuple):
+    """So many `functions` that must keep their signs along a run, as `kernels.scan` takes them."""
+
+    functions: np.ndarray
+    count: int
+
+
 class Run(NamedTuple):
     """What is to be run: `compiled` with p = (epsilon, *parameters), from `y` (n,) at `first` to the last of `stops`.
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
-    by returning True. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
+    by returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass
+    through zero. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
     `dense` has no rows. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
     """
 
@@ -107,6 +117,7 @@ class Run(NamedTuple):
     rows_kept: int = RECORD
     first_step: float = 0.0
     keeps: bool = False
+    tests: Tests | None = None
 
 
 def run(asked: Run) -> Record:
@@ -169,6 +180,7 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         rows_kept,
         first_step,
         keeps,
+        tests,
     ) = asked
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)
@@ -178,12 +190,12 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
             method, max_steps = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps)
     solver = solver_of(method, rtol)
     program = solver.program(compiled)
-    work = np.zeros(solver.memory_size(n) + n)
+    work = np.zeros(solver.memory_size(n) + n + (0 if tests is None else tests.count))
     if first_step != 0.0:
         work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
     counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     # The start is row 0, so that a run of one piece is its own record.
-    length = min(FIRST_RECORD, rows_kept)
+    length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
     all_times, all_states = times, states = np.empty(length + 1), np.empty((length + 1, n))
     records = np.empty((length if dense else 0, solver.rows, n))
     pieces = []
@@ -192,7 +204,12 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
     status = None
     try:
         while True:
-            code = launch(program, given, stops, max_steps, work, counters, times, states, records)
+            if tests is None:
+                code = launch(program, given, stops, max_steps, work, counters, times, states, records)
+            else:
+                code = launch_watched(
+                    program, tests.functions, given, stops, max_steps, work, counters, times, states, records
+                )
             if watch is not None:
                 new = int(counters[ledger.STEPS]) - kept
                 if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
@@ -276,16 +293,13 @@ def check_tolerances(rtol: float, atol: float) -> tuple[float, float]:
 
 def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
     """Times (m,) inside the span and monotone along it; raises `DeclarationError` otherwise."""
-    grid = check_array(at, what="at", be="a sequence of times")
+    if isinstance(at, np.ndarray) and at.dtype == float:
+        grid = at.copy()
+    else:
+        grid = check_array(at, what="at", be="a sequence of times")
     if grid.ndim != 1 or grid.size == 0:
         raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
-    start, end = float(grid[0]), float(grid[-1])
-    if last > first:
-        steps, inside = grid[1:] - grid[:-1], first <= start and end <= last
-    else:
-        steps, inside = grid[:-1] - grid[1:], first >= start and end >= last
-    if inside and (steps.size == 0 or steps.min() > 0.0):
-        # Sorted, so that the ends decide for all; NaN fails one comparison or the other.
+    if runs_along(grid, first, last):
         return grid
     low, high = min(first, last), max(first, last)
     outside = grid[~((grid >= low) & (grid <= high))]
@@ -294,7 +308,7 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
             f"at must lie inside the span ({first:g}, {last:g}). Got {outside[0]:.17g}. "
             "Drop it or lengthen the span."
         )
-    i = int(np.argmin(steps > 0.0))
+    i = int(np.argmin((grid[1:] - grid[:-1]) * (last - first) > 0.0))
     raise DeclarationError(
         f"at must run from the start to the end of the span, without repeats. Got {grid[i]:.17g}, then "
         f"{grid[i + 1]:.17g}. Sort it."
@@ -313,4 +327,6 @@ def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
 
 def check_step_limit(max_steps: int) -> int:
     """The bound on attempted steps as an int that fits a counter; raises `DeclarationError` otherwise."""
+    if type(max_steps) is int and 1 <= max_steps <= 2**62:
+        return max_steps
     return min(check_whole(max_steps, what="max_steps", least=1, be="an integer, 1 or more"), 2**62)

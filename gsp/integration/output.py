@@ -24,27 +24,29 @@ class Output(NamedTuple):
 def read(
     compiled: CompiledFlow, p: Numbers, record: Record, grid: np.ndarray, *, rtol: float, atol: float
 ) -> Output:
-    """The states at the times `grid` (m,) that `record` covers; what that costs is added to its counters.
+    """The states at the times `grid` (m,), writable, that `record` covers; what that costs is added to its counters.
 
     The first `record.series` steps were made by Taylor series, before its method went on.
     """
     times, states, dense, series = record.times, record.states, record.dense, record.series
-    t, constants = grid.copy(), np.array(p, float)
-    out = np.empty((len(t), states.shape[1]))
-    doubts = np.empty(len(t), np.int64)
+    constants = np.array(p, float)
+    out = np.empty((len(grid), states.shape[1]))
+    doubts = np.empty(len(grid), np.int64)
     counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    parts = [(record.method, times, states, dense)]
+    if series:
+        parts = [
+            (Method.TAYLOR, times[: series + 1], states[: series + 1], dense[:series]),
+            (record.method, times[series:], states[series:], dense[series:]),
+        ]
     reached = 0
-    for method, rows in ((Method.TAYLOR, slice(series)), (record.method, slice(series, None))):
-        if rows.stop == 0:
-            continue
+    for method, ends, values, between in parts:
         solver = solver_of(method, rtol)
-        ends = slice(rows.start, None if rows.stop is None else rows.stop + 1)
-        part = times[ends], states[ends], dense[rows]
         before = reached
         program = solver.program(compiled)
         reached, in_doubt = kernels.read_grid(
-            solver.check, program, constants, rtol, atol, *part, t, before, out, doubts, counters
-        )
+            solver.check, program, constants, rtol, atol, ends, values, between, grid, before, out, doubts, counters
+        )  # fmt: skip
         if in_doubt:
             new, n = slice(before, reached), states.shape[1]
             scratch = (
@@ -53,7 +55,7 @@ def read(
             memory = np.zeros(solver.memory_size(n))
             while (
                 land(
-                    program, constants, rtol, atol, *part[:2], t[new], doubts[new], out[new], counters,
+                    program, constants, rtol, atol, ends, values, grid[new], doubts[new], out[new], counters,
                     memory, scratch,
                 )
                 == ledger.LOOPS_WANTED
@@ -62,4 +64,4 @@ def read(
     if counters[ledger.FIELD_CALLS]:
         for i, spent in enumerate(counters.tolist()[: len(record.counters)]):
             record.counters[i] += spent
-    return Output(out[:reached], reached)
+    return Output(out if reached == len(grid) else out[:reached], reached)

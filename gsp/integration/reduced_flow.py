@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError
+from gsp.integration.loop import Tests
 from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
-from gsp.systems.flow import Flow, Point, Values, check_order, named
+from gsp.systems.flow import Flow, Point, Values, check_order, named, plain
 from gsp.systems.system import SlowFastSystem
-
-if TYPE_CHECKING:
-    from gsp.integration.reduction_end.quiet import Look
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,6 +57,13 @@ class ReducedFlow(Flow):
         they say nothing: the start is moved along x = const to the graph, or to the fixed sheet even where another is
         nearer. Quantities that are reconstructed start at 0 when not named.
         """
+        names, over, places, rest = self._usual
+        known = plain(start, names) if names else None
+        if known is not None:
+            if over is not None:
+                known += over(np.array(known)).tolist()
+                known = [known[place] for place in places]
+            return (*known, *rest)
         given = named(start, what="start")
         slow, allowed, own, driven = self._names
         if not allowed.issuperset(given) or not given.keys() >= slow.keys():
@@ -82,17 +86,14 @@ class ReducedFlow(Flow):
             values = dict(zip([state.name for state in system.states], [*x.tolist(), *y.tolist()]))
         return (*[values[name] for name in own], *[given.get(name, 0.0) for name in driven])
 
-    def look(self, p: Sequence[float], first: float, y: Sequence[float]) -> Look:
-        """What sees, in compiled code, whether anything may happen along the run from `y` at `first`."""
-        return self._look(p, first, y)
-
     @cached_property
-    def _look(self) -> Callable[[Sequence[float], float, Sequence[float]], Look]:
+    def tests(self) -> Tests:
+        """What compiled code takes to see whether anything may happen along a run."""
         # Imported here: what is watched is made of this flow.
-        from gsp.integration.reduction_end.quiet import Look
         from gsp.integration.reduction_end.validity import validity_of
 
-        return partial(Look, validity_of(self))
+        validity = validity_of(self)
+        return Tests(validity.functions, validity.along.outputs)
 
     @cached_property
     def _names(self) -> tuple[dict[str, None], frozenset[str], tuple[str, ...], tuple[str, ...]]:
@@ -105,6 +106,23 @@ class ReducedFlow(Flow):
             tuple(s.name for s in self.manifold.coordinates),
             driven,
         )
+
+    @cached_property
+    def _usual(
+        self,
+    ) -> tuple[tuple[str, ...], Callable[[np.ndarray], np.ndarray] | None, tuple[int, ...], tuple[float, ...]]:
+        """What most starts name, the slow variables alone, none where that is not enough; what gives y over them.
+
+        Then which of (x, y) the manifold's coordinates are, and where what is reconstructed starts.
+        """
+        branch, coordinates = self.manifold.branch, self.manifold.coordinates
+        states, rest = branch.system.states, (0.0,) * len(self.driven)
+        if branch.is_explicit:
+            return tuple(s.name for s in coordinates), None, (), rest
+        if branch.seed is None:
+            return (), None, (), rest
+        names = tuple(x.name for x in branch.system.x)
+        return names, branch.over, tuple(states.index(s) for s in coordinates), rest
 
     def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
         """State array (m, n) of many starts; on an explicit branch no start costs more than its copy."""

@@ -39,7 +39,7 @@ from gsp.integration.methods import (
 )
 from gsp.integration.output import Output, read
 from gsp.kernels.dense_output import interpolate_many
-from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress
 from gsp.systems.flow import Flow, Point, Question, frozen
@@ -98,15 +98,14 @@ class Trajectory(Drawn):
 
     def __getitem__(self, key: str | sp.Symbol) -> np.ndarray:
         """Values (m,) over `t` of a state or an observable; raises `GspError` for any other name."""
-        name = key.name if isinstance(key, sp.Symbol) else key
-        states = [symbol.name for symbol in self.flow.states]
-        if name in states:
-            return self.y[states.index(name)]
+        name = key if type(key) is str else key.name if isinstance(key, sp.Symbol) else key
+        for i, symbol in enumerate(self.flow.states):
+            if symbol.name == name:
+                return self.y[i]
         observables = [symbol.name for symbol in self.flow.observables]
         if name in observables:
-            values = compile_flow(self.flow).observables(self.y.T, parameter_vector(self.flow, self.epsilon))
-            return frozen(values[:, observables.index(name)].copy())
-        known = [*states, *observables]
+            return frozen(self._observed[:, observables.index(name)].copy())
+        known = [*(symbol.name for symbol in self.flow.states), *observables]
         raise GspError(
             f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
         )
@@ -145,6 +144,12 @@ class Trajectory(Drawn):
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
         return replace(self, t=frozen(times), y=frozen(self.at(times)))
+
+    @cached_property
+    def _observed(self) -> np.ndarray:
+        """All observables over `t`, (m, k)."""
+        compiled = compile_flow(self.flow)
+        return compiled.observables(self.y.T, compiled.parameters(self.epsilon))
 
     @property
     def message(self) -> str:
@@ -300,7 +305,7 @@ def trajectory_of(
         # Most runs keep clear of every loss; what is seen of one that does not is made and told again below.
         quick = Run(
             compiled, p, y, first, stops, chosen, rtol, atol, limit,
-            watch=cast("ReducedFlow", flow).look(p, first, y), rows_kept=LOOK, keeps=keeps,
+            rows_kept=LOOK, keeps=keeps, tests=cast("ReducedFlow", flow).tests,
         )  # fmt: skip
         record = run(quick)
     if record is not None and record.status is Status.SUCCESS:
@@ -336,7 +341,7 @@ def trajectory_of(
         if begun is None and ending is not None and search.end is None:
             record, note, override = ending.after_failure(record)
         crossings = _crossings(asked, search, len(flow.states))
-    if not record.status.ok:
+    if record.status is not Status.SUCCESS:
         known, remedy = explain(flow, np.array(p), record, last)
         note, override = note or known, override or remedy
     # The checked float, which prints.

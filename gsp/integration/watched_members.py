@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.errors import GspError
-from gsp.integration.crossings import DIP, SUBDIVISIONS, Stepper
+from gsp.integration.crossings import Stepper
 from gsp.integration.members import Members
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
@@ -56,7 +56,7 @@ class WatchedMembers:
         evaluate_members(lift.address, starts[:, np.newaxis], constants, points)
         evaluate_members(tests.address, points, constants, values)
         rows = values[:, 0]
-        columns, signs = validity.watched(rows)
+        _, signs = validity.watched(rows)
         lost = np.logical_or(*on_loss(validity, rows))
         for i in np.flatnonzero(lost).tolist():
             stepper = Stepper(compile_flow(flow), constants[i], method, *control[:2])
@@ -65,7 +65,7 @@ class WatchedMembers:
             except GspError as error:
                 raise type(error)(f"member {i}: {error}") from None
         self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1)
-        self._tests = (validity.functions, columns, signs, float(DIP), SUBDIVISIONS)
+        self._tests = (validity.functions, signs)
 
     def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:
         """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""

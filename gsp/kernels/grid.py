@@ -33,6 +33,17 @@ READ = -1
 PLACES = np.array([0.2, 0.55, 0.85])
 
 
+@kernel
+def runs_along(grid, first, last):
+    """Whether the times of `grid` (m,) lie between `first` and `last`, each nearer to the end than the one before."""
+    sign = 1.0 if last > first else -1.0
+    wrong = 0
+    for j in range(grid.shape[0] - 1):
+        # Written so that what is not a number is wrong.
+        wrong += 0 if sign * grid[j] < sign * grid[j + 1] else 1
+    return wrong == 0 and sign * first <= sign * grid[0] and sign * grid[-1] <= sign * last
+
+
 # Arrays go whole with the number of a row: a view of each row would cost more than what is computed of it.
 
 

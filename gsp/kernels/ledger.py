@@ -35,6 +35,8 @@ TOO_MANY_STEPS = 3
 NON_FINITE = 4
 SINGULAR_JACOBIAN = 5
 LOOPS_WANTED = 6
+# Of a run that is watched, `launch.launch_watched`.
+LOOK_WANTED = 7
 # None of them: the call goes on.
 GOING_ON = -1
 

@@ -16,13 +16,13 @@ def run_watched_members(
 ):  # fmt: skip
     """`ensemble.run_members` without its trial, each record of steps looked at by `clear_of_zero` as it is full.
 
-    `tests` are (functions, columns, signs (members, w), margin, pieces) for `clear_of_zero`. A
-    member whose entry of `ordinary` (members,) is False is not begun; the entry becomes False, and the member is left
-    where it is, when a look does not find its steps clear.
+    `tests` are (functions, signs (members, w)) for `clear_of_zero`. A member whose entry of `ordinary` (members,) is
+    False is not begun; the entry becomes False, and the member is left where it is, when a look does not find its steps
+    clear.
     """
     times, states, dense = record
     spare = np.empty_like(memory)
-    functions, columns, signs, margin, pieces = tests
+    functions, signs = tests
     for i in range(low, high):
         if halt[0] != 0:
             return
@@ -51,8 +51,7 @@ def run_watched_members(
                 spare,
             )
             ordinary[i] = clear_of_zero(
-                functions, constants[i], columns, signs[i], margin, pieces,
-                times[0], states[0], times[1 : new + 1], states[1 : new + 1], dense[:new],
-            )  # fmt: skip
+                functions, constants[i], signs[i], times[0], states[0], times[1 : new + 1], states[1:], dense
+            )
         reached[i] = memory[ledger.TIME]
         codes[i] = code

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from threading import RLock
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from gsp.lowering.steps.flow_code import FlowCode, is_worth_writing
 from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
 from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
 from gsp.lowering.steps.values import SIGNATURE, load, store
-from gsp.systems.flow import Flow, Values, check_epsilon, frozen
+from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
@@ -117,13 +118,18 @@ def compile_function(
     arguments: Sequence[sp.Symbol],
     epsilon: sp.Symbol | None,
     parameters: Sequence[sp.Symbol],
+    through: Values = MappingProxyType({}),
 ) -> CompiledFunction:
     """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
+
+    `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments.
 
     Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
     """
     with _MAKING:
-        return _compile(tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters))
+        return _compile(
+            tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters), tuple(through.items())
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -286,6 +292,8 @@ class CompiledFlow:
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
         """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
         symbol = self.expressions.epsilon
+        if symbol is not None and type(epsilon) is float and 1.0 / LARGEST <= epsilon <= LARGEST:
+            return epsilon, *self._values[1:]
         if symbol is None:
             if epsilon is not None:
                 raise DeclarationError(
@@ -345,6 +353,7 @@ def _compile(
     arguments: tuple[sp.Symbol, ...],
     epsilon: sp.Symbol | None,
     parameters: tuple[sp.Symbol, ...],
+    through: tuple[tuple[sp.Symbol, sp.Expr], ...],
 ) -> CompiledFunction:
     module = ir.Module()
     function = ir.Function(module, SIGNATURE, "f")
@@ -355,11 +364,13 @@ def _compile(
     if epsilon is not None:
         values[epsilon] = load(builder, p, 0)
     values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
+    symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
+    values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
     for i, value in enumerate(Emitter(builder, values).write(outputs)):
         store(builder, value, out, i)
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
-    source = outputs, arguments, epsilon, parameters
+    source = outputs, arguments, epsilon, parameters, dict(through)
     return CompiledFunction(
         engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
     )
@@ -370,8 +381,11 @@ def _compiled_again(
     arguments: tuple[sp.Symbol, ...],
     epsilon: sp.Symbol | None,
     parameters: tuple[sp.Symbol, ...],
+    through: Values,
 ) -> CompiledFunction:
-    return compile_function(outputs, arguments=arguments, epsilon=epsilon, parameters=parameters)
+    return compile_function(
+        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through
+    )
 
 
 @lru_cache(maxsize=MOST_KEPT // 3)

@@ -7,7 +7,7 @@ A flow is autonomous; a system that depends on time declares a state t with t' =
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from math import isfinite
 from types import MappingProxyType
@@ -111,20 +111,9 @@ class Question:
 
 def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[float, ...]:
     """Values in the order of `states` of a point that names every state and nothing else."""
-    # The built-in type stands in front because asking the abstract class takes longer than all the rest.
-    if (
-        isinstance(point, (dict, Mapping))
-        and len(point) == len(states)
-        and _NO_NUMBERS.isdisjoint(map(type, point.values()))
-    ):
-        try:
-            values = [float(point.get(state.name)) for state in states]  # pyright: ignore[reportArgumentType]
-        except (TypeError, ValueError, OverflowError):
-            pass
-        else:
-            # A sum is finite only when all its terms are.
-            if isfinite(sum(values)):
-                return tuple(values)
+    known = plain(point, [state.name for state in states])
+    if known is not None:
+        return tuple(known)
     # Keyed by symbols, or wrong: `named` reads the one and names the other.
     given = named(point, what=what)
     names = [state.name for state in states]
@@ -140,6 +129,24 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
             f"{what} gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
         )
     return tuple(given[name] for name in names)
+
+
+def plain(point: Point, names: Collection[str]) -> list[float] | None:
+    """The finite numbers of a point that is keyed by these names and no others; None for one that is not so plain."""
+    # The built-in type stands in front because asking the abstract class takes longer than all the rest.
+    if (
+        isinstance(point, (dict, Mapping))
+        and len(point) == len(names)
+        and _NO_NUMBERS.isdisjoint(map(type, point.values()))
+    ):
+        try:
+            values = [float(point.get(name)) for name in names]  # pyright: ignore[reportArgumentType, reportCallIssue]
+        except (TypeError, ValueError, OverflowError):
+            return None
+        # A sum is finite only when all its terms are.
+        if isfinite(sum(values)):
+            return values
+    return None
 
 
 def named(values: Point, *, what: str) -> dict[str, float]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 
 from gsp.errors import BranchError, HyperbolicityError
+from gsp.integration import loop
 from gsp.integration import trajectory as module
 from gsp.integration.trajectory import integrate
+from gsp.kernels.scan import COLUMNS, LOOKS, WATCHED, clear_of_zero
 from gsp.kernels.sheets import follow_sheet
 from gsp.models import load
 from gsp.scenes.study import study
@@ -94,3 +98,65 @@ def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
     for pieces in (1, 4, 16):
         assert not follow_sheet(*functions, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
     assert np.array_equal(y, y0)
+
+
+@pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
+def test_a_run_with_its_watch_is_one_call_of_compiled_code(name, monkeypatch):
+    found = study(load(name))
+    flow, calls = found.reduced(1), []
+    watched = loop.launch_watched
+    monkeypatch.setattr(loop, "launch_watched", lambda *arguments: calls.append(1) or watched(*arguments))
+    monkeypatch.setattr(loop, "launch", lambda *arguments: pytest.fail("a second run"))
+    run = integrate(
+        flow, start=dict(found.start), span=found.scene.span, epsilon=found.scene.epsilon, rtol=1e-6
+    )
+    assert run.status.ok
+    assert calls == [1]
+
+
+PASSED = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.POINTER(ctypes.c_double)] * 3)
+
+
+def looked_along(value, times: np.ndarray) -> tuple[bool, int]:
+    """What a look finds along t' = 1, stepped through `times`, of one function of t; and how often it asks."""
+    asked = []
+
+    def function(t, z, p, out):
+        asked.append(t)
+        assert z[0] == pytest.approx(t, abs=1e-15)
+        out[0] = value(z[0])
+
+    called = PASSED(function)
+    functions = np.zeros(COLUMNS + 1, np.int64)
+    functions[WATCHED], functions[WATCHED + 1] = 1, ctypes.cast(called, ctypes.c_void_p).value
+    rest, dense = times[1:], np.zeros((len(times) - 1, 2, 1))
+    clear = clear_of_zero(
+        functions, np.zeros(1), np.ones(1), times[0], times[:1].copy(), rest.copy(), rest[:, None].copy(), dense
+    )
+    return clear, len(asked)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 12])
+def test_a_look_asks_a_few_times_a_step_whatever_the_stages(steps):
+    assert looked_along(lambda t: 2.0 + t, np.linspace(0, 3, steps + 1)) == (True, LOOKS * steps + 1)
+
+
+def test_a_look_passes_over_no_zero_and_no_dip():
+    rng = np.random.default_rng(0)
+    times = np.array([0.0, 0.3, 1.0])
+    fine = np.linspace(0, 1, 2001)
+    cleared = 0
+    for _ in range(300):
+        shape = np.polynomial.Polynomial(rng.normal(size=rng.integers(2, 7)), domain=(0, 1))
+        for level in (-0.2, -1e-3, 0.02, 2.0):
+            value = shape - shape(fine).min() + level
+            clear, _ = looked_along(value, times)
+            assert not (clear and level <= 0.0)
+            cleared += clear
+    # Far from zero nothing is left to the search.
+    assert cleared > 200
+
+
+def test_steep_growth_far_from_zero_is_no_dip_near_it():
+    """A function may be large where it bends: what counts is the bend beside a value."""
+    assert looked_along(lambda t: 1.0 + np.exp(1.5 * t) / 30, np.linspace(0, 6, 7))[0]

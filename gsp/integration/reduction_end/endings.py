@@ -15,8 +15,6 @@ import numpy as np
 
 from gsp.errors import HyperbolicityError, Status
 from gsp.integration.crossings import (
-    DIP,
-    SUBDIVISIONS,
     Piece,
     Search,
     Settled,
@@ -28,12 +26,9 @@ from gsp.integration.loop import Record, advance, standing
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
-from gsp.kernels.scan import clear_of_zero
+from gsp.kernels.scan import ON_LOSS, clear_of_zero
 from gsp.lowering.compiled_flow import compile_flow
 
-# A start is on a loss when det g_y is below this share of what a relative change of the point makes, or H of its
-# size: points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
-ON_LOSS = 1e-7
 # A pair with a real part below this share of its modulus is imaginary.
 IMAGINARY = 1e-6
 # How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
@@ -133,9 +128,8 @@ class Ending:
     ) -> bool:
         """Whether all test functions surely stay positive over these steps."""
         return clear_of_zero(
-            self.validity.functions, self.stepper.p, self._columns, self._orientation, DIP, SUBDIVISIONS,
-            time, state, times, states, dense,
-        )  # fmt: skip
+            self.validity.functions, self.stepper.p, self._orientation, time, state, times, states, dense
+        )
 
     def at_start(self, t: float, y: np.ndarray) -> Settled | None:
         """The ending of a run that cannot begin: the series is none at the start."""

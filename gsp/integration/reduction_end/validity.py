@@ -114,6 +114,10 @@ class Validity(Portable):
 
         At (x, y) and the terms' fall.
         """
+        return self._over((*self.states, self._fall), self._outputs)
+
+    @cached_property
+    def _outputs(self) -> list[sp.Expr]:
         parts, n = self._parts, len(self.fast)
         growth = sp.Integer(max(1, 3 * (self.order - 1)))
         delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
@@ -129,38 +133,50 @@ class Validity(Portable):
         ]
         norm = sp.Add(*[e**2 for row in self.g_y for e in row])
         size = norm ** sp.Rational(n * (n - 1), 4)
-        outputs = [parts.determinant, parts.hurwitz, q, _plus(moved), size, *self.borders]
-        return self._over((*self.states, self._fall), outputs)
+        return [parts.determinant, parts.hurwitz, q, _plus(moved), size, *self.borders]
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
-        first = [0, *[1] * self.watches_pairs, *[2] * (self.order > 0)]
-        columns = np.array([*first, *range(len(TESTS), rows.shape[1])])
+        columns = np.array(self._columns)
         signs = np.where(rows < 0.0, -1.0, 1.0)
         # Positive where the series holds; the others may have either sign.
         signs[:, 2] = 1.0
         return columns, signs[:, columns]
 
     @cached_property
-    def functions(self) -> np.ndarray:
-        """`lift` and `tests` as `kernels.scan` takes them."""
-        count, lift, tests = len(self._coordinates) - len(self._driven), self.lift, self.tests
-        flags = self.watches_pairs, self.order > 0
-        return np.array((count, lift.address, lift.outputs, tests.address, tests.outputs, *flags), np.int64)
+    def _columns(self) -> tuple[int, ...]:
+        first = [0, *[1] * self.watches_pairs, *[2] * (self.order > 0)]
+        return *first, *range(len(TESTS), len(TESTS) + len(self.borders))
 
     @cached_property
-    def columns(self) -> np.ndarray:
-        """Which of the `tests` (w,) a run watches."""
-        return self.watched(np.zeros((1, self.tests.outputs)))[0]
+    def functions(self) -> np.ndarray:
+        """What `kernels.scan` takes."""
+        along, lift, tests = self.along, self.lift, self.tests
+        flags = self.watches_pairs, self.order > 0
+        addresses = along.address, lift.address, lift.outputs, tests.address, tests.outputs
+        return np.array((along.outputs, *addresses, *flags, *self._columns), np.int64)
+
+    @cached_property
+    def along(self) -> CompiledFunction:
+        """Those of the `tests` that a run watches, over the states of the reduced flow."""
+        outputs = self._outputs
+        through = dict(zip((*self.states, self._fall), (*self._base, self._falls)))
+        return compile_function(
+            [outputs[column] for column in self._columns],
+            arguments=self._coordinates, epsilon=self.epsilon, parameters=(), through=through,
+        )  # fmt: skip
 
     @cached_property
     def lift(self) -> CompiledFunction:
         """(x, y) on M0 over the states of the reduced flow, and by how much the squares of the last two terms fall."""
-        fall: sp.Expr = sp.S.Zero
-        if self.watches_terms:
-            before, last = (sp.Add(*[term**2 for term in terms]) for terms in self._last_terms)
-            fall = _plus([before, _times(last, sp.S.NegativeOne)])
-        return self._over(self._coordinates, [*self._base, fall])
+        return self._over(self._coordinates, [*self._base, self._falls])
+
+    @cached_property
+    def _falls(self) -> sp.Expr:
+        if not self.watches_terms:
+            return sp.S.Zero
+        before, last = (sp.Add(*[term**2 for term in terms]) for terms in self._last_terms)
+        return _plus([before, _times(last, sp.S.NegativeOne)])
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(x, y) on M0 over one state of the reduced flow."""
