@@ -29,7 +29,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.singular.mixed_modes import MixedMode, mixed_mode
 from gsp.slow.raw_series import RawManifold, carry_back
-from gsp.slow.series import READABLE, SeriesManifold
+from gsp.slow.series import LONGEST, READABLE, SeriesManifold
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_order, check_orders
 
@@ -127,6 +127,23 @@ class Analysis(Drawn):
         """The critical manifold through its folds in a box around the region, where it was followed."""
         return self.boundary.surroundings
 
+    @property
+    def short_series(self) -> SeriesManifold:
+        """The series with the parameters' values in, as far as it is short enough to be run."""
+        return self.study.short_series(self.series.order)
+
+    @property
+    def cut(self) -> str:
+        """Why the highest orders of the series are not run, as a sentence; empty where all of them are."""
+        short, order = self.short_series, self.series.order
+        if short.order == order:
+            return ""
+        longest = max(self.study.series(short.order + 1, symbolic=False).sizes)
+        return (
+            f"The series is run through order {short.order} only: at order {short.order + 1} it has coefficients "
+            f"of {longest} terms, more than {LONGEST}."
+        )
+
     def __repr__(self) -> str:
         found = "no comparison" if "comparison" in self.lost else repr(self.comparison)
         return f"Analysis({self.scene.name}: {self.hyperbolicity.kind}, {found})"
@@ -136,6 +153,8 @@ class Analysis(Drawn):
         if "choice" not in self.lost:
             parts.insert(0, str(self.choice.verdict))
         shown = [str(getattr(self, name)) for name in ("series", "comparison") if name not in self.lost]
+        if "series" not in self.lost and self.cut:
+            shown.append(self.cut)
         lost = [f"not made: {name}: {reason}" for name, reason in self.lost.items()]
         return "\n\n".join([*parts, str(self.hyperbolicity), *shown, *(["\n".join(lost)] if lost else [])])
 
@@ -192,7 +211,9 @@ def analyse(
     with stage("comparison"):
         part(
             "comparison",
-            lambda: compare(study, orders=orders, progress=lambda share: report("comparison", share)),
+            lambda: compare(
+                study, orders=_short(study, orders), progress=lambda share: report("comparison", share)
+            ),
         )
     with stage("choice"):
         part("choice", lambda: choose(study, orders=orders))
@@ -204,7 +225,7 @@ def analyse(
         part("full", lambda: made(ladder)[scene.epsilon])
         start = {**study.start, **scene.reconstruction_start}
         limit = part("limit", lambda: _reduced(study, 0, start))
-        part("reduced", lambda: _reduced(study, made(series).order, base or start))
+        part("reduced", lambda: _reduced(study, study.short_series(made(series).order).order, base or start))
         part("phenomenon", lambda: _phenomenon(study, parts["boundary"]))
         part("landing", lambda: _landing(study, series, hyperbolicity, limit))
     return Analysis(
@@ -228,6 +249,12 @@ def _series(study: Study, order: int) -> SeriesManifold:
         if not study.system.parameters:
             raise
         return study.series(order, symbolic=False)
+
+
+def _short(study: Study, orders: Sequence[int]) -> tuple[int, ...]:
+    """Those of `orders` whose series is short enough to be run, and the least of them."""
+    highest = study.short_series(max(orders), at_least=min(orders)).order
+    return tuple(order for order in orders if order <= highest)
 
 
 def _with_proof(hyperbolicity: Hyperbolicity) -> Hyperbolicity:
@@ -270,7 +297,7 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
                 min(scene.epsilons) / BEYOND, max(scene.epsilons) * BEYOND, epsilons
             ).tolist(),
             tolerances=np.geomspace(LOOSEST, TIGHTEST, tolerances).tolist(),
-            orders=MAP_ORDERS,
+            orders=_short(study, MAP_ORDERS),
             progress=progress,
         ),
     )
@@ -342,7 +369,7 @@ def _landing(
     """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return ()
-    scene, series, limit = study.scene, made(series), made(limit)
+    scene, series, limit = study.scene, study.short_series(made(series).order), made(limit)
     t0, t1 = scene.span
     layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
     end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))

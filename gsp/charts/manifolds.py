@@ -162,7 +162,8 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
     curves: list[tuple[str, np.ndarray, np.ndarray]] = []
     for run in analysis.landing:
         tau = np.linspace(0.0, min(LAYER / gap, (run.t[-1] - run.t[0]) / epsilon), LINE)
-        dense = run.sample(run.t[0] + epsilon * tau)
+        # Rounding may put the last time behind the run's end.
+        dense = run.sample(np.minimum(run.t[0] + epsilon * tau, run.t[-1]))
         gaps = distances(analysis, dense)
         if gaps is not None and gaps[0] > 0.0:
             curves.append((_displaced(analysis, run), tau, gaps))

@@ -146,7 +146,7 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
 
     nan where the branch is not reached, where the terms do not fall, and where what is left out is visible.
     """
-    epsilon, series = analysis.scene.epsilon, analysis.series
+    epsilon, series = analysis.scene.epsilon, analysis.short_series
     leading = on_branch(analysis, x)
     good = np.isfinite(leading).all(axis=1)
     result = np.full(leading.shape, np.nan)

@@ -18,14 +18,12 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.slow.series import SeriesManifold
+from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.slow.solved_manifold import SampledManifold, solve_manifold
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.
 LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
-# A reduced flow with longer coefficients takes seconds to compile, and runs no faster than the full system.
-LONGEST = 600
 # A solved manifold is this much more exact than the tolerance, and covers the reduced run and this share of its range
 # on every side.
 EXACTER, MARGIN = 0.1, 0.05

@@ -54,6 +54,8 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
             click.echo(f"over the region as a whole: {condition}")
     if "comparison" not in analysis.lost:
         click.echo(str(analysis.comparison))
+    if "series" not in analysis.lost and analysis.cut:
+        click.echo(analysis.cut)
     for name, reason in written["missing"].items():
         click.echo(f"not made: {name}: {reason}")
     click.echo(f"report: {page}")

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
 from gsp.comparison.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison.comparison import slope
 from gsp.critical.branch import Branch
-from gsp.errors import DeclarationError, Status, unknown_name
+from gsp.errors import BudgetError, DeclarationError, Status, unknown_name
 from gsp.results.drawn import Drawn
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.slow.series import expand
+from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import SampledManifold, solve_manifold
 from gsp.systems.arguments import shown
@@ -71,7 +72,7 @@ class MethodTable(Drawn):
 
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative
     principle at its best order is from it: much more than its floor where that principle has reached its limit.
-    `omitted` names the methods that do not take as many slow variables.
+    `omitted` says of methods that are left out why: too many slow variables for them, or too long a series.
     """
 
     scene: Scene
@@ -81,7 +82,7 @@ class MethodTable(Drawn):
     floor: tuple[float, ...]
     references: tuple[str, ...]
     disagreement: tuple[float, ...]
-    omitted: tuple[str, ...] = ()
+    omitted: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, label: str) -> MethodRow:
         for row in self.rows:
@@ -122,8 +123,7 @@ class MethodTable(Drawn):
         lines.append(f"  reference: {kinds}")
         for name, values in (("its error", self.floor), ("second route", self.disagreement)):
             lines.append(f"  {name:<{len(indent) - 2}}" + "  ".join(f"{value:8.1e}" for value in values))
-        if self.omitted:
-            lines.append(f"  omitted, for more than {LARGEST_GRID} slow variables: {', '.join(self.omitted)}")
+        lines += [f"  omitted: {name}: {reason}" for name, reason in self.omitted.items()]
         return "\n".join(lines)
 
 
@@ -168,7 +168,7 @@ def method_table(
     found = [_reference(branch, x, e, solved[e].manifold if gridded else None) for e in ladder]
     reference, floor, sources, disagreement = zip(*found)
     rows = []
-    for method in _methods(branch, solved, **chosen):
+    for method in _methods(study, solved, **chosen):
         errors = []
         for e, y in zip(ladder, reference):
             found = method.prepare(e)(x).y
@@ -194,8 +194,31 @@ def method_table(
         floor,
         sources,
         disagreement,
-        () if gridded else ("Fraser-Roussel", "solved"),
+        MappingProxyType(_omitted(study, gridded, chosen["orders"])),
     )
+
+
+def _omitted(study: Study, gridded: bool, orders: Sequence[int]) -> dict[str, str]:
+    """The methods that are left out, and why."""
+    many = f"it takes at most {LARGEST_GRID} slow variables"
+    found = {} if gridded else {"Fraser-Roussel": many, "solved": many}
+    short = _short(study, orders)
+    left = [n for n in orders if short is None or n > short.order]
+    for n in left:
+        try:
+            longest = max(study.series(n, symbolic=False).sizes)
+        except BudgetError as error:
+            found[f"series {n}"] = str(error)
+            continue
+        found[f"series {n}"] = f"its coefficients have up to {longest} terms, more than {LONGEST}"
+    return found
+
+
+def _short(study: Study, orders: Sequence[int]) -> SeriesManifold | None:
+    """The series through those of `orders` that are short enough to be run; None where the least is not."""
+    if not orders or max((found := study.short_series(max(orders))).sizes) > LONGEST:
+        return None
+    return found
 
 
 @dataclass(frozen=True)
@@ -221,8 +244,10 @@ class _Solved:
 
 
 def _methods(
-    branch: Branch, solved: Mapping[float, _Solved], *, refinements, iterates, orders
+    study: Study, solved: Mapping[float, _Solved], *, refinements, iterates, orders
 ) -> Iterator[_Method]:
+    branch, series = study.branch, _short(study, orders)
+
     def direct(function, **fixed):
         return lambda epsilon: lambda x: function(branch, x, epsilon=epsilon, **fixed)
 
@@ -235,7 +260,9 @@ def _methods(
     for m in orders:
         yield _Method("zero-derivative", m, m + 1, lambda epsilon, m=m: _zero_derivative(branch, epsilon, m))
     for n in orders:
-        yield _Method("series", n, n + 1, lambda epsilon, n=n: _series(branch, epsilon, n))
+        if series is not None and n <= series.order:
+            cut, spent = series.at_order(n), sum(study.spent("numeric series", k) for k in range(n + 1))
+            yield _Method("series", n, n + 1, lambda epsilon, cut=cut: _series(cut, epsilon), spent)
     if solved:
         last = solved[min(solved)].seconds
         yield _Method("solved", None, None, lambda epsilon: solved[epsilon].evaluate, last)
@@ -249,8 +276,7 @@ def _zero_derivative(branch: Branch, epsilon: float, order: int) -> Evaluator:
     return evaluate
 
 
-def _series(branch: Branch, epsilon: float, order: int) -> Evaluator:
-    series = expand(branch, order=order)
+def _series(series: SeriesManifold, epsilon: float) -> Evaluator:
     # What is wrong with it is measured here, so that its own check is not wanted.
     return lambda x: Points(series.terms(x, epsilon).sum(axis=1), 1.0)
 

@@ -119,7 +119,7 @@ def compare(
         check_order(correction, what="correction")
     check_progress(progress)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
-    series = study.series(max(wanted) + 1, symbolic=False)
+    series = study.short_series(max(wanted) + 1, at_least=max(wanted))
     flows = {n: study.reduced(n, reconstructed=False) for n in wanted}
     rivals = _rivals(scene, study)
     inner = None if correction is None else _inner(study, correction)

@@ -187,7 +187,7 @@ def failure_map(
     asked = _tolerances(tolerances)
     name = _axis(study, axis)
     along = _positions(study, name, positions)
-    series = study.series(max(wanted) + 1, symbolic=False)
+    series = study.short_series(max(wanted) + 1, at_least=max(wanted))
     survey = Survey(study, series, name, along, ladder, wanted, allowed)
     for i in range(ladder.size):
         survey.visit(i)

@@ -190,7 +190,7 @@ def _time_series(analysis: Analysis, setter: Typesetter) -> Markup:
     ).format(
         _epsilon(analysis, setter),
         number(analysis.scene.epsilon),
-        analysis.series.order,
+        analysis.short_series.order,
         _reduced_start(analysis, setter),
     )
 

@@ -42,6 +42,7 @@ def as_json(analysis: Analysis) -> dict[str, Any]:
         "series": lambda: {
             "order": analysis.series.order,
             "terms": list(analysis.series.sizes),
+            "run_through": analysis.short_series.order,
             "shown_through": analysis.shown.order,
             "parameters": "symbolic" if analysis.shown is analysis.series else "values",
         },

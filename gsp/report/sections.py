@@ -343,6 +343,7 @@ class Page:
             "expected": [found.expected[n] for n in found.errors],
             "first": slopes.get(1),
             "stopped": sorted(stopped),
+            "cut": self.analysis.cut,
         }
 
     def choice(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import CriticalManifold, solve_critical
-from gsp.errors import DeclarationError, SplittingError
+from gsp.errors import BudgetError, DeclarationError, SplittingError
 from gsp.fibres.base_points import BasePoint, base_point_of
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
@@ -27,7 +27,7 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, compile_function
 from gsp.scenes.scene import Scene
 from gsp.slow.expansion import Expansion
-from gsp.slow.series import SeriesManifold, series_of
+from gsp.slow.series import LONGEST, SeriesManifold, series_of
 from gsp.splitting.splitting import Splitting, split
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon, check_order
@@ -137,6 +137,21 @@ class Study:
             return whole if symbolic else whole.numeric
 
         return self._once((kind, order), lambda: series_of(expansion(), order))
+
+    def short_series(self, order: int, *, at_least: int = 0) -> SeriesManifold:
+        """The series with the parameters' values in, through `order` or as far as its coefficients are short enough to
+        be run, `LONGEST` terms each; `at_least` so far whatever their length.
+        """
+        series = self.series(at_least, symbolic=False)
+        for further in range(at_least + 1, order + 1):
+            try:
+                longer = self.series(further, symbolic=False)
+            except BudgetError:
+                break
+            if max(longer.sizes) > LONGEST:
+                break
+            series = longer
+        return series
 
     def reduced(self, order: int, *, reconstructed: bool = True, sheet: bool = True) -> ReducedFlow:
         """The reduced flow of `order`, with what the scene reconstructs unless told not to.

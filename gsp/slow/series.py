@@ -33,8 +33,10 @@ from gsp.systems.flow import as_points, check_epsilon, check_order
 JITTER = (1.0, 2.0, 3.0)
 LOST = 0.1
 AUDIBLE = 1e-13
-# Coefficients with more terms than this are not for reading, and longer ones than that are not sought ahead.
+# Coefficients with more terms than this are not for reading.
 READABLE = 300
+# With longer ones than this it takes seconds to compile what is evaluated, which then runs no faster than the full
+# system: they are not sought ahead, and not run where nobody asked for their order.
 LONGEST = 600
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import sympy as sp
@@ -160,11 +161,17 @@ def solve_manifold(
     tolerance = check_number(tolerance, what="tolerance", be=be, least=SMALLEST_TOLERANCE, below=1.0)
     sheet = _sheet(branch, box)
     slow_box = {name: box[name] for name in slow}
-    verdict = classify(sheet, region=slow_box)
+    verdict = _classified(sheet, tuple(slow_box.items()))
     work = _Work(sheet, box, value, float(tolerance), verdict)
     if verdict.kind is Kind.LOST:
         return work.lost()
     return work.run()
+
+
+@lru_cache(maxsize=4)
+def _classified(sheet: Branch, box: tuple[tuple[str, Interval], ...]) -> Hyperbolicity:
+    """The verdict over the box, which is the same at every epsilon and tolerance."""
+    return classify(sheet, region=dict(box))
 
 
 class _Work:

@@ -1,13 +1,14 @@
 """The whole pipeline on a scene: every stage present, its timings, and the refusals."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
-from gsp.analysis.analysis import STAGES, _failures, analyse
+from gsp import load, models
+from gsp.analysis.analysis import STAGES, _failures, _short, analyse
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.scenes.scene import Scene
@@ -54,6 +55,25 @@ def test_landing_runs_end_on_the_slow_manifold(sleigh) -> None:
         x = np.array([[run["v"][-1], run["p"][-1]]])
         distance = abs(run["w"][-1] - sleigh.series.evaluate(x, sleigh.scene.epsilon)[0, 0])
         assert distance < 1e-3
+
+
+def test_orders_whose_coefficients_are_too_long_are_not_run() -> None:
+    study = study_of(load(Path(__file__).parents[1] / "systems" / "olsen.toml"), verb="analyse")
+    assert study.series(3, symbolic=False).sizes == (3, 50, 915, 4682)
+    assert study.short_series(3).order == 1
+    assert study.short_series(3, at_least=2).order == 2
+    assert _short(study, (0, 1, 2, 3)) == (0, 1)
+    assert _short(study, (2, 3)) == (2,)
+
+
+@pytest.mark.exhaustive
+def test_a_long_series_is_run_through_a_lower_order_and_the_analysis_says_so() -> None:
+    found = analyse(load(Path(__file__).parents[1] / "systems" / "olsen.toml"))
+    assert (found.series.order, found.short_series.order) == (3, 1)
+    assert list(found.comparison.errors) == [0, 1]
+    assert found.reduced.flow.order == 1
+    assert "at order 2 it has coefficients of 915 terms, more than 600" in found.cut
+    assert found.cut in str(found)
 
 
 def test_a_scene_whose_region_holds_a_fold_is_refused_with_the_place() -> None:

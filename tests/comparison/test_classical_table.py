@@ -2,19 +2,23 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
+from gsp import load, models
+from gsp.algebra.ring import LocalisedRing
 from gsp.comparison.classical_methods import csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison.classical_table import MethodTable, method_table
 from gsp.comparison.comparison import slope
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.scenes.scene import Scene
-from gsp.slow.series import expand
+from gsp.scenes.study import study_of
+from gsp.slow.expansion import Expansion
+from gsp.slow.series import LONGEST, expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
@@ -195,6 +199,27 @@ def test_a_field_that_is_split_and_two_slow_variables_are_tabulated() -> None:
     assert table["ILDM"].fitted == pytest.approx(3, abs=0.1)
 
 
+def test_a_series_too_long_to_run_is_omitted_with_its_length_and_no_other_is_expanded_twice(
+    monkeypatch,
+) -> None:
+    scene = load(Path(__file__).parents[1] / "systems" / "olsen.toml")
+    study = study_of(scene, verb="method_table")
+    orders, written = [], []
+    extend = Expansion._next
+    monkeypatch.setattr(Expansion, "_next", lambda self: orders.append(self._known) or extend(self))
+    horner = LocalisedRing.horner
+    monkeypatch.setattr(
+        LocalisedRing, "horner", lambda self, e: written.append(len(e.numerator)) or horner(self, e)
+    )
+    points = [[2.9, 0.5], [3.0, 0.51]]
+    table = method_table(study, points=points, epsilons=(0.01, 0.005))
+    assert "series 1" in [row.label for row in table.rows]
+    assert table.omitted["series 2"] == f"its coefficients have up to 915 terms, more than {LONGEST}"
+    assert set(table.omitted) == {"series 2", "series 3"}
+    assert orders == [0, 1, 2]
+    assert max(written) <= LONGEST
+
+
 def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
     slow = sp.symbols("x1:5")
     system = SlowFastSystem(
@@ -203,7 +228,7 @@ def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
     start = {"x1": 0.5, "x2": 0.5, "x3": 0.5, "x4": 0.5, "y": 2}
     scene = Scene(system, {s.name: (0, 1) for s in slow}, start, (0, 1), 0.01, (0.02, 0.01), 1e-6)
     table = method_table(scene)
-    assert table.omitted == ("Fraser-Roussel", "solved")
+    assert set(table.omitted) == {"Fraser-Roussel", "solved"}
     assert table["CSP 1"].fitted == pytest.approx(2, abs=0.1)
     assert "omitted" in str(table)
     branch = solve_critical(system).branches[0]
