@@ -8,12 +8,13 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from gsp.sweeps.sweep import Sweep, sweep
 
-POINTS, CHUNK, TERMS = 960, 24, 1_200_000
+POINTS, SHARE, CHUNK, TERMS = 960, 240, 24, 1_200_000
 
 
 def harmonic(x: float) -> dict[str, float]:
@@ -33,25 +34,37 @@ def stop(share: float) -> None:
     raise KeyboardInterrupt
 
 
+def timed(
+    task: Callable[..., dict[str, float]], points: int, workers: int, scratch: Path
+) -> tuple[float, float]:
+    """Seconds of work that the points tell of, and seconds that the sweep took."""
+    begun = time.perf_counter()
+    found = sweep(
+        task,
+        over={"x": range(points)},
+        points_per_chunk=CHUNK,
+        into=scratch / f"{workers}-{points}",
+        workers=workers,
+    )
+    spent = time.perf_counter() - begun
+    return float(found.as_dataset().seconds.sum()), spent
+
+
 def main() -> None:
     # A task is found by its module's name, which __main__ is not.
     import sweeps
 
     with tempfile.TemporaryDirectory() as scratch:
         for workers in range(1, (os.cpu_count() or 1) + 1):
-            begun = time.perf_counter()
-            found = sweep(
-                sweeps.harmonic,
-                over={"x": range(POINTS)},
-                points_per_chunk=CHUNK,
-                into=Path(scratch, str(workers)),
-                workers=workers,
+            little, much = (
+                timed(sweeps.harmonic, points, workers, Path(scratch)) for points in (SHARE, POINTS)
             )
-            spent = time.perf_counter() - begun
-            work = float(found.as_dataset().seconds.sum())
+            work, spent = much[0] - little[0], much[1] - little[1]
             print(
                 f"{workers} process{'es' if workers > 1 else ''}: {POINTS // CHUNK} chunks of "
-                f"{work / POINTS * CHUNK:.2f} s; {work:.2f} s of work in {spent:.2f} s, {work / spent:.3f} at once"
+                f"{much[0] / POINTS * CHUNK:.2f} s; {much[0]:.2f} s of work in {much[1]:.2f} s, "
+                f"{much[0] / much[1]:.3f} at once; without the start, which {SHARE // CHUNK} chunks have as well, "
+                f"{work / spent:.3f}"
             )
         huge = Path(scratch, "huge")
         with suppress(KeyboardInterrupt):

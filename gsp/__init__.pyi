@@ -67,7 +67,9 @@ from .orbits.periodic import shoot as shoot
 from .proofs.certificate import Certificate as Certificate
 from .proofs.certificate import ProofVerdict as ProofVerdict
 from .readers import load as load
+from .readers import save as save
 from .report import write_report as write_report
+from .results.progress import progress_bar as progress_bar
 from .scenes.scene import Scene as Scene
 from .scenes.study import Study as Study
 from .scenes.study import study as study

@@ -339,6 +339,10 @@ CONTRACTS = {
         {"settle": POSITIVE, "name": NAME},
     ),
     "load": Contract((), lambda: "no such file.toml", dict),
+    "save": Contract(
+        ("Scene",), michaelis, lambda: {"path": f"{tempfile.mkdtemp()}/kept.toml"}, {"path": kind()}
+    ),
+    "progress_bar": Contract((), lambda: "map", dict, {"left": FLAG}),
     "study": Contract(("Scene", "Study"), michaelis, dict),
     "analyse": Contract(("Scene", "Study"), michaelis, dict),
     "write_report": Contract(
@@ -436,7 +440,8 @@ def test_every_verb_has_a_contract() -> None:
 def test_what_a_verb_cannot_take_is_refused_by_name(verb: str) -> None:
     contract = CONTRACTS[verb]
     right = contract.right()
-    given = {what: value for what, value in WRONG.items() if not (verb in ("load", "Event") and what == "text")}
+    takes_text = verb in ("load", "Event", "progress_bar")
+    given = {what: value for what, value in WRONG.items() if not (takes_text and what == "text")}
     if verb == "Event":
         given.pop("an expression")
     nouns = {name: blank(noun) for name, noun in NOUNS.items() if name not in contract.takes}

@@ -28,19 +28,14 @@ def compiling_told() -> Iterator[None]:
 
 @contextmanager
 def progress_bar(description: str, *, left: bool = False) -> Iterator[Callable[..., None]]:
-    """A bar on standard error; gives what takes the fraction done, and the stage where there are several."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    """A bar as the package's own, which also sees that Ctrl-C has come."""
+    from gsp.results import progress
 
-    columns = (TextColumn("{task.description:>14}"), BarColumn(), TimeElapsedColumn())
-    if left:
-        columns = (*columns, TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(description, total=1.0)
+    with progress.progress_bar(description, left=left) as bar:
 
         def show(share: float, stage: str = description) -> None:
             check_interrupt()
-            bar.update(task, completed=share, description=stage)
+            bar(share, stage)
 
         yield show
 

@@ -113,6 +113,11 @@ def load(path: str | os.PathLike[str]) -> Scene:
         raise ModelFileError(printable(f"{file.name}: {error}")) from None
 
 
+def read_model(text: str, *, name: str) -> Scene:
+    """`Scene` from the text of a model file; raises `ModelFileError` and `DeclarationError` as `load` does."""
+    return _scene(_parsed(text), Path(f"{name or 'scene'}.toml"))
+
+
 def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> Import:
     """The foreign model at `path`, an `.ode` file of XPPAUT, as the text of a model file, with notes on it.
 

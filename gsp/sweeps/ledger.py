@@ -15,6 +15,7 @@ import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 # Seconds between two signs of life, and after how many without one a claim is taken over.
@@ -114,7 +115,7 @@ class Ledger:
         return next(self._shelf(chunk).glob(f"{chunk:06d}-*.json"), None)
 
     def _take(self, path: Path) -> bool:
-        mine = f"{socket.gethostname()} {os.getpid()}"
+        mine = f"{this_host()} {os.getpid()}"
         try:
             with path.open("x") as file:
                 file.write(mine)
@@ -143,9 +144,16 @@ class Ledger:
             now.unlink(missing_ok=True)
 
 
+@cache
+def this_host() -> str:
+    """This host by its name and, where the system tells, its process table: containers may share the one."""
+    table = Path("/proc/self/ns/pid")
+    return f"{socket.gethostname()}-{table.stat().st_ino}" if table.exists() else socket.gethostname()
+
+
 def is_gone(host: str, process: str) -> bool:
     """Whether a process is known to have ended: it was on this host and is there no more."""
-    if host != socket.gethostname() or not process.isdigit():
+    if host != this_host() or not process.isdigit():
         return False
     try:
         os.kill(int(process), 0)

@@ -8,7 +8,6 @@ import json
 import math
 import os
 import shutil
-import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.sweeps.execution import connect, run_here, run_in_processes, run_on_cluster
-from gsp.sweeps.ledger import is_gone, write_whole
+from gsp.sweeps.ledger import is_gone, this_host, write_whole
 from gsp.sweeps.plan import Plan, Variable, block_of, check_axes
 from gsp.sweeps.store import STATUS, Store, zarr_or_remedy
 from gsp.sweeps.tasks import as_numbers, check_options, meaning_of, name_of, source_of, variables_of
@@ -119,7 +118,7 @@ def sweep(
     *,
     over: Mapping[str, Sequence[float]],
     into: str | Path,
-    model: str | Path | None = None,
+    model: str | Path | Scene | None = None,
     options: Mapping[str, object] | None = None,
     workers: int | None = None,
     client: Any = None,
@@ -131,9 +130,9 @@ def sweep(
 
     `task` is a verb of the package (integrate, classify, certify, compare, choose, failure_map, canard_value,
     periodic_orbit), given by name or as it is, with `options` for it; or a function from a module. `model` is a
-    built-in name or a model file. An axis is "epsilon", "tolerance", a parameter, or a state, whose start it moves. A
-    function takes the scene at the point, or the coordinates by name when there is no model, and gives a mapping of
-    names to numbers or arrays.
+    built-in name, a model file or a `Scene`. An axis is "epsilon", "tolerance", a parameter, or a state, whose start it
+    moves. A function takes the scene at the point, or the coordinates by name when there is no model, and gives a
+    mapping of names to numbers or arrays.
 
     The same call goes on where an earlier one stopped, and computes what is new when the axes have changed; no point is
     computed twice. A changed model, task or package is refused unless `anew`, which removes what is there. `workers`
@@ -198,7 +197,7 @@ def _prepared(
     task: str,
     axes: dict[str, tuple[float, ...]],
     root: Path,
-    model: str | Path | None,
+    model: str | Path | Scene | None,
     options: dict[str, object],
     anew: bool,
     points: int | None,
@@ -228,7 +227,7 @@ def _prepared(
         if content is not None:
             write_whole(root / name, content)
         about = {"task": task, "model": name, **{k: v for k, v in fingerprint.items() if k in PACKAGES}}
-        building = root / f"{plan.name}.{socket.gethostname()}.{os.getpid()}.partial"
+        building = root / f"{plan.name}.{this_host()}.{os.getpid()}.partial"
         Store(building, _like_earlier(root, plan, points) or _measured(plan, subject, points)).create(about)
         try:
             building.rename(folder)
@@ -240,14 +239,19 @@ def _prepared(
     return Store.open(folder)
 
 
-def _model(model: str | Path | None) -> tuple[bytes | None, str]:
+def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
     """The content of a model file and the name it gets beside the plan; or no content and a built-in name."""
+    from gsp.scenes.scene import Scene
+
     if model is None:
         return None, ""
+    if isinstance(model, Scene):
+        from gsp.readers.writing import as_toml
+
+        return as_toml(model).encode(), "model.toml"
     if not isinstance(model, (str, Path)):
         raise DeclarationError(
-            f"the model of a sweep is a built-in name or a model file, which other processes can read. "
-            f"Got {shown(model)}. Write it to a file."
+            f"the model of a sweep is a built-in name, a model file or a Scene. Got {shown(model)}."
         )
     path = Path(model)
     if path.suffix or len(path.parts) > 1 or path.is_file():

@@ -1,7 +1,8 @@
 """python -m tests.sweeps.kills [--count N] [--seed N] [--way WAY]: SIGKILL at random moments, then compare every byte.
 
 `processes`: the client of a pool of two, or one of its workers. `cluster`: the client of a Dask cluster, one of its
-workers or its scheduler. `files`: one of two processes that share nothing but the folder.
+workers or its scheduler. `files`: one of two processes that share nothing but the folder. `hosts`: the same, each on a
+host of its own by name and table of processes, so that it sees of the other only what the folder tells (as root).
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from pathlib import Path
 
 from tests.sweeps.work import contents
 
-WAYS = ("processes", "cluster", "files")
+WAYS = ("processes", "cluster", "files", "hosts")
 POINTS, CHUNK = 1600, 16
 CLIENT = """
-import sys
+import os, socket, sys
 from gsp.sweeps.sweep import sweep
 from tests.sweeps.work import slow_wave
 if __name__ == "__main__":
     way, into, points, chunk = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    if way == "hosts":
+        socket.sethostname("node" + os.urandom(4).hex())
     call = dict(over={"x": [0.01 * i for i in range(points // 2)], "k": (1.0, 2.0)}, into=into, points_per_chunk=chunk)
     if way == "cluster":
         from distributed import Client, LocalCluster
@@ -40,8 +43,10 @@ if __name__ == "__main__":
 
 def start(way: str, into: Path) -> subprocess.Popen:
     """A client in a process group of its own."""
+    # A new name and a new table of processes, in which the client is the first.
+    apart = ["unshare", "--uts", "--pid", "--fork", "--kill-child", "--mount-proc"] if way == "hosts" else []
     return subprocess.Popen(
-        [sys.executable, "-c", CLIENT, way, str(into), str(POINTS), str(CHUNK)],
+        [*apart, sys.executable, "-c", CLIENT, way, str(into), str(POINTS), str(CHUNK)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
@@ -92,7 +97,7 @@ def disturb(scratch: Path, *, way: str, kills: int, seed: int) -> tuple[int, lis
         into = scratch / f"disturbed-{round_}"
         round_ += 1
         # Several kills to a sweep, at a random number of chunks done, as long as there is something to do.
-        clients = [start(way, into) for _ in range(2 if way == "files" else 1)]
+        clients = [start(way, into) for _ in range(2 if way in ("files", "hosts") else 1)]
         while done < kills:
             before = progress(into)
             wanted = before + dice.randint(0, 20)
@@ -135,7 +140,7 @@ def main() -> int:
     parser.add_argument("--way", choices=WAYS)
     options = parser.parse_args()
     bad = 0
-    for way in WAYS if options.way is None else (options.way,):
+    for way in WAYS[:3] if options.way is None else (options.way,):
         with tempfile.TemporaryDirectory() as scratch:
             begun = time.monotonic()
             kills, wrong = disturb(Path(scratch), way=way, kills=options.count, seed=options.seed)

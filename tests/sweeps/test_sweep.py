@@ -50,6 +50,19 @@ def test_any_number_of_processes_leaves_the_same_bytes(tmp_path: Path) -> None:
     assert contents(tmp_path / "alone") == contents(tmp_path / "together")
 
 
+def test_a_scene_is_swept_like_its_name(tmp_path: Path) -> None:
+    asked = {
+        "over": {"kappa": (0.5, 1.0), "epsilon": (0.01, 0.02)},
+        "workers": 1,
+        "options": {"orders": [0, 1]},
+    }
+    scene = models.load("michaelis_menten")
+    made = sweep("compare", model=scene, into=tmp_path / "scene", **asked)
+    named = sweep("compare", model="michaelis_menten", into=tmp_path / "name", **asked)
+    assert made.as_dataset().error.values.tolist() == named.as_dataset().error.values.tolist()
+    assert resume(tmp_path / "scene", workers=1).is_complete
+
+
 def test_a_point_that_fails_is_data(tmp_path: Path) -> None:
     found = waves(tmp_path, over={"x": (-1.0, 4.0, -9.0), "k": (1.0,)})
     data = found.as_dataset()
@@ -158,13 +171,17 @@ def test_a_claim_is_respected_until_its_process_has_ended(tmp_path: Path) -> Non
     with store.ledger.claimed(2) as mine:
         assert mine
     assert not claim.exists()
-    claim.write_text(f"{ledger.socket.gethostname()} 4194304999")
+    claim.write_text(f"{ledger.this_host()} 4194304999")
     with store.ledger.claimed(2) as mine:
         assert mine
+    # The same name with another table of processes, as in containers: who is alive there cannot be seen.
+    claim.write_text(f"{ledger.this_host()}0 4194304999")
+    with store.ledger.claimed(2) as mine:
+        assert not mine
 
 
 def test_what_killed_planners_have_left_is_removed_in_the_end(tmp_path: Path) -> None:
-    here = ledger.socket.gethostname()
+    here = ledger.this_host()
     for name in (
         f"data-0.{here}.4194304999.partial",
         f"data-0.{here}.{os.getpid()}.partial",
@@ -313,7 +330,7 @@ def test_a_cluster_shares_the_work(tmp_path: Path) -> None:
         ({"anew": "yes"}, "anew is True or False"),
         ({"task": "compare"}, "Give one: model="),
         ({"task": "compare", "model": "chaplygin_sleigh"}, "x is no number of the model"),
-        ({"task": "compare", "model": 3}, "built-in name or a model file"),
+        ({"task": "compare", "model": 3}, "built-in name, a model file or a Scene"),
         ({"task": "compare", "model": "nowhere.toml"}, "cannot be read"),
     ],
 )
