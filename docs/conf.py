@@ -110,8 +110,9 @@ def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> Non
         lines[i] = "".join(parts)
 
 
-def setup(app) -> None:
+def setup(app) -> dict[str, bool]:
     app.connect("source-read", with_demos)
     app.connect("source-read", with_links)
     app.connect("build-finished", write_demos)
     app.connect("autodoc-process-docstring", as_restructured_text)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

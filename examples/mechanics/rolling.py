@@ -7,6 +7,7 @@ A ball that is thrown with slip and a disc that rolls on a circle: no slip as th
 
 import math
 
+import numpy as np
 import sympy as sp
 from matplotlib.figure import Figure
 
@@ -32,8 +33,9 @@ slip, p = series.coefficients[1]["w2"], sp.Symbol("p")
 print(f"sideways slip to first order: w2 = epsilon ({slip}), p = {disc.splitting.coordinates[p]}\n")
 start = {"phidot": 1, "thetadot": 2, "w1": 0, "w2": 0, "x": 0, "y": -2, "phi": 0, "theta": 0}
 print("epsilon   thetadot after a turn   exp(-2 pi epsilon (m R phidot)^2/(K + m R^2))")
+turn = np.linspace(0, 2 * math.pi, 201)
 for epsilon in (0.04, 0.02, 0.01):
-    run = gsp.integrate(disc.full_field, start=start, span=(0, 2 * math.pi), epsilon=epsilon)
+    run = gsp.integrate(disc.full_field, start=start, span=(0, 2 * math.pi), epsilon=epsilon, at=turn)
     left = float(run["thetadot"][-1]) / 2
     print(f"{epsilon:7.2f}   {left:21.5f}   {math.exp(-2 * math.pi * epsilon / 1.5):.5f}")
 

@@ -2,7 +2,8 @@
 A sweep that is stopped and goes on
 ===================================
 
-A sweep over two parameters of the sleigh that is stopped and goes on: where is a reduced model of order 1 enough?
+A sweep over two parameters of the sleigh that is stopped and goes on: where is a reduced model of order 1
+enough?
 """
 
 import tempfile
@@ -32,7 +33,7 @@ with tempfile.TemporaryDirectory() as scratch:
         print(f"stopped: {gsp.Sweep(call['into'])!r}")
     sweep = gsp.sweep("compare", **call)
     print(sweep)
-    error = sweep.as_dataset().error
+    error = sweep.as_dataset().error.load()
     print("\nlargest relative error of the reduced flow of order 1, and its power of epsilon")
     for a in AXES["a"]:
         row = error.sel(a=a, order=1).values

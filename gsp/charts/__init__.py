@@ -93,6 +93,11 @@ def _spread(ensemble: Ensemble, axes: Axes | None = None) -> Axes:
     return spread(ensemble, axes, name=ensemble.flow.states[0].name)
 
 
+def _failure_map(result: FailureMap, axes: Axes | None = None) -> Axes:
+    """Both maps, or on given Axes that along the run."""
+    return failure_map(result) if axes is None else failures_along(result, axes)
+
+
 # The chart of each kind of result.
 _CHARTS: Mapping[type, Callable[..., Axes]] = {
     Analysis: phase_portrait,
@@ -101,7 +106,7 @@ _CHARTS: Mapping[type, Callable[..., Axes]] = {
     CriticalCurve: critical_curve,
     CriticalSheet: critical_sheet,
     Ensemble: _spread,
-    FailureMap: failure_map,
+    FailureMap: _failure_map,
     MethodTable: method_errors,
     MixedMode: mixed_mode,
     OrbitFamily: canard_explosion,

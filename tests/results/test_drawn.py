@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy as sp
+from matplotlib.figure import Figure
 
-from gsp import charts, compare, integrate, mixed_mode, models, periodic_orbit
+from gsp import charts, compare, failure_map, integrate, mixed_mode, models, periodic_orbit
 from gsp.analysis import analysis
 from gsp.analysis.fold_surroundings import boundary_of
 from gsp.charts.style import mathematics
@@ -45,6 +46,15 @@ def test_swings_are_counted_from_quarter_to_quarter():
     t = np.linspace(0.0, 6.0 * np.pi, 2000)
     assert analysis._swings(np.sin(t - np.pi / 2)) == 3
     assert analysis._swings(np.sin(t) * 0.1 + np.linspace(0, 10, t.size)) == 1
+
+
+def test_a_failure_map_is_plotted_as_two_maps_or_on_given_axes_as_one():
+    found = failure_map(models.load("linear"), epsilons=(0.05, 0.02), orders=(0, 1))
+    both = found.plot()
+    assert len(both.figure.axes) == 2
+    given = Figure().subplots()
+    assert found.plot(given) is given
+    assert given.get_xlabel() == both.get_xlabel()
 
 
 def test_results_are_plotted_and_shown_in_a_notebook():
