@@ -41,7 +41,7 @@ The pipeline, each verb taking the frozen noun of the one before:
 
 import lazy_loader
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together. The names are
 # listed once, in the stub beside this file.

@@ -5,6 +5,7 @@ import doctest
 import importlib
 import pkgutil
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,17 @@ def blocks(document: Path, language: str) -> list[str]:
 def test_readme_begins_with_the_two_commands() -> None:
     first = blocks(ROOT / "README.md", "sh")[0].splitlines()
     assert first == ["pip install . && gsp report chaplygin_sleigh", "pip install '.[test]' && pytest"]
+
+
+def test_the_version_is_one_in_the_package_the_citation_and_the_changelog() -> None:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    (version,) = re.findall(r"^version: (\S+)$", citation, re.MULTILINE)
+    (released,) = re.findall(r'^date-released: "(\S+)"$', citation, re.MULTILINE)
+    headings = re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert version == gsp.__version__
+    assert headings[:2] == ["Unreleased", f"{version} - {released}"]
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert declared["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "gsp.__version__"}
 
 
 def test_ruff_has_one_version() -> None:
