@@ -542,3 +542,14 @@ def test_a_missing_file_is_named_once() -> None:
     with pytest.raises(ModelFileError) as caught:
         load("nofile.toml")
     assert str(caught.value).count("nofile.toml") == 1
+
+
+@pytest.mark.parametrize("error", [ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError])
+def test_what_sympy_raises_on_the_way_is_a_refusal_with_its_place(monkeypatch, error) -> None:
+    # SymPy's cache reads the message of every TypeError as text, and raises an AttributeError where it is none.
+    def stumble(*arguments: sp.Expr) -> sp.Expr:
+        raise error("stumbled")
+
+    monkeypatch.setattr(expressions, "FUNCTIONS", {**expressions.FUNCTIONS, "sinh": (1, stumble)})
+    with pytest.raises(ModelFileError, match=r"'sinh' cannot be worked out here.*at character 5"):
+        parse_expression("x + sinh(x)", symbols={"x": sp.Symbol("x")})
