@@ -101,6 +101,7 @@ from .slow_tubes.certify import certify as certify
 from .slow_tubes.reduction_error import ReductionBound as ReductionBound
 from .slow_tubes.reduction_error import bound_reduction as bound_reduction
 from .slow_tubes.slow_tubes import SlowTube as SlowTube
+from .slow_tubes.solved_tubes import SolvedTube as SolvedTube
 from .splitting.splitting import Splitting as Splitting
 from .splitting.splitting import split as split
 from .sweeps.sweep import Sweep as Sweep

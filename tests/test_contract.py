@@ -245,7 +245,7 @@ CONTRACTS = {
     "solve_manifold": Contract(("Branch",), branch, lambda: {"region": BOX, "epsilon": 0.01}),
     "expand": Contract(("Branch",), branch, dict),
     "certify": Contract(
-        ("Branch", "SeriesManifold"), branch, lambda: {"region": BOX}, {"most_boxes": LIMIT}
+        ("Branch", "SeriesManifold", "SampledManifold"), branch, lambda: {"region": BOX}, {"most_boxes": LIMIT}
     ),
     "carry_back": Contract(
         ("SeriesManifold",), series, lambda: {"splitting": gsp.split(models.load("michaelis_menten").system)},

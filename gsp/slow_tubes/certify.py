@@ -1,4 +1,4 @@
-"""`certify`: of a branch its normal hyperbolicity, of a series a tube about the slow manifold."""
+"""`certify`: of a branch its normal hyperbolicity, of a series or a solved manifold a tube about the slow manifold."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from gsp.critical.branch import Branch
 from gsp.proofs.certificate import Certificate
 from gsp.proofs.certification import MOST_BOXES, certify_branch
 from gsp.slow.series import SeriesManifold
+from gsp.slow.solved_manifold import SampledManifold
 from gsp.slow_tubes.slow_tubes import SlowTube, certify_tube
+from gsp.slow_tubes.solved_tubes import SolvedTube, certify_solved
 from gsp.systems.arguments import check_noun
 
 
@@ -30,17 +32,26 @@ def certify(
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
 ) -> SlowTube: ...
+@overload
 def certify(
-    branch: Branch | SeriesManifold,
+    branch: SampledManifold,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+) -> SolvedTube: ...
+def certify(
+    branch: Branch | SeriesManifold | SampledManifold,
     *,
     region: Mapping[str, object],
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
     progress: Callable[[float], object] | None = None,
-) -> Certificate | SlowTube:
+) -> Certificate | SlowTube | SolvedTube:
     """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`.
 
-    For a series it is proved that the slow manifold lies in a tube about it; see `certify_tube`.
+    For a series, or a manifold that `solve_manifold` has solved for, it is proved that the slow manifold lies in a
+    tube about it; see `certify_tube` and `certify_solved`.
 
     `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other
     parameters keep the values of the system. Bounds on fast variables choose a sheet. Ends that are no doubles, such
@@ -57,5 +68,7 @@ def certify(
     """
     if isinstance(branch, SeriesManifold):
         return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
-    check_noun(branch, (Branch, SeriesManifold), verb="certify")
+    if isinstance(branch, SampledManifold):
+        return certify_solved(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
+    check_noun(branch, (Branch, SeriesManifold, SampledManifold), verb="certify")
     return certify_branch(branch, region=region, epsilon=epsilon, most_boxes=most_boxes, progress=progress)

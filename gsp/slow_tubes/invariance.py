@@ -242,6 +242,6 @@ def _require_rational(expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbo
             if not is_rational_node(piece) and piece.has(*symbols):
                 raise UnsupportedFunctionError(
                     f"the residual of a series is divided exactly where the rates are rational in "
-                    f"{', '.join(map(str, symbols))}. Got {piece}. Such a field has no proved tube yet; "
-                    "certify(branch) proves its normal hyperbolicity."
+                    f"{', '.join(map(str, symbols))}. Got {piece}. "
+                    "Take certify(solve_manifold(...)), which proves a tube at one epsilon."
                 )

@@ -32,10 +32,12 @@ import numpy as np
 from flint import arb
 
 from gsp.proofs import balls
+from gsp.proofs.covering import THIN
 from gsp.proofs.spectrum import least_eigenvalue
 from gsp.proofs.tubes import Box
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
+from gsp.slow_tubes.solved_flow import SolvedFlow
 
 Widths = Sequence[float] | np.ndarray
 # A part is not halved below this share of the region's side: what fails there fails.
@@ -59,7 +61,7 @@ class Tally:
 class Isolation:
     """The tests for `invariance` in `basis` over `region`, the box of x, then epsilon."""
 
-    invariance: Invariance
+    invariance: Invariance | SolvedFlow
     basis: AdaptedBasis
     region: Box
     tally: Tally
@@ -300,7 +302,10 @@ def _proved(
 
     A part is cut across its largest `variation`, or across its longest side where none is known.
     """
-    sides = [high - low for low, high in region]
+    # A side of a few roundings is a point: a decimal between doubles. Nothing is gained by cutting it.
+    sides = [
+        high - low if high - low > THIN * math.ulp(max(abs(low), abs(high))) else 0.0 for low, high in region
+    ]
     stack, tried = [region], 0
     while stack:
         if tried >= tally.most:

@@ -94,7 +94,8 @@ def bound_reduction(
     `start` names the slow variables of the full solution, and its fast ones, which lie on the series when none is
     named. The reduced solution starts at `reduced_start`, or at the same slow variables. `steps` of the error are taken
     and a few more in the layer. The method is the module's. Raises `DeclarationError` for a wrong start or span, an
-    implicit branch or one that is not attracting, and `UnsupportedFunctionError` for rates that are not rational.
+    implicit branch or one that is not attracting, and `UnsupportedFunctionError` for rates that are not rational in
+    the fast variables and epsilon.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
     >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x}, epsilon=eps)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import flint
 import sympy as sp
@@ -31,6 +32,9 @@ from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
+
+if TYPE_CHECKING:
+    from gsp.slow_tubes.solved_tubes import SolvedTube
 
 # epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
 # and say nothing when it is wide.
@@ -74,26 +78,7 @@ class SlowTube:
     @property
     def statement(self) -> tuple[str, ...]:
         """What is proved, in sentences."""
-        if not self.is_isolating:
-            return ()
-        staying = "stays in it while its slow variables are in the region"
-        if 1 in self.signs:
-            lines = ["the flow crosses every face of the tube, out of it along the unstable directions only"]
-        elif self.boundary == "inflowing":
-            lines = ["a solution that starts in the tube stays in it for ever"]
-        else:
-            lines = [f"a solution that starts in the tube {staying}"]
-        if not self.has_cones:
-            return (*lines, "no Lipschitz manifold in it is proved")
-        graph = "the graph of a Lipschitz map over the whole region"
-        if self.boundary == "overflowing":
-            return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
-        return (
-            *lines,
-            f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
-            f"off a collar of width {self.collar:.3g} at its sides",
-            "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
-        )
+        return sentences(self) if self.is_isolating else ()
 
     def __repr__(self) -> str:
         return f"SlowTube({self.verdict.name}, {self.reason})"
@@ -112,6 +97,27 @@ class SlowTube:
                 lines.append(f"  that is {self.ratio:.4g} times the largest first term left out")
             lines += [f"  {sentence}" for sentence in self.statement]
         return "\n".join(lines)
+
+
+def sentences(tube: SlowTube | SolvedTube) -> tuple[str, ...]:
+    """What is proved about an isolating tube."""
+    if 1 in tube.signs:
+        lines = ["the flow crosses every face of the tube, out of it along the unstable directions only"]
+    elif tube.boundary == "inflowing":
+        lines = ["a solution that starts in the tube stays in it for ever"]
+    else:
+        lines = ["a solution that starts in the tube stays in it while its slow variables are in the region"]
+    if not tube.has_cones:
+        return (*lines, "no Lipschitz manifold in it is proved")
+    graph = "the graph of a Lipschitz map over the whole region"
+    if tube.boundary == "overflowing":
+        return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
+    return (
+        *lines,
+        f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
+        f"off a collar of width {tube.collar:.3g} at its sides",
+        "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
+    )
 
 
 def certify_tube(
@@ -133,7 +139,7 @@ def certify_tube(
     if not branch.is_explicit:
         raise DeclarationError(
             f"a tube is proved about an explicit series. Got the implicit branch {branch}. "
-            "Solve for the fast variables, or prove normal hyperbolicity with certify(branch)."
+            "Take certify(solve_manifold(...)), which proves a tube at one epsilon, or certify(branch)."
         )
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     if epsilon is not None:

@@ -17,6 +17,7 @@ from gsp.proofs.tubes import Box
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import Isolation, Tally, norm
+from gsp.slow_tubes.solved_flow import SolvedFlow
 
 # Bisection ends at this relative width.
 WIDTH_RESOLUTION = 0.005
@@ -64,11 +65,22 @@ class ProvedTube:
 class TubeSearch:
     """Tubes in one basis."""
 
-    def __init__(self, invariance: Invariance, basis: AdaptedBasis, region: Box, tally: Tally) -> None:
+    def __init__(
+        self,
+        invariance: Invariance | SolvedFlow,
+        basis: AdaptedBasis,
+        region: Box,
+        tally: Tally,
+        *,
+        first: float = 0.0,
+    ) -> None:
         self.invariance, self.basis, self.region, self.tally = invariance, basis, region, tally
+        # The least epsilon that is asked for.
+        self.first = first
 
-    def _isolation(self, epsilon: float, low: float = 0.0, tally: Tally | None = None) -> Isolation:
-        return Isolation(self.invariance, self.basis, (*self.region, (low, epsilon)), tally or self.tally)
+    def _isolation(self, epsilon: float, low: float | None = None, tally: Tally | None = None) -> Isolation:
+        least = self.first if low is None else low
+        return Isolation(self.invariance, self.basis, (*self.region, (least, epsilon)), tally or self.tally)
 
     def _samples(self, epsilons: tuple[float, ...], samples: int = SAMPLES) -> list[np.ndarray]:
         count = max(2, round(samples ** (1.0 / len(self.region))))
@@ -94,7 +106,7 @@ class TubeSearch:
             # The slow flow leaves through every side for the smaller epsilon only.
             known = None
         if known is None:
-            tally, low, cones = self.tally, 0.0, ()
+            tally, low, cones = self.tally, self.first, ()
         else:
             most = min(self.tally.most, max(STEP_BOXES, STEP_SHARE * known.tried))
             tally, low, cones = Tally(most), known.epsilon, known.cones
@@ -113,7 +125,7 @@ class TubeSearch:
     def least(self, epsilon: float, known: ProvedTube | None = None) -> ProvedTube | None:
         """The narrowest tube found up to `epsilon`, with cones if they can be had; `known` is one with them."""
         isolation = self._isolation(epsilon)
-        shape = isolation.shape(self._samples((0.0, 0.5 * epsilon, epsilon)))
+        shape = isolation.shape(self._samples((self.first, 0.5 * (self.first + epsilon), epsilon)))
         if shape is None:
             return known
         low, high = 1.0, math.inf

@@ -6,20 +6,17 @@ solution bounds the rest, and the logarithmic norm of D R over the box how far t
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import flint
 import sympy as sp
-from flint import arb, arb_series, fmpq
+from flint import arb
 
 from gsp.algebra.differentiation import jacobian
-from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.ball_functions import BallFunction, Program
+from gsp.proofs.ball_functions import BallFunction
 from gsp.slow_tubes.isolation import norm
+from gsp.slow_tubes.series_function import SeriesFunction
 
 # Coefficients of a step, the last of them for the rest.
 ORDER = 14
@@ -53,9 +50,9 @@ def solution_steps(
 ) -> Iterator[Step]:
     """Steps of x' = `field`(x) from x(0) in the balls `start` to the time `end`, fewer where the next is not proved.
 
-    Raises `UnsupportedFunctionError` for a field that is not rational.
+    Raises `UnsupportedFunctionError` for a function without an enclosure.
     """
-    series = _SeriesFunction(x, field)
+    series = SeriesFunction(x, field)
     slopes = BallFunction(x, list(jacobian(field, x)))
     value = BallFunction(x, list(field))
     n = len(x)
@@ -63,7 +60,7 @@ def solution_steps(
     radius = norm([b - m for b, m in zip(start, point)])
     t = 0.0
     while t < end:
-        taylor = series.solution(point, ORDER)
+        taylor = _solution(series, point, ORDER)
         steepest = max(balls.magnitude(c[ORDER - 1]) for c in taylor)
         length = (REST / steepest) ** (1.0 / (ORDER - 1)) if steepest > 0.0 else end
         box = None
@@ -75,7 +72,7 @@ def solution_steps(
             length = 0.5 * length
         if box is None:
             return
-        rest = [c[ORDER] for c in series.solution(box, ORDER)]
+        rest = [c[ORDER] for c in _solution(series, box, ORDER)]
         polynomials = tuple((*c[:ORDER], r) for c, r in zip(taylor, rest))
         over = slopes(box)
         growth = (log_norm([over[i * n : (i + 1) * n] for i in range(n)]) * arb(step)).exp()
@@ -128,57 +125,10 @@ def _horner(coefficients: Sequence[arb], at: arb) -> arb:
     return total
 
 
-class _SeriesFunction(Program):
-    """Rational expressions of x over power series in time."""
-
-    def __init__(self, x: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
-        super().__init__(x, sp.cse(list(outputs), order="none"))
-
-    def solution(self, point: Sequence[arb], order: int) -> list[list[arb]]:
-        """Taylor coefficients (n, order + 1) in time of the solution through `point`."""
-        coefficients = [[p] for p in point]
-        cap = flint.ctx.cap
-        try:
-            for k in range(order):
-                flint.ctx.cap = k + 1
-                values = self._over([arb_series(c, k + 1) for c in coefficients], k + 1)
-                for c, v in zip(coefficients, values):
-                    c.append(v[k] / (k + 1))
-        finally:
-            flint.ctx.cap = cap
-        return coefficients
-
-    def _over(self, x: list[Any], length: int) -> list[Any]:
-        registers: list[Any] = [None if c is None else arb_series([c], length) for c in self._registers]
-        registers[: len(x)] = x
-        for out, function, one, two in self._code:
-            registers[out] = function(registers[one], registers[two])
-        return [registers[place] for place in self._outputs]
-
-    def _new(self, expression: Any) -> int:
-        if expression.is_Rational:
-            return self._register(arb(fmpq(int(expression.p), int(expression.q))))
-        if expression.is_Add or expression.is_Mul:
-            function = operator.add if expression.is_Add else operator.mul
-            places = [self._written(part) for part in expression.args]
-            total = places[0]
-            for place in places[1:]:
-                total = self._operation(function, total, place)
-            return total
-        if expression.is_Pow and expression.exp.is_Integer:
-            exponent = int(expression.exp)
-            if exponent < 0:
-                return self._operation(
-                    operator.truediv, self._written(sp.S.One), self._written(expression.base**-exponent)
-                )
-            half = self._written(expression.base ** (exponent // 2))
-            square = self._operation(operator.mul, half, half)
-            return (
-                square
-                if exponent % 2 == 0
-                else self._operation(operator.mul, square, self._written(expression.base))
-            )
-        raise UnsupportedFunctionError(
-            f"a reduced flow is enclosed where its rates are rational. Got {expression}. "
-            "Bound the tube with certify(series), which asks for less."
-        )
+def _solution(function: SeriesFunction, point: Sequence[arb], order: int) -> list[list[arb]]:
+    """Taylor coefficients (n, order + 1) in time of the solution of x' = `function`(x) through `point`."""
+    coefficients = [[p] for p in point]
+    for k in range(order):
+        for c, v in zip(coefficients, function(coefficients, k + 1)):
+            c.append(v[k] / (k + 1))
+    return coefficients

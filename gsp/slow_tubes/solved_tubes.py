@@ -1,0 +1,202 @@
+"""A slow manifold that was solved for, proved: a tube about its interpolant at one epsilon.
+
+The field may hold any function that has an enclosure, and the branch may be implicit: what the tests of `isolation`
+ask for comes from the interpolant (`solved_flow`) in place of a series.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import flint
+import numpy as np
+import sympy as sp
+from flint import arb
+
+from gsp.algebra.differentiation import jacobian
+from gsp.errors import DeclarationError
+from gsp.proofs import balls
+from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.certification import MOST_BOXES
+from gsp.proofs.equations import without_decimals
+from gsp.proofs.sides import rounded
+from gsp.proofs.tubes import Box
+from gsp.slow.chebyshev import ChebyshevSurface
+from gsp.slow.solved_manifold import SampledManifold
+from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
+from gsp.slow_tubes.isolation import Tally, norm
+from gsp.slow_tubes.slow_tubes import sentences
+from gsp.slow_tubes.solved_flow import SolvedFlow
+from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch
+from gsp.systems.arguments import check_whole
+from gsp.systems.flow import check_epsilon
+from gsp.systems.region import check_region
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SolvedTube:
+    """What is proved about the slow manifold near the interpolant of `manifold` over `region`, at its `epsilon`.
+
+    - PROVED: the tube |y - p(x)| <= `delta` about the interpolant p is isolating, and the cone conditions hold in it;
+      `statement` says what follows. `widths` are the parts of delta of each fast variable.
+    - UNDECIDED: `is_isolating` and `has_cones` say what was proved of the tube, if there is one.
+
+    It holds for all epsilon within a rounding of the double, the decimal that it stands for among them. p has exactly
+    the coefficients in doubles that `manifold.surface` has; to evaluate it rounds once more. `boundary`, `collar` and
+    `tried` are those of `SlowTube`.
+    """
+
+    manifold: SampledManifold
+    region: Mapping[str, tuple[float, float]]
+    verdict: ProofVerdict
+    reason: str
+    delta: float
+    widths: Mapping[str, float]
+    is_isolating: bool
+    has_cones: bool
+    boundary: str
+    collar: float
+    signs: tuple[int, ...]
+    tried: int
+
+    @property
+    def epsilon(self) -> float:
+        """The epsilon that the manifold was solved for."""
+        return self.manifold.epsilon
+
+    @property
+    def statement(self) -> tuple[str, ...]:
+        """What is proved, in sentences."""
+        return sentences(self) if self.is_isolating else ()
+
+    def __repr__(self) -> str:
+        return f"SolvedTube({self.verdict.name}, {self.reason})"
+
+    def __str__(self) -> str:
+        box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
+        small = self.manifold.branch.system.epsilon.name
+        lines = [f"{self.verdict.value} on {box} at {small} = {self.epsilon:g}", f"  {self.reason}"]
+        if self.is_isolating:
+            lines.append(f"  |y - p| <= {self.delta:.6g}, p being the interpolant that was solved for")
+            lines += [f"  {sentence}" for sentence in self.statement]
+        return "\n".join(lines)
+
+
+def certify_solved(
+    manifold: SampledManifold,
+    *,
+    region: Mapping[str, object],
+    epsilon: float | None = None,
+    most_boxes: int = MOST_BOXES,
+) -> SolvedTube:
+    """Prove in ball arithmetic that the slow manifold lies in a tube about the interpolant of `manifold`.
+
+    `region` lies in that of the manifold and may be smaller; intervals for fast variables in it choose a sheet only,
+    and nothing hangs on them. `epsilon` is the manifold's or None. Each test of a tube may try `most_boxes` boxes. The
+    theorems are in docs/slow-tubes.md. Raises `DeclarationError` for another epsilon, a region beyond the manifold's,
+    several slow variables, or a manifold without a surface, `UnsupportedFunctionError` for a function without an
+    enclosure.
+    """
+    system, surface = manifold.branch.system, manifold.surface
+    most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
+    if len(system.x) != 1:
+        raise DeclarationError(
+            f"a tube about a solved manifold is proved over one slow variable. Got {len(system.x)}. "
+            "Take certify(series), which proves one for several."
+        )
+    if surface is None:
+        raise DeclarationError(
+            f"a tube is proved about a surface, and this manifold has none. Got the status {manifold.status.name}. "
+            "Lower epsilon, or shrink the region, and solve it again."
+        )
+    if epsilon is not None and check_epsilon(epsilon) != manifold.epsilon:
+        raise DeclarationError(
+            f"the manifold was solved for epsilon = {manifold.epsilon!r}. Got {epsilon!r}. "
+            "Leave epsilon out, or solve it for that one."
+        )
+    names = [s.name for s in system.x]
+    checked = check_region(region, [s.name for s in system.states], required=names)
+    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
+    box = {name: rounded(given[name], checked[name])[0] for name in names}
+    for (name, (low, high)), (first, last) in zip(box.items(), surface.box.tolist()):
+        if low < first or high > last:
+            raise DeclarationError(
+                f"the manifold was solved over {name} in [{first!r}, {last!r}]. Got [{low!r}, {high!r}]. "
+                "Shrink the region, or solve it over a larger one."
+            )
+    with flint.ctx.workprec(balls.PRECISION):
+        return _proved(manifold, surface, box, most_boxes)
+
+
+def _proved(
+    manifold: SampledManifold, surface: ChebyshevSurface, box: dict[str, tuple[float, float]], most_boxes: int
+) -> SolvedTube:
+    result = SolvedTube(
+        manifold=manifold,
+        region=box,
+        verdict=ProofVerdict.UNDECIDED,
+        reason="no tube was proved isolating",
+        delta=math.nan,
+        widths={},
+        is_isolating=False,
+        has_cones=False,
+        boundary="mixed",
+        collar=math.nan,
+        signs=(),
+        tried=0,
+    )
+    tally = Tally(most_boxes)
+    low, high = (math.nextafter(manifold.epsilon, toward) for toward in (0.0, math.inf))
+    found: ProvedTube | None = None
+    try:
+        for basis in _bases(manifold, surface, box):
+            flow = SolvedFlow(manifold, basis.matrix)
+            region: Box = tuple(box.values())
+            tube = TubeSearch(flow, basis, region, tally, first=low).least(high)
+            if tube is not None and (found is None or tube.cones):
+                found = tube
+            if found is not None and found.cones:
+                break
+        if tally.spent:
+            result = replace(result, reason=f"{result.reason}; a test spent its {tally.most} boxes")
+    except KeyboardInterrupt:
+        if found is None:
+            result = replace(result, reason="interrupted; nothing was proved by then")
+    if found is None:
+        return replace(result, tried=tally.tried)
+    return _stated(result, found, tally)
+
+
+def _stated(result: SolvedTube, tube: ProvedTube, tally: Tally) -> SolvedTube:
+    search, cones = tube.problem, bool(tube.cones)
+    widths = search.half_widths(tube.widths)
+    return replace(
+        result,
+        verdict=ProofVerdict.PROVED if cones else ProofVerdict.UNDECIDED,
+        reason="the slow manifold is in the tube"
+        if cones
+        else "the tube is isolating, but the cone conditions are not proved",
+        delta=balls.magnitude(norm([arb(v) for v in widths])),
+        widths={y.name: v for y, v in zip(result.manifold.branch.system.y, widths)},
+        is_isolating=True,
+        has_cones=cones,
+        boundary=search.boundary(tube.epsilon, tube.widths),
+        collar=search.collar(tube) if cones else math.nan,
+        signs=search.basis.signs,
+        tried=tally.tried,
+    )
+
+
+def _bases(
+    manifold: SampledManifold, surface: ChebyshevSurface, box: dict[str, tuple[float, float]]
+) -> Iterator[AdaptedBasis]:
+    """Constant bases in which D_y g parts on the surface in the middle of the region."""
+    system = manifold.branch.system
+    values = {p: without_decimals(v) for p, v in system.parameters.items()}
+    g = [without_decimals(e.xreplace(values)) for e in system.g]
+    x = np.array([[0.5 * sum(side) for side in box.values()]])
+    point = [*x[0], *surface(x)[0], manifold.epsilon]
+    at = dict(zip((*system.x, *system.y, system.epsilon), map(sp.Rational, point)))
+    return adapted_bases(jacobian(g, system.y), (), [at])
