@@ -46,14 +46,27 @@ class Mutant(NamedTuple):
 
 
 def mutants(tree: ast.AST) -> Iterator[Mutant]:
-    """Every mutant of a module but those in annotations and docstrings."""
-    for node in ast.walk(tree):
-        for child in ast.iter_child_nodes(node):
-            if isinstance(node, ast.AnnAssign) and child is node.annotation:
-                continue
+    """Every mutant of a module but those in annotations, decorators and the words of an error."""
+    aside = {id(child) for node in ast.walk(tree) for child in _aside(node)}
+    places = [tree]
+    while places:
+        children = [child for child in ast.iter_child_nodes(places.pop()) if id(child) not in aside]
+        places += children
+        for child in children:
             found = _mutated(child)
             if found is not None:
                 yield Mutant(child.lineno, child.col_offset, child.end_lineno, child.end_col_offset, found)  # pyright: ignore
+
+
+def _aside(node: ast.AST) -> list[ast.AST | None]:
+    """Children of a node in which a change is no fault that a test should see."""
+    if isinstance(node, (ast.AnnAssign, ast.arg)):
+        return [node.annotation]
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+        return [*node.decorator_list, *([node.returns] if isinstance(node, ast.FunctionDef) else [])]
+    if isinstance(node, ast.Raise):
+        return [node.exc, node.cause]
+    return []
 
 
 def _mutated(node: ast.AST) -> str | None:
@@ -70,7 +83,7 @@ def _mutated(node: ast.AST) -> str | None:
     if isinstance(node, ast.Constant) and isinstance(node.value, bool):
         return str(not node.value)
     if isinstance(node, ast.Constant) and _is_number(node):
-        return f"({node.value!r} + 1)" if isinstance(node.value, int) else f"({node.value!r} * 1.5)"
+        return f"({node.value!r} + 1)" if isinstance(node.value, int) else f"({node.value!r} * 1.5 + 1e-9)"
     if isinstance(node, ast.IfExp):
         return f"({ast.unparse(node.orelse)} if {ast.unparse(node.test)} else {ast.unparse(node.body)})"
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):

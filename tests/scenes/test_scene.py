@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError
-from gsp.scenes.scene import Scene
+from gsp.scenes.scene import FINEST, Scene
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, eps, k = sp.symbols("x y epsilon k")
@@ -138,6 +138,9 @@ def test_repr_is_one_line_and_str_an_aligned_card():
         ({"reconstruction": {phi: sp.Symbol("theta")}}, ("theta", "no state")),
         ({"reconstruction": {phi: sp.exp(eps)}}, ("epsilon stands in", "no pole or power")),
         ({"reconstruction": [phi]}, ("reconstruction maps", "[phi]")),
+        ({"claims": {3: {x: -x}}}, ("a claim is a name",)),
+        ({"claims": {"rival": [x]}}, ("a claim is a name",)),
+        ({"claims": {"rival": {}}}, ("a claim is a name",)),
         ({"path": ("x", "z")}, ('path names "z"', "x, y, q")),
         ({"path": ("x", "x")}, ("different names",)),
         ({"path": "xy"}, ("pair of names", "'xy'")),
@@ -155,3 +158,9 @@ def test_the_nearest_state_is_suggested():
     wide = VectorField({sp.Symbol("velocity"): -sp.Symbol("velocity") / eps}, epsilon=eps)
     with pytest.raises(DeclarationError, match='Did you mean "velocity"'):
         scene(system=wide, region={"velocty": (0, 1)}, start={"velocity": 0})
+
+
+def test_the_least_that_is_taken_is_taken():
+    assert scene(epsilons=(0.01, 0.02), tolerance=FINEST).epsilons == (0.02, 0.01)
+    with pytest.raises(DeclarationError, match="no run in double precision"):
+        scene(tolerance=FINEST * (1 - 1e-15))
