@@ -18,6 +18,7 @@ from gsp.algebra.factorisation import coefficients
 from gsp.errors import BranchError, DeclarationError
 from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet
 from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
+from gsp.results.card import Card
 from gsp.systems.arguments import check_array, shown
 from gsp.systems.flow import Point, Portable, as_points, complete
 from gsp.systems.system import SlowFastSystem
@@ -50,7 +51,7 @@ class Allowance:
 
 
 @dataclass(frozen=True)
-class Branch(Portable):
+class Branch(Portable, Card):
     """One branch of the critical manifold of `system`.
 
     `equations` are as many as there are fast variables and vanish on the branch; `graph` maps each fast symbol

@@ -16,6 +16,7 @@ from gsp.critical.branch import Branch, place
 from gsp.critical.elimination import pieces
 from gsp.errors import BranchError, GspError
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.results.card import Card
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Point
@@ -26,7 +27,7 @@ ON_FOLD = 1e-6
 
 
 @dataclass(frozen=True)
-class CriticalManifold:
+class CriticalManifold(Card):
     """M0 of `system`: its `branches`, and in `unsolved` the equations of pieces that are no graph over x.
 
     Pieces without real points over any open set of x (such as y^2 + 1 = 0) are in neither; they are listed in

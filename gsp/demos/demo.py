@@ -17,6 +17,7 @@ from gsp.critical.continuation import SpecialKind
 from gsp.demos.page import render
 from gsp.demos.program import program_of
 from gsp.errors import DeclarationError, GspError, printable
+from gsp.results.card import Card
 from gsp.results.files import write_file
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
@@ -27,7 +28,7 @@ WIDER = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Demo:
+class Demo(Card):
     """A page to move: `html` is a whole file, which runs the model without a network."""
 
     scene: Scene

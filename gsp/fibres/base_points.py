@@ -20,6 +20,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.fibres.shadowing import shadow
+from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
 from gsp.slow.solved_manifold import SampledManifold
 from gsp.systems.arguments import check_flag, check_noun
@@ -31,7 +32,7 @@ DEFAULT_ORDER = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BasePoint(Mapping[str, float]):
+class BasePoint(Mapping[str, float], Card):
     """Base point of the fast fibre through `start`: a mapping of slow (and reconstruction) names to values.
 
     It can be passed as the start of a reduced flow. `coefficients[name]` are those of the powers of epsilon through

@@ -23,6 +23,7 @@ from gsp.hyperbolicity.losses import Loss, LossKind, ends_on_grid, examine, shee
 from gsp.hyperbolicity.losses.examination import Examination
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
+from gsp.results.card import Card
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import LARGEST, as_points, check_epsilon
 from gsp.systems.region import Interval, check_region
@@ -81,7 +82,7 @@ class Rates:
 
 
 @dataclass(frozen=True, eq=False)
-class Hyperbolicity:
+class Hyperbolicity(Card):
     """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
     and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
     neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says

@@ -13,6 +13,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, nearest
 from gsp.integration.crossings import Watched, settle_event
 from gsp.lowering.compiled_flow import compile_function
+from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
 from gsp.systems.flow import Flow
 
@@ -21,7 +22,7 @@ ROUNDING = 16 * 2.0**-52
 
 
 @dataclass(frozen=True, eq=False)
-class Event:
+class Event(Card):
     """A zero of `expression` along a trajectory.
 
     `expression` is a SymPy expression in states, observables, parameters, epsilon and the time t, or the name of a

@@ -12,6 +12,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.integration.loop import Tests
+from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
@@ -20,7 +21,7 @@ from gsp.systems.system import SlowFastSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ReducedFlow(Flow):
+class ReducedFlow(Flow, Card):
     """The flow on the slow manifold through `order`; an ordinary, non-stiff `Flow`.
 
     Its states are coordinates on the critical manifold: the slow variables, or on an implicit branch the chart's,

@@ -20,6 +20,7 @@ from gsp.proofs.equations import Equations
 from gsp.proofs.refutation import Witness
 from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box
+from gsp.results.card import Card
 
 # Undecided boxes that JSON lists.
 SHOWN = 100
@@ -34,7 +35,7 @@ class ProofVerdict(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Certificate:
+class Certificate(Card):
     """What is proved about `branch` over `region`, intervals by name (slow variables, then parameters).
 
     - PROVED: over the whole region the branch is one smooth graph through `through`, and every matrix D_y g on it has

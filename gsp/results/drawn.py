@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from gsp.results.card import Card
 
-class Drawn:
+
+class Drawn(Card):
     """Gives a result its picture."""
 
     __slots__ = ()

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import sympy as sp
 
 from gsp.errors import DeclarationError, is_hidden, nearest, printable
+from gsp.results.card import Card
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, named
@@ -23,7 +24,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scene(Question):
+class Scene(Question, Card):
     """One question about one system; what the whole pipeline needs to answer it.
 
     `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the

@@ -25,6 +25,7 @@ from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.results.card import Card
 from gsp.scenes.scene import Scene
 from gsp.slow.expansion import Expansion
 from gsp.slow.series import LONGEST, SeriesManifold, series_of
@@ -67,7 +68,7 @@ class _Kept:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Study:
+class Study(Card):
     """A scene made ready: its stages are computed when they are first read, and kept.
 
     `splitting` is None when the scene is declared in standard form. `start` and `region` are those of the scene in the

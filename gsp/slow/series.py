@@ -22,6 +22,7 @@ from gsp.algebra.ring import Element
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
 from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.results.card import Card
 from gsp.slow.coordinates import Chart
 from gsp.slow.expansion import Expansion
 from gsp.slow.truncation import AHEAD, best, errors, past
@@ -68,7 +69,7 @@ class Components(tuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SeriesManifold:
+class SeriesManifold(Card):
     """The slow manifold of `branch` to `order` in epsilon, and the reduced field on it.
 
     `coefficients[k]` is h_k, by place or name of the fast variables; `reduced_field[k]` is f_k, by slow variables.
@@ -369,16 +370,6 @@ class SeriesManifold:
         for k in range(self.order + 1):
             lines += [f"  f_{k}: {x}' = {e}" for x, e in self.reduced_field[k].as_dict().items()]
         return "\n".join(lines)
-
-    def _repr_latex_(self) -> str:
-        eps = sp.latex(self.branch.system.epsilon)
-        rows = []
-        for y in self.branch.system.y:
-            terms = [sp.latex(self.coefficients[k][y]) for k in range(self.order + 1)]
-            powers = [f"{eps}^{{{k}}}" if k > 1 else ("" if k == 0 else eps) for k in range(self.order + 1)]
-            body = " + ".join(f"{p}\\left({t}\\right)" for p, t in zip(powers, terms))
-            rows.append(f"{sp.latex(y)} = {body}")
-        return r"$\displaystyle " + r" \\ ".join(rows) + "$"
 
 
 def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesManifold:

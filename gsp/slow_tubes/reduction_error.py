@@ -32,6 +32,7 @@ from gsp.proofs import balls
 from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.spectrum import least_eigenvalue
+from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
@@ -52,7 +53,7 @@ WIDENINGS, WIDER = 25, 1.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ReductionBound:
+class ReductionBound(Card):
     """A proved bound on how far the full solution is from the reduced one.
 
     At `times` (k,) since the start, `slow` (k,) bounds |x - s| and `fast` (k,) |y - h_n(x)|, Euclidean. `bound` is that

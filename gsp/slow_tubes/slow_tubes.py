@@ -24,6 +24,7 @@ from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded
+from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
@@ -46,7 +47,7 @@ EPSILON_RESOLUTION = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SlowTube:
+class SlowTube(Card):
     """What is proved about the slow manifold near `series` over `region`, for every epsilon in (0, `epsilon_0`].
 
     - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it; `statement` says

@@ -23,6 +23,7 @@ from gsp.algebra.inversion import solve_for
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.results.card import Card
 from gsp.splitting.fast_part import (
     factorised,
     inverse,
@@ -38,7 +39,7 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 
 @dataclass(frozen=True, eq=False)
-class Splitting:
+class Splitting(Card):
     """How a field splits into slow and fast variables.
 
     `system` is the standard form, or `None` when the field stays non-standard. `coordinates` maps each new symbol

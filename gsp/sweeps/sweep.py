@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsp.errors import DeclarationError, GspError, OutputError
+from gsp.results.card import Card
 from gsp.sweeps.execution import connect, run_here, run_in_processes, run_on_cluster
 from gsp.sweeps.ledger import is_gone, this_host, write_whole
 from gsp.sweeps.plan import Plan, Variable, block_of, check_axes
@@ -33,7 +34,7 @@ TRIED = 16
 PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba")
 
 
-class Sweep:
+class Sweep(Card):
     """What is there of the sweep in `folder`, which may still be running elsewhere.
 
     Raises `OutputError` when the folder holds none.

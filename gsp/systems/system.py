@@ -16,6 +16,7 @@ import sympy as sp
 
 from gsp.algebra.laurent import pole_order
 from gsp.errors import DeclarationError
+from gsp.results.card import Card
 from gsp.systems.arguments import check_text
 from gsp.systems.declaration import checked_parameters, equations_of, updated_parameters
 from gsp.systems.flow import Flow, Values
@@ -46,7 +47,7 @@ class _Declared(Flow):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SlowFastSystem(_Declared):
+class SlowFastSystem(_Declared, Card):
     """A system in standard form, x' = f(x, y, epsilon), epsilon y' = g(x, y, epsilon).
 
     `slow` maps each slow symbol to f, `fast` each fast symbol to g (without the factor 1/epsilon);
@@ -146,14 +147,9 @@ class SlowFastSystem(_Declared):
         rows += [(f"{self.epsilon} {symbol}'", expression) for symbol, expression in self.fast.items()]
         return _card(self.name or "slow-fast system", rows, self.parameters)
 
-    def _repr_latex_(self) -> str:
-        rows = [(rf"\dot {sp.latex(s)}", e) for s, e in self.slow.items()]
-        rows += [(rf"{sp.latex(self.epsilon)}\,\dot {sp.latex(s)}", e) for s, e in self.fast.items()]
-        return _aligned(rows)
-
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class VectorField(_Declared):
+class VectorField(_Declared, Card):
     """A field z' = F(z, epsilon); F may have poles in epsilon, and `epsilon=None` says that it has none.
 
     A field without epsilon can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
@@ -224,9 +220,6 @@ class VectorField(_Declared):
         rows = [(f"{symbol}'", expression) for symbol, expression in self.equations.items()]
         return _card(self.name or "vector field", rows, self.parameters)
 
-    def _repr_latex_(self) -> str:
-        return _aligned([(rf"\dot {sp.latex(s)}", e) for s, e in self.equations.items()])
-
 
 def _freeze(target: object, **mappings: Mapping) -> None:
     for attribute, mapping in mappings.items():
@@ -247,8 +240,3 @@ def _card(title: str, rows: list[tuple[str, sp.Expr]], parameters: Values) -> st
     if parameters:
         lines.append("  with " + ", ".join(f"{s} = {v}" for s, v in parameters.items()))
     return "\n".join(lines)
-
-
-def _aligned(rows: list[tuple[str, sp.Expr]]) -> str:
-    body = r" \\ ".join(f"{left} &= {sp.latex(right)}" for left, right in rows)
-    return rf"$\displaystyle \begin{{aligned}} {body} \end{{aligned}}$"

@@ -16,6 +16,7 @@ from gsp.critical.continuation.arclength import Tracer
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.critical.singularity import MatrixMap, Singular, singular_near
+from gsp.results.card import Card
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
 ZERO_EIGENVALUE = 1e-6
@@ -46,7 +47,7 @@ class SpecialKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class SpecialPoint:
+class SpecialPoint(Card):
     """A special point: its `kind`, `point` by name, the `row` of the curve that holds it, and what was computed.
 
     `eigenvalues` (n_fast,) are those of g_y; `right` and `left` (n_fast,) its null vectors at a fold, the

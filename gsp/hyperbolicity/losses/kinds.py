@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from gsp.results.card import Card
+
 
 class Contact(StrEnum):
     """What reaches the axis, as the search sees it before the place is examined."""
@@ -55,7 +57,7 @@ class LossKind(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Loss:
+class Loss(Card):
     """A place where normal hyperbolicity is lost, or the field is not smooth.
 
     - `kind`, `point` by name, `eigenvalue` of g_y nearest to the axis there, and `crossing`, what reaches the axis;

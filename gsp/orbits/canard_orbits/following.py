@@ -21,6 +21,7 @@ from gsp.orbits.canard_orbits.canard import (
     section_crossing,
 )
 from gsp.orbits.canard_orbits.collocation import Conditions, OrbitSegment, Step
+from gsp.results.card import Card
 from gsp.roots import root
 from gsp.systems.arguments import check_each, check_noun, check_whole
 from gsp.systems.flow import check_epsilon
@@ -55,7 +56,7 @@ class FamilyEnd(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CanardFamily:
+class CanardFamily(Card):
     """One canard over epsilon, from the end reached downwards to the one reached upwards.
 
     - `epsilon` (m,), `time` (m,) the slow time from line to line, and `["name"]` (m,) the state in the section, NaN

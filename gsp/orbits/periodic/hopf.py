@@ -15,6 +15,7 @@ from gsp.critical.continuation.curve import uninterrupted
 from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.orbit import check_name
+from gsp.results.card import Card
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import exact
 from gsp.systems.flow import Flow, Point, complete
@@ -23,7 +24,7 @@ from gsp.systems.system import SlowFastSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HopfPoint:
+class HopfPoint(Card):
     """An equilibrium `point` of `flow` with eigenvalues +-i `omega`, at `value` of `parameter`.
 
     `l1` is the first Lyapunov coefficient (negative: the cycles are born stable), `crossing` the rate of the real

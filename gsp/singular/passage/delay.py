@@ -24,6 +24,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.continuation import SpecialKind
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import Outcome, PassedLoss, passed_loss
 from gsp.singular.passage.slow_orbit import Piece, SlowOrbit, crossing, interpolate
@@ -53,7 +54,7 @@ class ExitKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DelayedExit:
+class DelayedExit(Card):
     """How long an orbit stays near `branch` from `start` on: `kind`, slow time `t` of the exit, its `point` by name.
 
     `losses` are those met on the way, in order; `invariant` says whether the branch is invariant for epsilon > 0.

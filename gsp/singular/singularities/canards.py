@@ -18,6 +18,7 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
 from gsp.algebra.taylor_ring import DIGITS, Algebraic, Balls, Inexact, Rationals, Scalar
+from gsp.results.card import Card
 from gsp.singular.singularities.canard_points import CanardError, CanardPoint, canard_point, planar_field
 from gsp.singular.singularities.canard_series import PlanarField, formal_canard, hopf_series
 from gsp.singular.singularities.located_points import Located
@@ -37,7 +38,7 @@ MARGIN = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CanardValue:
+class CanardValue(Card):
     """a_c = a_0 + a_1 epsilon + ... of the maximal canard, and a_H of the singular Hopf bifurcation.
 
     `coefficients` (order + 1 of them) and `hopf_coefficients` are rational or algebraic numbers when `is_exact`, and

@@ -19,6 +19,7 @@ import sympy as sp
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.critical.sampling import grid
 from gsp.lowering.compiled_flow import compile_function
+from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
 from gsp.singular.singularities.located_points import Located, locate
 from gsp.systems.declaration import exact
@@ -46,7 +47,7 @@ class FoldedKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoldedSingularity:
+class FoldedSingularity(Card):
     """A folded singularity: its `kind`, `point` by name, `eigenvalues` and what follows.
 
     - `eigenvalues` are the two of `Desingularised`, the larger in modulus first; `trace` and `determinant` T and D;

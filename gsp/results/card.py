@@ -1,0 +1,17 @@
+"""Results in a notebook: a card with the mathematics, the words and the figure, made when a cell shows it."""
+
+from __future__ import annotations
+
+import importlib
+
+
+class Card:
+    """Gives a value its card in notebooks; nothing is imported before one is shown."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        return importlib.import_module("gsp.cards").html(self)
+
+    def _repr_latex_(self) -> str | None:
+        return importlib.import_module("gsp.cards").latex(self)
