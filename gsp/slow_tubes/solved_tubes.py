@@ -23,6 +23,7 @@ from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded
 from gsp.proofs.tubes import Box
+from gsp.results.card import Card
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.solved_manifold import SampledManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
@@ -36,7 +37,7 @@ from gsp.systems.region import check_region
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SolvedTube:
+class SolvedTube(Card):
     """What is proved about the slow manifold near the interpolant of `manifold` over `region`, at its `epsilon`.
 
     - PROVED: the tube |y - p(x)| <= `delta` about the interpolant p is isolating, and the cone conditions hold in it;
