@@ -8,6 +8,8 @@ import sympy as sp
 
 BITS = 4096
 """Bound on a numerator or denominator: Python prints no integer above 4300 digits, 14_000 bits."""
+EXPONENT_BITS = 128
+"""Bound on the exponent of a root of a number: SymPy may factor it, which takes hours for some of 150 digits."""
 UNCOMPARABLE = (ArithmeticError, AttributeError, TypeError, ValueError)
 """What SymPy raises when a Max or Min is to compare what is not real; an AttributeError where its cache stumbles over
 the message of a TypeError that says so."""
@@ -43,9 +45,21 @@ def substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.
 
 
 def is_long_power(base: sp.Expr, exponent: sp.Expr) -> bool:
-    """Whether SymPy would write base**exponent out as a number with more than `BITS` bits."""
+    """Whether SymPy would write base**exponent out as a number with more than `BITS` bits, or a root as fine."""
     # b**(c + x) is worked out as b**c b**x, and the whole part of c is taken out of a root.
     constant = exponent.as_coeff_Add()[0]
-    if not base.is_Rational or not constant.is_Rational or abs(base) in (0, 1):
+    if not isinstance(constant, sp.Rational):
         return False
-    return max(int(base.p).bit_length(), int(base.q).bit_length()) * abs(constant) > BITS
+    for factor, power in base.as_powers_dict().items():
+        if isinstance(factor, sp.Rational) and isinstance(power, sp.Rational) and abs(factor) not in (0, 1):
+            written = power * constant
+            if bits_of(factor) * abs(written) > BITS or (
+                not written.is_Integer and bits_of(written) > EXPONENT_BITS
+            ):
+                return True
+    return False
+
+
+def bits_of(number: sp.Rational) -> int:
+    """Bits of the larger of numerator and denominator."""
+    return max(int(number.p).bit_length(), int(number.q).bit_length())

@@ -19,7 +19,7 @@ from typing import NamedTuple, NoReturn
 
 import sympy as sp
 
-from gsp.algebra.substitution import BITS
+from gsp.algebra.substitution import BITS, EXPONENT_BITS, bits_of
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
 from gsp.systems.declaration import DEGREE
@@ -425,6 +425,8 @@ class _Parser:
         e: sp.Expr = exponent.expression
         degree = base.degree + exponent.degree
         if e.is_Rational:
+            if not b.free_symbols and not e.is_Integer and _bits(e) > EXPONENT_BITS:
+                self.fail("the exponent of a number has too many digits", position, "Round it.")
             size = _ceiling(e)
             degree = base.degree * size
             coefficient = b.as_coeff_Mul()[0]
@@ -514,7 +516,7 @@ class _Parser:
 
 def _bits(number: sp.Expr) -> int:
     """Bits of the larger of numerator and denominator; 0 for what is no rational number."""
-    return max(int(number.p).bit_length(), int(number.q).bit_length()) if isinstance(number, sp.Rational) else 0
+    return bits_of(number) if isinstance(number, sp.Rational) else 0
 
 
 def _ceiling(number: sp.Expr) -> int:

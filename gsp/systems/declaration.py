@@ -11,7 +11,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from gsp.algebra.laurent import misplaced_epsilon
-from gsp.algebra.substitution import is_long_power
+from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
 from gsp.errors import DeclarationError, nearest
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
@@ -186,7 +186,7 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
 
     def refuse(piece: sp.Expr, fact: str, remedy: str) -> NoReturn:
         given = ", ".join(f"{symbol} = {values[symbol]}" for symbol in used)
-        raise DeclarationError(f"{piece} {fact}. Got {given}. {remedy}")
+        raise DeclarationError(f"{str(piece)[:200]} {fact}. Got {given}. {remedy}")
 
     # Inner pieces first, so that those around them are built of moderate numbers.
     for piece in sp.postorder_traversal(expression):
@@ -199,7 +199,7 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
         if isinstance(piece, sp.Pow):
             base, exponent = (part.xreplace(at) for part in piece.args)
             if is_long_power(base, exponent):
-                refuse(piece, "is too large", "Rescale the variables.")
+                refuse(piece, "is too long to be written out", "Rescale the variables, or round the exponent.")
             if exponent.is_Rational and abs(exponent) > DEGREE and base.free_symbols:
                 refuse(piece, f"has an exponent above {DEGREE}", "Use a smaller one.")
             if base.is_Rational and base.is_zero and not exponent.is_positive:
@@ -207,7 +207,10 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
             if base.is_Rational and base.is_negative and not exponent.is_integer:
                 refuse(piece, "is not real", "Keep its base positive.")
         if piece.free_symbols <= at.keys():
-            number = piece.xreplace(at).evalf(15)
+            try:
+                number = piece.xreplace(at).evalf(15)
+            except UNCOMPARABLE:
+                number = sp.nan
             if not (number.is_Float or number.is_Rational):
                 refuse(piece, "is not real and finite", "Keep its arguments in its domain.")
             if abs(number) > LARGEST:

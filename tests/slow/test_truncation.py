@@ -193,7 +193,9 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
 ) -> None:
     # What a picture reads off an analysis, of the sheet right up to its fold at y = -2/3.
     study = SimpleNamespace(branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0)})
-    analysis = SimpleNamespace(scene=SimpleNamespace(epsilon=0.05), series=curve, study=study)
+    analysis = SimpleNamespace(
+        scene=SimpleNamespace(epsilon=0.05), series=curve, short_series=curve, study=study
+    )
     on = slow_curve(analysis)
     drawn = np.isfinite(on[:, 1])
     first = int(np.argmax(drawn))

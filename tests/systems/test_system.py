@@ -89,11 +89,11 @@ REFUSED = {
     "a very long name": (lambda: standard(f=sp.Symbol("q" * 65), parameters={}), "no plain word"),
     "a power too large at its parameters": (
         lambda: standard(f=3**a * x, parameters={a: 10**8}),
-        r"3\*\*a is too large. Got a = 100000000. Rescale",
+        r"3\*\*a is too long to be written out. Got a = 100000000. Rescale",
     ),
     "a tower of powers": (
         lambda: standard(f=x + 2 ** (2 ** (2**a)), parameters={a: 40}),
-        r"2\*\*\(2\*\*a\) is too large. Got a = 40",
+        r"2\*\*\(2\*\*a\) is too long to be written out. Got a = 40",
     ),
     "a degree too high at its parameters": (
         lambda: standard(f=(x + y) ** a, parameters={a: 101}),
@@ -121,7 +121,19 @@ REFUSED = {
     ),
     "a state in an exponent beside a large parameter": (
         lambda: standard(f=sp.Rational(1, 10) ** (a + x), parameters={a: 10**8}),
-        r"\(1/10\)\*\*\(a \+ x\) is too large",
+        r"\(1/10\)\*\*\(a \+ x\) is too long to be written out",
+    ),
+    "a root to a large parameter": (
+        lambda: standard(f=sp.sqrt(sp.Rational(1, 10)) ** a * x, parameters={a: 10**8}),
+        r"\*\*a is too long to be written out. Got a = 100000000",
+    ),
+    "a root of a number that is too fine": (
+        lambda: standard(f=x * sp.Integer(10) ** a, parameters={a: sp.Rational(1, 10**300)}),
+        r"10\*\*a is too long to be written out. .* round the exponent",
+    ),
+    "a comparison that SymPy stumbles over": (
+        lambda: standard(f=sp.atan(sp.tan(10**300 - a)) * x, parameters={a: 0}),
+        "is not real and finite. Got a = 0",
     ),
     "an empty field": (lambda: VectorField({}, epsilon=epsilon), "at least one state"),
     "a field without its epsilon": (
