@@ -60,15 +60,18 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
 def verify(file: Path, as_json: bool) -> None:
     """Check the proof in FILE, which `gsp check --prove -o FILE` wrote: in whole numbers, by code of its own.
 
+    The file of a tube about a slow manifold, which its `save` writes, is checked as well.
+
     Exit status 0 when the proof holds, 1 when it does not.
     """
-    from gsp.proofs import checker
+    from gsp.proofs.programs import Rejected
+    from gsp.proofs.verification import verify as verified
 
     try:
-        found = checker.check(file)
+        found = verified(file)
     except OSError as error:
         raise GspError(f"the proof cannot be read. Got {file}: {error.strerror}. Name another file.") from None
-    except checker.Rejected as error:
+    except Rejected as error:
         if as_json:
             print_json({"holds": False, "reason": str(error)})
         else:

@@ -224,6 +224,11 @@ class Invariance:
         return tuple(self._written(e) for e in self._reduced)
 
     @cached_property
+    def gamma(self) -> tuple[sp.Expr, ...]:
+        """Gamma (m,), as expressions in x, z and epsilon."""
+        return tuple(self._written(e) for e in self._gamma)
+
+    @cached_property
     def turning(self) -> BallFunction:
         """P (m m,), row by row, over (*x, epsilon)."""
         return self._balls([e for row in self._P for e in row], at_zero=True)

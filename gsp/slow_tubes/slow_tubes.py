@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import flint
+import numpy as np
 import sympy as sp
 from flint import arb
 
@@ -26,10 +28,10 @@ from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold, expand
-from gsp.slow_tubes.adapted_basis import adapted_bases
+from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import Tally, norm
-from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch, supremum
+from gsp.slow_tubes.tube_search import Cones, ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
@@ -44,6 +46,15 @@ LARGEST_RATIO = 2.0
 LARGEST_EPSILON = 4.0
 # Bisection ends at this relative width.
 EPSILON_RESOLUTION = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class TubeProof:
+    """What a proof of a tube rests on: its basis, the widths of its blocks and the cones."""
+
+    basis: AdaptedBasis
+    widths: np.ndarray
+    cones: tuple[Cones, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,6 +86,16 @@ class SlowTube(Card):
     collar: float
     signs: tuple[int, ...]
     tried: int
+    _proof: TubeProof | None = None
+
+    def save(self, path: str | Path) -> None:
+        """Write the proof as JSON, which `gsp verify` checks; raises `GspError` unless the verdict is PROVED.
+
+        Near the border of what can be proved the file claims a little less: a wider tube or a smaller epsilon_0.
+        """
+        from gsp.slow_tubes.tube_file import write
+
+        write(self, Path(path))
 
     @property
     def statement(self) -> tuple[str, ...]:
@@ -282,6 +303,7 @@ class _Search:
             collar=problem.collar(tube) if proved else math.nan,
             signs=problem.basis.signs,
             tried=self.tally.tried,
+            _proof=TubeProof(problem.basis, tube.widths, tube.cones),
         )
 
     def _next_term(self) -> float:

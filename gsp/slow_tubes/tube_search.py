@@ -203,6 +203,14 @@ class TubeSearch:
         fastest = supremum(lambda box: norm(isolation.rates(box, tube.widths)), isolation.region)
         return balls.magnitude(arb(fastest) / arb(steep))
 
+    def rates(self, epsilon: float, widths: np.ndarray) -> list[arb]:
+        """Balls (slow,) whose largest moduli f is proved not to exceed in the tube."""
+        isolation = self._isolation(epsilon)
+        return [
+            arb(supremum(lambda box, k=k: isolation.rates(box, widths)[k], isolation.region))
+            for k in range(self.invariance.slow)
+        ]
+
     def half_widths(self, widths: np.ndarray) -> list[float]:
         """Bounds (m,) of |P z| in the tube, for each fast variable."""
         m = self.invariance.m

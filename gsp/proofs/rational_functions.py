@@ -1,0 +1,168 @@
+"""Rational functions in exact arithmetic, for the checker: whether two expressions are the same function.
+
+Only the standard library is used, and nothing of the prover. An element is a polynomial, a dictionary from exponents
+to fractions, times whole powers of factors, which are polynomials too. Nothing is cancelled: a sum takes the lowest
+powers out, and what is zero has no terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from gsp.proofs.programs import Program, Rejected
+
+Polynomial = dict[tuple[int, ...], Fraction]
+# Products of terms that one proof may take, factors, and bits of a power of a number: seconds.
+MOST_PRODUCTS, MOST_FACTORS, MOST_BITS = 500_000, 200, 20_000
+
+
+class Element:
+    """A polynomial times powers of the factors, by their places."""
+
+    __slots__ = ("numerator", "powers")
+
+    def __init__(self, numerator: Polynomial, powers: dict[int, int]) -> None:
+        self.numerator, self.powers = numerator, powers
+
+
+class RationalFunctions:
+    """Arithmetic of rational functions of so many `variables`; raises `Rejected` where it grows too large."""
+
+    def __init__(self, variables: int) -> None:
+        self.variables = variables
+        self.factors: list[Polynomial] = []
+        self._places: dict[tuple, int] = {}
+        self._products = 0
+
+    def constant(self, value: Fraction) -> Element:
+        """A number."""
+        return Element({(0,) * self.variables: value} if value else {}, {})
+
+    def variable(self, place: int) -> Element:
+        """A variable by its place."""
+        return Element({tuple(int(k == place) for k in range(self.variables)): Fraction(1)}, {})
+
+    def add(self, a: Element, b: Element, sign: int = 1) -> Element:
+        """a + sign b."""
+        least = {
+            k: power for k in {*a.powers, *b.powers} if (power := min(a.powers.get(k, 0), b.powers.get(k, 0)))
+        }
+        total = dict(self._over(a, least))
+        for exponents, value in self._over(b, least).items():
+            new = total.get(exponents, 0) + sign * value
+            if new:
+                total[exponents] = new
+            else:
+                del total[exponents]
+        return Element(total, least)
+
+    def multiply(self, a: Element, b: Element) -> Element:
+        """a b."""
+        powers = dict(a.powers)
+        for k, power in b.powers.items():
+            powers[k] = powers.get(k, 0) + power
+        return Element(self._product(a.numerator, b.numerator), {k: p for k, p in powers.items() if p})
+
+    def power(self, a: Element, exponent: int) -> Element:
+        """a**exponent, whole; the numerator becomes a factor unless it is a single term."""
+        if exponent == 0:
+            return self.constant(Fraction(1))
+        if not a.numerator:
+            if exponent < 0:
+                raise Rejected("an expression divides by 0")
+            return a
+        powers = {k: p * exponent for k, p in a.powers.items()}
+        if len(a.numerator) == 1 and (exponent > 0 or not any(next(iter(a.numerator)))):
+            ((exponents, value),) = a.numerator.items()
+            return Element({tuple(e * exponent for e in exponents): _power(value, exponent)}, powers)
+        place, scale = self._factor(a.numerator)
+        powers[place] = powers.get(place, 0) + exponent
+        return Element({(0,) * self.variables: _power(scale, exponent)}, {k: p for k, p in powers.items() if p})
+
+    def derivative(self, a: Element, place: int) -> Element:
+        """The partial derivative by a variable: (N' + N sum e_i F_i'/F_i) times the same powers."""
+        moving = [k for k, power in a.powers.items() if power and self._by(self.factors[k], place)]
+        total = self._by(a.numerator, place)
+        for k in moving:
+            total = self._product(total, self.factors[k])
+        for k in moving:
+            part = self._product(a.numerator, self._by(self.factors[k], place))
+            for other in moving:
+                if other != k:
+                    part = self._product(part, self.factors[other])
+            for exponents, value in part.items():
+                new = total.get(exponents, 0) + a.powers[k] * value
+                if new:
+                    total[exponents] = new
+                else:
+                    total.pop(exponents, None)
+        powers = {k: power - (k in moving) for k, power in a.powers.items()}
+        return Element(total, {k: p for k, p in powers.items() if p})
+
+    def evaluate(self, program: Program, arguments: Sequence[Element]) -> list[Element]:
+        """The outputs of a program of sums, products, quotients and whole powers."""
+        found = list(arguments)
+        for name, one, two in program.code:
+            if name == "constant":
+                found.append(self.constant(one))
+            elif name in ("+", "-"):
+                found.append(self.add(found[one], found[two], 1 if name == "+" else -1))
+            elif name == "*":
+                found.append(self.multiply(found[one], found[two]))
+            elif name == "/":
+                found.append(self.multiply(found[one], self.power(found[two], -1)))
+            elif name == "**" and two.denominator == 1:
+                found.append(self.power(found[one], int(two)))
+            else:
+                raise Rejected(f"an identity is checked between rational functions. Got {name}")
+        return [found[place] for place in program.outputs]
+
+    # -- polynomials -------------------------------------------------------------------------------
+
+    def _product(self, a: Polynomial, b: Polynomial) -> Polynomial:
+        self._products += len(a) * len(b)
+        if self._products > MOST_PRODUCTS:
+            raise Rejected(f"an identity takes more than {MOST_PRODUCTS} products of terms")
+        if len(a) > len(b):
+            a, b = b, a
+        total: Polynomial = {}
+        for one, first in a.items():
+            for two, second in b.items():
+                exponents = tuple(map(int.__add__, one, two))
+                total[exponents] = total.get(exponents, 0) + first * second
+        return {exponents: value for exponents, value in total.items() if value}
+
+    def _over(self, a: Element, least: dict[int, int]) -> Polynomial:
+        """The numerator of an element over lower powers of the factors."""
+        total = a.numerator
+        for k in {*a.powers, *least}:
+            for _ in range(a.powers.get(k, 0) - least.get(k, 0)):
+                total = self._product(total, self.factors[k])
+        return total
+
+    def _factor(self, polynomial: Polynomial) -> tuple[int, Fraction]:
+        """The place of a polynomial among the factors, and by how much it is larger than the one there."""
+        scale = polynomial[max(polynomial)]
+        key = tuple(sorted((exponents, value / scale) for exponents, value in polynomial.items()))
+        if key not in self._places:
+            if len(self.factors) >= MOST_FACTORS:
+                raise Rejected(f"an identity has more than {MOST_FACTORS} denominators")
+            self._places[key] = len(self.factors)
+            self.factors.append(dict(key))
+        return self._places[key], scale
+
+    @staticmethod
+    def _by(polynomial: Polynomial, place: int) -> Polynomial:
+        return {
+            tuple(e - (k == place) for k, e in enumerate(exponents)): value * exponents[place]
+            for exponents, value in polynomial.items()
+            if exponents[place]
+        }
+
+
+def _power(value: Fraction, exponent: int) -> Fraction:
+    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    if bits * abs(exponent) > MOST_BITS:
+        raise Rejected(f"a power of a number has more than {MOST_BITS} bits")
+    return value**exponent

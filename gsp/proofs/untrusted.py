@@ -1,0 +1,86 @@
+"""Reading what is not trusted: a file's JSON, its numbers and counts, each within bounds."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gsp.proofs.intervals import OutOfDomain
+from gsp.proofs.programs import Rejected
+
+Found = TypeVar("Found")
+
+# Bounds on what is read: bytes, variables.
+MOST_BYTES, MOST_VARIABLES = 256_000_000, 64
+
+
+def read_json(path: Path) -> Any:
+    """The plain values of a file; raises `Rejected` when it is no JSON or too large, OSError when it cannot be read."""
+    if path.stat().st_size > MOST_BYTES:
+        raise Rejected(f"the file is larger than {MOST_BYTES} bytes")
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise Rejected(f"the file is no JSON: {error}") from None
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def number(text: Any) -> Fraction:
+    """A finite hexadecimal double."""
+    if not isinstance(text, str) or len(text) > 40:
+        raise Rejected(f"a number is a hexadecimal double. Got {str(text)[:60]!r}")
+    try:
+        value = float.fromhex(text)
+    except (ValueError, OverflowError):
+        raise Rejected(f"a number is a hexadecimal double. Got {text[:60]!r}") from None
+    if not math.isfinite(value):
+        raise Rejected(f"a number is finite. Got {text!r}")
+    return Fraction(value)
+
+
+def count(value: Any, most: int) -> int:
+    """A whole number from 0 to `most`."""
+    if type(value) is not int or not 0 <= value <= most:
+        raise Rejected(f"a count is a whole number from 0 to {most}. Got {str(value)[:60]!r}")
+    return value
+
+
+def numbers(texts: Any, length: int) -> list[Fraction]:
+    """A row of hexadecimal doubles."""
+    if not isinstance(texts, list) or len(texts) != length:
+        raise Rejected(f"a row has {length} numbers. Got {str(texts)[:60]}")
+    return [number(text) for text in texts]
+
+
+def names(texts: Any) -> tuple[str, ...]:
+    """A list of names."""
+    if not isinstance(texts, list) or not all(isinstance(name, str) and len(name) <= 200 for name in texts):
+        raise Rejected("names are a list of text")
+    return tuple(texts)
+
+
+def region(sides: Any, length: int) -> tuple[tuple[Fraction, Fraction], ...]:
+    """So many intervals, the lower end first."""
+    rows = [numbers(side, 2) for side in sides] if isinstance(sides, list) else []
+    if len(rows) != length or any(low > high for low, high in rows):
+        raise Rejected("the region has one interval for each slow variable and parameter, the lower end first")
+    return tuple((low, high) for low, high in rows)
+
+
+def guarded(check: Callable[[], Found]) -> Found:
+    """What `check` returns; whatever else a malformed file leads to becomes `Rejected`."""
+    try:
+        return check()
+    except Rejected:
+        raise
+    except OutOfDomain as error:
+        raise Rejected(f"an expression is not defined over a box: {error}") from None
+    except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError, RecursionError) as error:
+        raise Rejected(f"the file is malformed: {type(error).__name__}, {str(error)[:80]}") from None
