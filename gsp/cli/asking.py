@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gsp.cli.telling import compiling_told
+from gsp.cli.telling import compiling_told, tell_notes
 from gsp.errors import DeclarationError
 
 if TYPE_CHECKING:
@@ -101,12 +101,15 @@ def asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, interval
 
 
 def load_scene(model: str) -> Scene:
-    """The scene of a built-in name or of a model file."""
+    """The scene of a built-in name or of a model file; what was understood of a foreign one is told."""
     from gsp import models as builtin
 
     path = Path(model)
-    if path.suffix in (".toml", ".ode") or len(path.parts) > 1 or path.is_file():
-        from gsp.readers import load
+    # No built-in name has a dot.
+    if path.suffix or len(path.parts) > 1 or path.is_file():
+        from gsp.readers.loading import load_noted
 
-        return load(path)
+        scene, notes = load_noted(path)
+        tell_notes(notes)
+        return scene
     return builtin.load(model)

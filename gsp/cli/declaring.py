@@ -32,14 +32,20 @@ def models(as_json: bool) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--small", metavar="NAME", help="The parameter that is the small one [epsilon or eps].")
 @output_option("File for the model [FILE with the suffix .toml].")
-def import_(file: Path, small: str | None, output: Path | None) -> None:
-    """Read FILE, an .ode file of XPPAUT, and write it as a model file; say what was understood and left out."""
-    from gsp.readers.toml import import_model
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+def import_(file: Path, small: str | None, output: Path | None, force: bool) -> None:
+    """Read FILE and write it as a model file; say what was understood and left out.
+
+    FILE is an .ode file of XPPAUT, SBML (.xml, .sbml) or Antimony (.ant).
+    """
+    from gsp.readers.loading import import_model
 
     found = import_model(file, small=small)
     target = output or file.with_suffix(".toml")
-    if output is None and target.exists():
-        raise GspError(f"there is a file {target} already. Name another with -o, or that one to replace it.")
+    if target.exists() and not force:
+        raise GspError(
+            f"there is a file {target} already. Name another with -o, or write over it with --force."
+        )
     write_file(found.text.encode(), target)
     wrote(target)
     for note in found.notes:

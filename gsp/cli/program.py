@@ -50,7 +50,8 @@ class Program(click.Group):
 def cli() -> None:
     """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.
 
-    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file (TOML, or XPPAUT's .ode).
+    MODEL is the name of a built-in scene (see `gsp models`) or the path of a model file: TOML, or a
+    foreign model, which is XPPAUT's .ode, SBML (.xml, .sbml) or Antimony (.ant).
 
     \b
     gsp report chaplygin_sleigh        the whole analysis, as a report to read

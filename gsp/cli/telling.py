@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import click
 
+from gsp.errors import printable
+
+NOTE = 160
+"""Characters of a note on a foreign model."""
 # What Ctrl-C has to know of a command: a check that it has not come yet, and the outputs that were written.
 CHECK, WRITTEN = "gsp.check", "gsp.written"
 
@@ -24,6 +28,13 @@ def compiling_told() -> Iterator[None]:
 
     with told_when_compiling(tell):
         yield
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """What a foreign model was taken for, on standard error, cut to a line each."""
+    for note in notes:
+        with suppress(OSError):
+            click.echo(f"gsp: {printable(note if len(note) <= NOTE else note[: NOTE - 3] + '...')}", err=True)
 
 
 @contextmanager

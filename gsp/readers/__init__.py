@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsp.readers.toml import load
+from gsp.readers.loading import load
 from gsp.readers.writing import save
 
 __all__ = ["load", "save"]

@@ -18,8 +18,8 @@ from gsp.errors import ModelFileError
 from gsp.readers.expressions import FUNCTIONS, RESERVED, Definition, Definitions, parse_expression
 from gsp.readers.tokens import tokenise
 
-DEFINITIONS = 256
-ARGUMENTS = 8
+DEFINITIONS = 2000
+ARGUMENTS = 32
 
 _WORD = r"[A-Za-z][A-Za-z0-9_]{0,63}"
 _HEAD = re.compile(rf"({_WORD})\s*(?:\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\))?")

@@ -42,7 +42,6 @@ A file is untrusted: it is bounded in size, names are plain words, and no text i
 
 from __future__ import annotations
 
-import os
 import re
 import stat
 import tomllib
@@ -52,14 +51,11 @@ from pathlib import Path
 
 import sympy as sp
 
-from gsp.algebra.laurent import pole_order
-from gsp.errors import DeclarationError, ModelFileError, nearest, printable
+from gsp.errors import ModelFileError, nearest
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
 from gsp.readers.tokens import parse_number
-from gsp.readers.xppaut import Import, import_ode
 from gsp.scenes.scene import Scene
-from gsp.systems.arguments import shown
 from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
@@ -91,69 +87,18 @@ _SCENE = ("span", "epsilon", "epsilons", "tolerance", "path")
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
-def load(path: str | os.PathLike[str]) -> Scene:
-    """`Scene` from the file at `path`: TOML as the module's docstring shows it, or XPPAUT's `.ode`.
-
-    The name defaults to the file's. Raises `ModelFileError`, prefixed with the file's name and the key, for a
-    file that is missing, unreadable, too large, malformed, or says something unknown or impossible; nothing is
-    returned half read.
-
-    >>> load("enzyme.toml").epsilon                                               # doctest: +SKIP
-    0.01
-    """
-    if not isinstance(path, (str, os.PathLike)):
-        raise ModelFileError(f"load takes the path of a file. Got {shown(path)}.")
-    file = Path(path)
-    try:
-        if file.suffix.lower() == ".ode":
-            return _scene(_parsed(_imported(file).text), file)
-        return _scene(read_document(file), file)
-    except (ModelFileError, DeclarationError) as error:
-        # Words of the file stand in the message, and the message may go to a terminal.
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
-
-
 def read_model(text: str, *, name: str) -> Scene:
     """`Scene` from the text of a model file; raises `ModelFileError` and `DeclarationError` as `load` does."""
-    return _scene(_parsed(text), Path(f"{name or 'scene'}.toml"))
-
-
-def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> Import:
-    """The foreign model at `path`, an `.ode` file of XPPAUT, as the text of a model file, with notes on it.
-
-    `small` names the parameter that is the small one. Raises `ModelFileError` for what `load` would not take either.
-    """
-    if not isinstance(path, (str, os.PathLike)):
-        raise ModelFileError(f"import_model takes the path of a file. Got {shown(path)}.")
-    file = Path(path)
-    try:
-        if file.suffix.lower() != ".ode":
-            raise ModelFileError(f"a foreign model ends in .ode. Got {file.suffix[:20]!r}. Give such a file.")
-        found = _imported(file, small)
-        _scene(_parsed(found.text), file)
-    except (ModelFileError, DeclarationError) as error:
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
-    return found
-
-
-def _imported(file: Path, small: str | None = None) -> Import:
-    def fast_in(draft: str) -> list[str]:
-        document = _parsed(draft)
-        system = _system(document, {key: _table(document, key) for key in _TABLES}, "draft")[0]
-        rates = zip(system.states, system.rates)
-        return [
-            z.name for z, rate in rates if system.epsilon is not None and pole_order(rate, system.epsilon) > 0
-        ]
-
-    return import_ode(_text_of(file), small=small, fast_in=fast_in)
+    return scene_of(parsed(text), Path(f"{name or 'scene'}.toml"))
 
 
 def read_document(file: Path) -> dict:
     """Tables of a TOML file, decimals exact; raises `ModelFileError` for one unreadable or too large."""
-    return _parsed(_text_of(file))
+    return parsed(text_of(file))
 
 
-def _text_of(file: Path) -> str:
+def text_of(file: Path) -> str:
+    """The text of a model file; raises `ModelFileError` for one that is unreadable, too large or no UTF-8."""
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
@@ -176,7 +121,8 @@ def _text_of(file: Path) -> str:
         raise ModelFileError(f"the file is not UTF-8 text (line {line}). Save it as UTF-8.") from None
 
 
-def _parsed(text: str) -> dict:
+def parsed(text: str) -> dict:
+    """The tables of TOML, decimals exact; raises `ModelFileError` for what is none."""
     for number, line in enumerate(text.splitlines(), 1):
         if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", line)):
             raise ModelFileError(f"line {number} has more than {DOTS} dots in a row of words. Break the line.")
@@ -190,7 +136,8 @@ def _parsed(text: str) -> dict:
         raise ModelFileError(f"the file is not valid TOML: {str(error)[:300]}. Correct that line.") from None
 
 
-def _scene(document: dict, file: Path) -> Scene:
+def scene_of(document: dict, file: Path) -> Scene:
+    """The scene that a document says; its name is that of `file` unless it has one. Raises `ModelFileError`."""
     _check_keys(document, ("epsilon", *TEXT, *_TABLES), "")
     texts = {key: _text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
     name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"

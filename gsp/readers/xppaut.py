@@ -2,22 +2,19 @@
 
 Everything in an .ode file is lower case for XPPAUT. What this package has no place for (tables, delays, `global`
 events, noise, arrays, difference and integral equations, conditions) is refused by name with the number of its line.
-A parameter called eps or epsilon is the small parameter, unless another is named. Where the file holds no pole in it,
-its time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NoReturn
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.expressions import CHARACTERS
+from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
 
-SMALL = ("epsilon", "eps")
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"
 NAMES = 4000
@@ -68,14 +65,6 @@ _NO_FUNCTIONS = {
 
 
 @dataclass
-class Import:
-    """A foreign model: the TOML `text` that says the same, and `notes` on what was understood, renamed and left out."""
-
-    text: str
-    notes: list[str]
-
-
-@dataclass
 class _File:
     """What the lines of a file said so far; every expression stands with its line's number."""
 
@@ -86,26 +75,45 @@ class _File:
     starts: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
 
-def import_ode(text: str, *, small: str | None = None, fast_in: Callable[[str], Collection[str]]) -> Import:
-    """The `.ode` file `text` as a model file; `small` names its small parameter.
-
-    `fast_in` gives the states of a model file whose rates have a pole. Raises `ModelFileError` with the line for what
-    is refused, and when there is no small parameter.
-    """
+def read_ode(text: str) -> ForeignModel:
+    """What the `.ode` file `text` says; raises `ModelFileError` with the line for what is refused."""
     file = _read(text)
-    name = _small(file, small)
-    fast = fast_in(_written(file, name, fast_time=False))
-    rescaled = not fast
-    if rescaled:
-        file.notes.append(
-            f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
-            f"and the span is multiplied by it"
+    own = {*file.states, *file.parameters, *file.definitions}
+    taken = {*own, *file.observables}
+    unknown = [name for name in file.starts if name not in file.states]
+    if unknown:
+        raise ModelFileError(
+            f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
         )
-        fast = fast_in(_written(file, name, fast_time=True))
-    return Import(_written(file, name, fast_time=rescaled, fast=fast), _notes(file, name))
+    model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
+    model.starts = {name: file.starts.get(name, "0") for name in file.states}
+    model.states = {name: _expression(*rate) for name, rate in file.states.items()}
+    for name, (number, arguments, text) in file.definitions.items():
+        renamed = {word: fresh_name(word, taken) for word in arguments if word in taken}
+        body = _expression(number, text)
+        body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
+        head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
+        model.definitions[head] = body
+    for name, (number, text) in file.observables.items():
+        model.observables[fresh_name(name, taken) if name in own else name] = _expression(number, text)
+    used = {
+        word
+        for text in (*model.states.values(), *model.definitions.values(), *model.observables.values())
+        for word in _WORDS.findall(text)
+    }
+    model.total = file.settings.get("total", TOTAL)
+    if "t" in used and "t" not in taken:
+        model.states["t"], model.starts["t"] = "1", file.settings.get("t0", "0")
+        begin = number_in(model.starts["t"], "t0")
+        model.windows["t"] = begin, begin + number_in(model.total, "total")
+    x, y = (file.settings.get(axis, "") for axis in ("xp", "yp"))
+    if x != y and {x, y} <= {*model.states, *model.observables}:
+        model.path = x, y
+    _take_windows(file, model)
+    _take_notes(file, model)
+    return model
 
 
 def _fail(number: int, fact: str, remedy: str) -> NoReturn:
@@ -199,120 +207,15 @@ def _assign(table: dict[str, str], text: str, number: int, what: str) -> None:
         table[name or bare] = value or "0"
 
 
-def _small(file: _File, wanted: str | None) -> str:
-    if wanted is not None:
-        if wanted.lower() not in file.parameters:
-            raise ModelFileError(
-                f"there is no parameter {wanted[:64]!r} to be the small one."
-                + nearest(wanted[:64], file.parameters)
-            )
-        return wanted.lower()
-    found = next((name for name in SMALL if name in file.parameters), None)
-    if found is None:
-        raise ModelFileError(
-            "the file has no parameter called epsilon or eps, and so no small one. Name the one that is small: "
-            f"gsp import FILE --small NAME. There are {', '.join(file.parameters)[:300] or 'none'}; where none "
-            "is small, write the factor that separates the time scales into the rates first."
-        )
-    return found
-
-
-def _written(file: _File, small: str, *, fast_time: bool, fast: Collection[str] = ()) -> str:
-    """The file as TOML; raises `ModelFileError` for what an expression may not hold."""
-    value = file.parameters[small]
-    own = {*file.states, *file.parameters, *file.definitions}
-    taken = {*own, *file.observables}
-    starts = {name: file.starts.get(name, "0") for name in file.states}
-    unknown = [name for name in file.starts if name not in file.states]
-    if unknown:
-        raise ModelFileError(
-            f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
-        )
-    rates = {name: _expression(*rate) for name, rate in file.states.items()}
-    definitions: dict[str, str] = {}
-    for name, (number, arguments, text) in file.definitions.items():
-        renamed = {word: _new(word, taken) for word in arguments if word in taken}
-        body = _expression(number, text)
-        body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
-        head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
-        definitions[head] = body
-    observables: dict[str, str] = {}
-    for name, (number, text) in file.observables.items():
-        observables[_new(name, taken) if name in own else name] = _expression(number, text)
-    used = {
-        word
-        for text in (*rates.values(), *definitions.values(), *observables.values())
-        for word in _WORDS.findall(text)
-    }
-    if "t" in used and "t" not in taken:
-        rates["t"], starts["t"] = "1", file.settings.get("t0", "0")
-    if fast_time:
-        rates = {name: f"({text})/{small}" for name, text in rates.items()}
-    total = file.settings.get("total", TOTAL)
-    span = f"({total})*({value})" if fast_time else total
-    lines = [
-        "# Read from an .ode file of XPPAUT.",
-        f"epsilon = {json.dumps(small)}",
-        f"description = {json.dumps('; '.join(_notes(file, small)))}",
-        "",
-        "[parameters]",
-    ]
-    lines += [f"{name} = {json.dumps(number)}" for name, number in file.parameters.items() if name != small]
-    for title, table in (("definitions", definitions), ("states", rates), ("observables", observables)):
-        if table:
-            lines += [
-                "",
-                f"[{title}]",
-                *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
-            ]
-    lines += ["", "[region]"]
-    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(file, starts, total, fast).items()]
-    lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in starts.items())]
-    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
-    axes = [file.settings.get(axis, "").lower() for axis in ("xp", "yp")]
-    if all(axis in {*rates, *observables} for axis in axes) and axes[0] != axes[1]:
-        lines.append(f"path = {json.dumps(axes)}")
-    return "\n".join(lines) + "\n"
-
-
-def _region(
-    file: _File, starts: dict[str, str], total: str, fast: Collection[str]
-) -> dict[str, tuple[float, float]]:
-    """The plotted window of the states in it, else a box around the start; always with the start inside.
-
-    A box around a fast state would choose a sheet that the file says nothing about: it has none.
-    """
-    region: dict[str, tuple[float, float]] = {}
-    free = [name for name in starts if name not in fast] or list(starts)
-    for name, text in starts.items():
-        if name not in free:
-            continue
-        value = _number(text, f"the initial value of {name}")
-        region[name] = value - 1.0 - abs(value), value + 1.0 + abs(value)
-        if name == "t":
-            region[name] = value, value + _number(total, "total")
+def _take_windows(file: _File, model: ForeignModel) -> None:
+    """The plotted window of a state, where it holds the start."""
     for axis, low, high in (("xp", "xlo", "xhi"), ("yp", "ylo", "yhi")):
         name = file.settings.get(axis, "")
-        if name in starts and low in file.settings and high in file.settings:
-            ends = _number(file.settings[low], low), _number(file.settings[high], high)
-            value = _number(starts[name], name)
+        if name in model.starts and low in file.settings and high in file.settings:
+            ends = number_in(file.settings[low], low), number_in(file.settings[high], high)
+            value = number_in(model.starts[name], f"the initial value of {name}")
             if ends[0] <= value <= ends[1] and ends[0] < ends[1]:
-                region[name] = ends
-    return region
-
-
-def _number(text: str, what: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ModelFileError(f"{what} is a number. Got {text[:60]!r}.") from None
-
-
-def _new(name: str, taken: set[str]) -> str:
-    """A name like `name` that nothing has yet, and that is taken from now on."""
-    new = next(new for new in (f"{name[:58]}_{k}" for k in range(1, len(taken) + 2)) if new not in taken)
-    taken.add(new)
-    return new
+                model.windows[name] = ends
 
 
 def _expression(number: int, text: str) -> str:
@@ -354,20 +257,24 @@ def _is_chain(text: str) -> bool:
     return False
 
 
-def _notes(file: _File, small: str) -> list[str]:
+def _take_notes(file: _File, model: ForeignModel) -> None:
     renamed = sorted(set(file.observables) & {*file.states, *file.parameters, *file.definitions})
-    notes = [
-        f"understood: {len(file.states)} states, {len(file.parameters)} parameters, "
-        f"{len(file.definitions)} definitions, {len(file.observables)} auxiliary quantities",
-        f"small parameter: {small} = {file.parameters[small]}",
-        *file.notes,
-        *([f"renamed, for they mean something already: {', '.join(renamed)[:300]}"] if renamed else []),
-        "region: the plotted window where the file has one, else a guess, a box around a slow one's start",
-    ]
-    if file.left_out:
-        notes.append("left out: " + ", ".join(file.left_out)[:300])
+    model.understood = "understood: " + ", ".join(
+        counted(len(table), noun)
+        for table, noun in (
+            (file.states, "state"),
+            (file.parameters, "parameter"),
+            (file.definitions, "definition"),
+            (file.observables, "auxiliary quantity"),
+        )
+    )
+    if renamed:
+        model.notes.append(f"renamed, for they mean something already: {', '.join(renamed)[:300]}")
+    model.notes.append(
+        "region: the plotted window where the file has one, else a guess, a box around a slow one's start"
+    )
+    model.left_out = file.left_out
     known = ("total", "t0", "xp", "yp", "xlo", "xhi", "ylo", "yhi")
     ignored = [key for key in file.settings if key not in known]
     if ignored:
-        notes.append("settings left out: " + ", ".join(ignored)[:300])
-    return notes
+        model.notes.append("settings left out: " + ", ".join(ignored)[:300])

@@ -12,7 +12,8 @@ import pytest
 
 import gsp
 from gsp.errors import ModelFileError
-from gsp.readers.toml import _SCENE, _TABLES, import_model
+from gsp.readers.loading import import_model
+from gsp.readers.toml import _SCENE, _TABLES
 from tests.test_documents import ROOT, blocks
 
 SCHEMA = json.loads(files("gsp.readers").joinpath("model.schema.json").read_text(encoding="utf-8"))

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import gsp
 from gsp.cli import cli
 from gsp.errors import GspError, ModelFileError
-from gsp.readers.toml import import_model
+from gsp.readers.loading import import_model
 
 FILES = sorted((Path(__file__).parent / "xppaut").glob("*.ode"))
 SMALL = {"hindmarsh_rose": "r"}

@@ -1,0 +1,110 @@
+"""Antimony: text that its own library turns into SBML.
+
+The library runs in a process of its own with bounds on memory and work: a text of a few lines can make it crash, or
+write submodels out until memory ends. Files that a text would import are refused, not opened.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from typing import Any
+
+from gsp.errors import ModelFileError
+from gsp.readers.foreign import ForeignModel
+from gsp.readers.sbml import read_sbml
+
+MEMORY = 1 << 30
+"""Bytes that the library may have. Processor time has a bound too, for what makes no progress."""
+SECONDS = 60
+DIGITS = 15
+"""Digits of a number that the library writes."""
+
+_IMPORT = re.compile(r"\bimport\b", re.IGNORECASE)
+# A comment to the end of its line, before which nothing opens or closes a text or a longer comment.
+_COMMENT = re.compile(r"""[^"'*]*(?://|\#)[^"'*]*""")
+_NUMBER = re.compile(r"(?<![\w.])(\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+
+_CHILD = f"""
+import json, sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
+    resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+except (ImportError, OSError, ValueError):
+    pass
+try:
+    import antimony
+except ImportError:
+    sys.exit(3)
+answer = {{}}
+if antimony.loadAntimonyString(sys.stdin.buffer.read().decode()) < 0:
+    answer["error"] = antimony.getLastError()
+else:
+    answer["sbml"] = antimony.getSBMLString(antimony.getMainModuleName())
+    answer["warnings"] = [antimony.getWarnings(), antimony.getSBMLWarnings(antimony.getMainModuleName())]
+sys.stdout.buffer.write(json.dumps(answer).encode())
+"""
+
+
+def read_antimony(text: str) -> ForeignModel:
+    """What the Antimony `text` says; raises `ModelFileError` for what it or the SBML of it may not hold."""
+    refuse_imports(text)
+    hidden = next((c for c in text if ord(c) < 32 and c not in "\t\n\r"), None)
+    if hidden is not None:
+        # The library reads no further than a NUL.
+        raise ModelFileError(f"the file holds the hidden character U+{ord(hidden):04X}. Remove it.")
+    answer = converted(text)
+    model = read_sbml(answer["sbml"], origin="an Antimony file")
+    long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]
+    if long:
+        model.notes.append(f"Antimony's library rounds numbers to {DIGITS} digits: {', '.join(long)[:200]}")
+    warnings = " ".join(" ".join(filter(None, answer["warnings"])).split())
+    if warnings:
+        model.notes.append(f"Antimony's library says: {warnings[:300]}")
+    return model
+
+
+def refuse_imports(text: str) -> None:
+    """Raise `ModelFileError` where the word import stands anywhere but in a comment that is one beyond doubt."""
+    for found in _IMPORT.finditer(text):
+        begin = max(text.rfind("\n", 0, found.start()), text.rfind("\r", 0, found.start())) + 1
+        if not _COMMENT.fullmatch(text, begin, found.start()):
+            number = text.count("\n", 0, found.start()) + 1
+            raise ModelFileError(
+                f"line {number}: import opens another file, which is not read. Write what it holds into this one."
+            )
+
+
+def significant(number: str) -> int:
+    """Significant digits of a decimal."""
+    return len(number.replace(".", "").lstrip("0"))
+
+
+def converted(text: str) -> dict[str, Any]:
+    """SBML of the main model of `text`, its submodels written out, and the library's warnings."""
+    # With -P nothing of ours can stand for the library's modules.
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", _CHILD], input=text.encode(), capture_output=True, check=False
+    )
+    if done.returncode == 3:
+        raise ModelFileError(
+            "Antimony is read with its own library, antimony, which is not installed. Install gsp-toolkit[sbml]."
+        )
+    try:
+        answer = json.loads(done.stdout)
+    except ValueError:
+        raise ModelFileError(
+            "Antimony's library broke down over the file, or took more memory than it may have. Use a smaller model, "
+            "or one without submodels."
+        ) from None
+    if "error" in answer:
+        raise ModelFileError(
+            f"this is no Antimony: {' '.join(answer['error'].split())[:400].rstrip('.')}. Correct it."
+        )
+    if not answer["sbml"]:
+        raise ModelFileError("the file holds no model. Give an Antimony file with one.")
+    return answer

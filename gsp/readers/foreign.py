@@ -1,0 +1,213 @@
+"""Foreign models, whatever their format: what one says, and the model file in TOML that says the same.
+
+A parameter called epsilon or eps is the small parameter, unless another is named. Where no rate has a pole in it, the
+file's time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
+
+from gsp.algebra.laurent import pole_order
+from gsp.errors import ModelFileError, nearest
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem, VectorField
+
+SMALL = ("epsilon", "eps")
+_NAMES = re.compile(r"(?<![A-Za-z0-9_.])[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass
+class Import:
+    """A foreign model: the TOML `text` that says the same, and `notes` on what was understood, renamed and left out."""
+
+    text: str
+    notes: list[str]
+
+
+@dataclass
+class ForeignModel:
+    """What a foreign file says, in words of the grammar of model files.
+
+    `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
+    numbers; `windows` are intervals that the file gives, or that are guessed better here than around the start.
+    `understood` and `notes` are for the reader; `small` is set where the format itself says what is fast.
+    """
+
+    origin: str
+    states: dict[str, str] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, str] = field(default_factory=dict)
+    observables: dict[str, str] = field(default_factory=dict)
+    starts: dict[str, str] = field(default_factory=dict)
+    windows: dict[str, tuple[float, float]] = field(default_factory=dict)
+    total: str = "20"
+    path: tuple[str, str] | None = None
+    small: str | None = None
+    title: str = ""
+    understood: str = ""
+    notes: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Scene]) -> tuple[Import, Scene]:
+    """`model` as a model file, and the scene that it is; `small` names its small parameter.
+
+    `read` gives the scene of a model file. Raises `ModelFileError` when there is no small parameter.
+    """
+    name = _small(model, small)
+    if name not in _reached(model):
+        raise ModelFileError(
+            f"{name} is to be the small parameter, and stands in no rate. Name the one that is small: gsp import "
+            f"FILE --small NAME. There are {_others(model, name)}; where none is small, write the factor that "
+            "separates the time scales into the rates first."
+        )
+    notes = [
+        model.understood,
+        f"small parameter: {name} = {model.parameters[name]}",
+        *model.notes,
+        *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else []),
+    ]
+    scene = read(_written(model, name, notes, fast_time=False, fast=()))
+    fast = _with_poles(scene.system, divided=False)
+    if fast:
+        text = _written(model, name, notes, fast_time=False, fast=fast)
+        # What differs from the text that was read is not read again.
+        return Import(text, notes), replace(scene, region=_region(model, fast))
+    notes.insert(
+        2,
+        f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
+        "and the span is multiplied by it",
+    )
+    fast = _with_poles(scene.system, divided=True)
+    text = _written(model, name, notes, fast_time=True, fast=fast)
+    return Import(text, notes), read(text)
+
+
+def _with_poles(system: SlowFastSystem | VectorField, *, divided: bool) -> list[str]:
+    """The states whose rates have a pole in epsilon, or get one when they are `divided` by it."""
+    epsilon = system.epsilon
+    assert epsilon is not None
+    rates = [rate / epsilon if divided else rate for rate in system.rates]
+    return [state.name for state, rate in zip(system.states, rates) if pole_order(rate, epsilon) > 0]
+
+
+def counted(number: int, noun: str) -> str:
+    """`number` and the noun in the singular or the plural.
+
+    >>> counted(1, "state"), counted(2, "auxiliary quantity")
+    ('1 state', '2 auxiliary quantities')
+    """
+    if number == 1 or noun == "species":
+        return f"{number} {noun}"
+    return f"{number} {noun[:-1]}ies" if noun.endswith("ty") else f"{number} {noun}s"
+
+
+def fresh_name(name: str, taken: set[str]) -> str:
+    """A name like `name` that nothing has yet, and that is taken from now on."""
+    new = next(new for new in (f"{name[:58]}_{k}" for k in range(1, len(taken) + 2)) if new not in taken)
+    taken.add(new)
+    return new
+
+
+def _small(model: ForeignModel, wanted: str | None) -> str:
+    if model.small is not None:
+        if wanted is not None:
+            raise ModelFileError(
+                f"fast reactions have a small parameter of their own, {model.small}. Got --small {wanted[:64]}. "
+                "Leave it out, or take the reactions' attribute away."
+            )
+        return model.small
+    if wanted is not None:
+        if wanted not in model.parameters:
+            raise ModelFileError(
+                f"there is no parameter {wanted[:64]!r} to be the small one."
+                + nearest(wanted[:64], model.parameters)
+            )
+        return wanted
+    found = next((name for name in SMALL if name in model.parameters), None)
+    if found is None:
+        raise ModelFileError(
+            "the file has no parameter called epsilon or eps, and so no small one. Name the one that is small: "
+            f"gsp import FILE --small NAME. There are {_others(model, '')}; where none "
+            "is small, write the factor that separates the time scales into the rates first."
+        )
+    return found
+
+
+def _others(model: ForeignModel, name: str) -> str:
+    return ", ".join(other for other in model.parameters if other != name)[:300] or "none"
+
+
+def _reached(model: ForeignModel) -> set[str]:
+    """The names in the rates, by way of definitions too."""
+    bodies = {head.partition("(")[0].strip(): text for head, text in model.definitions.items()}
+    waiting, reached = list(model.states.values()), set()
+    while waiting:
+        for name in _NAMES.findall(waiting.pop()):
+            if name not in reached:
+                reached.add(name)
+                if name in bodies:
+                    waiting.append(bodies[name])
+    return reached
+
+
+def _written(
+    model: ForeignModel, small: str, notes: Collection[str], *, fast_time: bool, fast: Collection[str]
+) -> str:
+    """The model as TOML."""
+    value = model.parameters[small]
+    rates = {name: f"({text})/{small}" if fast_time else text for name, text in model.states.items()}
+    span = f"({model.total})*({value})" if fast_time else model.total
+    lines = [
+        f"# Read from {model.origin}.",
+        f"epsilon = {json.dumps(small)}",
+        *([f"title = {json.dumps(model.title)}"] if model.title else []),
+        f"description = {json.dumps('; '.join(notes)[:5000])}",
+        "",
+        "[parameters]",
+    ]
+    lines += [f"{name} = {json.dumps(number)}" for name, number in model.parameters.items() if name != small]
+    tables = (("definitions", model.definitions), ("states", rates), ("observables", model.observables))
+    for title, table in tables:
+        if table:
+            lines += [
+                "",
+                f"[{title}]",
+                *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
+            ]
+    lines += ["", "[region]"]
+    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(model, fast).items()]
+    lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in model.starts.items())]
+    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
+    if model.path is not None:
+        lines.append(f"path = {json.dumps(list(model.path))}")
+    return "\n".join(lines) + "\n"
+
+
+def _region(model: ForeignModel, fast: Collection[str]) -> dict[str, tuple[float, float]]:
+    """The given windows of the states, else a box around the start.
+
+    A box around a fast state would choose a sheet that the file says nothing about: it has none, unless all are fast.
+    """
+    free = [name for name in model.starts if name not in fast] or list(model.starts)
+    region: dict[str, tuple[float, float]] = {}
+    for name in model.starts:
+        if name in model.windows:
+            region[name] = model.windows[name]
+        elif name in free:
+            value = number_in(model.starts[name], f"the initial value of {name}")
+            region[name] = value - 1.0 - abs(value), value + 1.0 + abs(value)
+    return region
+
+
+def number_in(text: str, what: str) -> float:
+    """The number that `text` is, a fraction p/q too; `what` names it in the error."""
+    top, slash, bottom = text.partition("/")
+    try:
+        return float(top) / float(bottom) if slash else float(text)
+    except (ValueError, ZeroDivisionError):
+        raise ModelFileError(f"{what} is a number. Got {text[:60]!r}.") from None

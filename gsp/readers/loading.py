@@ -1,0 +1,86 @@
+"""A path to a `Scene`: TOML as it stands, and foreign formats by way of the model file that says the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from gsp.errors import DeclarationError, ModelFileError, printable
+from gsp.readers.antimony import read_antimony
+from gsp.readers.foreign import ForeignModel, Import, imported
+from gsp.readers.sbml import read_sbml
+from gsp.readers.toml import BYTES, parsed, read_document, scene_of, text_of
+from gsp.readers.xppaut import read_ode
+from gsp.scenes.scene import Scene
+from gsp.systems.arguments import shown
+
+FORMATS: dict[str, Callable[[str], ForeignModel]] = {
+    ".ode": read_ode,
+    ".xml": read_sbml,
+    ".sbml": read_sbml,
+    ".ant": read_antimony,
+}
+
+
+def load(path: str | os.PathLike[str]) -> Scene:
+    """`Scene` from the file at `path`: TOML as `gsp.readers.toml` shows it, or a foreign model.
+
+    Foreign are XPPAUT's `.ode`, SBML (`.xml`, `.sbml`) and Antimony (`.ant`). The name defaults to the file's. Raises
+    `ModelFileError`, prefixed with the file's name and the key, for a file that is missing, unreadable, too large,
+    malformed, or says something unknown or impossible; nothing is returned half read.
+
+    >>> load("enzyme.toml").epsilon                                               # doctest: +SKIP
+    0.01
+    """
+    return load_noted(path)[0]
+
+
+def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
+    """What `load` returns, and notes on what was understood of a foreign model, [] for TOML."""
+    file = _path(path, "load")
+    try:
+        if file.suffix.lower() not in FORMATS:
+            return scene_of(read_document(file), file), []
+        found, scene = _imported(file)
+        return scene, found.notes
+    except (ModelFileError, DeclarationError) as error:
+        # Words of the file stand in the message, and the message may go to a terminal.
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+
+
+def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> Import:
+    """The foreign model at `path` as the text of a model file, with notes on it.
+
+    `small` names the parameter that is the small one. Raises `ModelFileError` for what `load` would not take either.
+    """
+    file = _path(path, "import_model")
+    try:
+        if file.suffix.lower() not in FORMATS:
+            raise ModelFileError(
+                f"a foreign model ends in {', '.join(FORMATS)}. Got {file.suffix[:20]!r}. Give such a file."
+            )
+        found, _ = _imported(file, small)
+    except (ModelFileError, DeclarationError) as error:
+        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+    return found
+
+
+def _path(path: str | os.PathLike[str], verb: str) -> Path:
+    if not isinstance(path, (str, os.PathLike)):
+        raise ModelFileError(f"{verb} takes the path of a file. Got {shown(path)}.")
+    return Path(path)
+
+
+def _imported(file: Path, small: str | None = None) -> tuple[Import, Scene]:
+    suffix = file.suffix.lower()
+    if small is not None and suffix == ".ode":
+        # Capital letters are small ones for XPPAUT.
+        small = small.lower()
+    model = FORMATS[suffix](text_of(file))
+    found, scene = imported(model, small=small, read=lambda draft: scene_of(parsed(draft), file))
+    if len(found.text.encode()) > BYTES:
+        raise ModelFileError(
+            f"as a model file it would be larger than {BYTES // 1024} KiB. Use a smaller model."
+        )
+    return found, scene

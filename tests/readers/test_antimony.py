@@ -1,0 +1,90 @@
+"""Antimony: its library makes the SBML, in a process of its own, and opens no file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import ModelFileError
+from gsp.readers.loading import load_noted
+
+pytest.importorskip("antimony", reason="antimony is not installed")
+pytest.importorskip("libsbml", reason="python-libsbml is not installed")
+
+ENZYME = """
+// No import here.
+model *enzyme()
+  bind: S + E -> C; (k1*S*E - km*C)/eps
+  make: C -> P + E; k2*C
+  S = 10; E = 1; C = 0; P = 0
+  k1 = 0.1; km = 3; k2 = 5; eps = 0.01
+end
+"""
+
+
+def read(folder: Path, text: str) -> gsp.Scene:
+    path = folder / "model.ant"
+    path.write_text(text)
+    return gsp.load(path)
+
+
+def test_a_model_is_read(tmp_path: Path) -> None:
+    scene = read(tmp_path, ENZYME)
+    S, C, eps = sp.symbols("S C eps")
+    values = dict(scene.system.parameters)
+    bound = (sp.Rational(1, 10) * S * (1 - C) - 3 * C) / eps
+    found = [sp.expand(rate.xreplace(values)) for rate in scene.system.rates]
+    assert found == [sp.expand(-bound), sp.expand(bound - 5 * C)]
+    assert scene.title == "enzyme"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'import "secret.ant"',
+        'IMPORT "secret.ant"',
+        'import/* */"secret.ant"',
+        '/* import "secret.ant" */',
+        '// */ import "secret.ant"',
+        "x = \"// \"; import 'secret.ant'",
+        '// \rimport "secret.ant"',
+    ],
+)
+def test_no_file_is_opened(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ModelFileError, match="import opens another file"):
+        read(tmp_path, ENZYME + line)
+
+
+def test_submodels_are_written_out(tmp_path: Path) -> None:
+    scene = read(
+        tmp_path,
+        "model part() S -> ; k*S/eps; S = 2; k = 3; eps = 0.1; end\n"
+        "model *whole() A: part(); eps = 0.1; A.eps is eps; end",
+    )
+    assert [z.name for z in scene.system.states] == ["A_S"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("S -> ; S/eps; eps = 0.1; S = 1\x00; S = 2", r"hidden character U\+0000"),
+        ("S -> ; (((", "this is no Antimony"),
+        ("S -> ; S/eps; eps = 0.1", "S has no initial value"),
+        ("S -> ; S/eps; eps = 0.1; S = 1; at (S < 0.5): S = 1", "1 event"),
+        ("S -> ; " + "+".join(["S"] * 50_000) + "; S = 1", "broke down|characters|nested"),
+        ("model a() A: a(); S -> ; S; S = 1; end", "broke down|no Antimony|nothing|no model|no reaction"),
+        ("", "no reaction|no model"),
+    ],
+)
+def test_what_is_not_read_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ModelFileError, match=words):
+        read(tmp_path, text)
+
+
+def test_rounded_numbers_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "model.ant"
+    path.write_text(ENZYME.replace("k2 = 5", "k2 = 0.12345678901234567"))
+    assert any("rounds numbers to 15 digits: 0.12345678901234567" in note for note in load_noted(path)[1])
