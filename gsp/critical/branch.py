@@ -16,7 +16,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import coefficients
 from gsp.errors import BranchError, DeclarationError
-from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet
+from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet, follow_sheets
 from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
 from gsp.results.card import Card
 from gsp.systems.arguments import check_array, shown
@@ -213,6 +213,14 @@ class Branch(Portable, Card):
         if not good[0]:
             self._require(good, rows, self._ending(point))
         return found[0]
+
+    def over_each(self, points: np.ndarray) -> np.ndarray:
+        """`over` at each of `points` (m, n_slow): y (m, n_fast), not a number where the line must be cut anew."""
+        functions, x0, y0 = self._sheet
+        y, found = np.empty((len(points), y0.size)), np.empty(len(points), np.bool_)
+        follow_sheets(*functions, x0, y0, points, np.array(PIECES), NEWTON_TOLERANCE, NEWTON_STEPS, y, found)
+        y[~found] = np.nan
+        return y
 
     @cached_property
     def _sheet(self) -> tuple[tuple[int, int, int, np.ndarray], np.ndarray, np.ndarray]:

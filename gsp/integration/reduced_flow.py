@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
@@ -126,8 +126,21 @@ class ReducedFlow(Flow, Card):
         return names, branch.over, tuple(states.index(s) for s in coordinates), rest
 
     def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
-        """State array (m, n) of many starts; on an explicit branch no start costs more than its copy."""
-        if not self.manifold.branch.is_explicit:
+        """State array (m, n) of many starts; no start costs more than its copy, or on a fixed sheet Newton's method."""
+        branch = self.manifold.branch
+        names, over, places, rest = self._usual
+        if over is not None and starts.keys() == set(names):
+            x = np.stack([starts[name] for name in names], axis=1)
+            y = branch.over_each(x)
+            states = np.hstack([x, y])[:, places]
+            # The sheet does not reach there, or bends on the way: as for one start, with its error.
+            for i in np.flatnonzero(np.isnan(y).any(axis=1)).tolist():
+                try:
+                    states[i] = self.initial(dict(zip(names, x[i].tolist())))[: len(places)]
+                except GspError as error:
+                    raise type(error)(f"member {i}: {error}") from None
+            return np.hstack([states, np.tile(rest, (len(x), 1))])
+        if not branch.is_explicit:
             return super().initials(starts)
         # The names decide alike for all, so that one start checks them.
         self.initial(dict.fromkeys(starts, 0.0))

@@ -117,11 +117,13 @@ def dop853(
     field = program[ledger.FIELD]
     shape = dense.shape[1:]
     _, n = shape
-    k = np.empty((EXTENDED_STAGES, n))
-    argument = np.empty(n)
-    last_argument = np.empty(n)
-    y_new = np.empty(n)
-    value = np.empty(n)
+    # One array in place of five, whose making would be a tenth of a short run.
+    scratch = np.empty((EXTENDED_STAGES + 4, n))
+    k = scratch[:EXTENDED_STAGES]
+    argument = scratch[EXTENDED_STAGES]
+    last_argument = scratch[EXTENDED_STAGES + 1]
+    y_new = scratch[EXTENDED_STAGES + 2]
+    value = scratch[EXTENDED_STAGES + 3]
     if not begin(field, p, y, rate, stops[-1], rtol, atol, 8, argument, y_new, memory, counters):
         return ledger.NON_FINITE
     recorded = 0

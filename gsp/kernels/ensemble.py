@@ -17,15 +17,22 @@ NOT_FINISHED = ledger.RECORD_FULL
 
 
 @kernel
-def keep(check, program, p, control, record, new, grid, before, kept, counters, memory):
+def keep(check, program, p, control, record, new, stop, grid, before, kept, counters, memory):
     """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
 
-    `record` has the start in row 0. What is in doubt is landed on, with `memory` as scratch. Returns how many of the
+    `record` has the start in row 0; the run ends at `stop`. What is in doubt is landed on, with `memory` as scratch. Returns how many of the
     grid are entered by now.
     """
     rtol, atol, _ = control
     times, states, dense = record
     n = states.shape[1]
+    if before == grid.shape[0] or (grid.shape[0] == 1 and grid[0] == stop):
+        # The end alone, where a step ends, is not read between steps.
+        if before < grid.shape[0] and new > 0 and times[new] == stop:
+            for i in range(n):
+                kept[before, i] = states[new, i]
+            before += 1
+        return before
     doubts = np.empty(grid.shape[0], np.int64)
     ends = times[: new + 1]
     reached, in_doubt = read_grid(
@@ -64,7 +71,7 @@ def _run_member(
     code = ledger.RECORD_FULL
     while code == ledger.RECORD_FULL and halt[0] == 0:
         code, new = run_piece(program, p, stops, control, y, rate, memory, counters, record)
-        before = keep(check, program, p, control, record, new, grid, before, kept, counters, spare)
+        before = keep(check, program, p, control, record, new, stops[-1], grid, before, kept, counters, spare)
     return code, before
 
 

@@ -39,10 +39,11 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     rows = dense.shape[1]
     watched = signs.shape[0]
     along = functions[ALONG]
-    z = np.empty(n)
-    out = np.empty(watched)
+    scratch = np.zeros(n + 5 * watched)
+    z = scratch[:n]
+    out = scratch[n : n + watched]
     # By value: the last three, the latest first, and the last second difference.
-    known = np.zeros((4, watched))
+    known = scratch[n + watched :].reshape((4, watched))
     seen = 0
     for k in range(times.shape[0]):
         t0 = time if k == 0 else times[k - 1]

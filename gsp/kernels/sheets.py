@@ -54,8 +54,11 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
     factors = np.empty((n, n))
     pivots = np.empty(n, np.int64)
     step = np.empty(n)
-    z[:m] = x
-    z[m:] = y
+    # Entry by entry: numba's own assignment compiles, for 2 s, the message that shapes do not fit.
+    for i in range(m):
+        z[i] = x[i]
+    for i in range(n):
+        z[m + i] = y[i]
     orientation = _linearise(jacobian, p, z, flat, factors, pivots)
     for piece in range(pieces):
         call(slow_jacobian, 0.0, z, p, slow)
@@ -93,5 +96,22 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
             return False
     if orientation == 0.0 or _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
         return False
-    y[:] = z[m:]
+    for i in range(n):
+        y[i] = z[m + i]
     return True
+
+
+@kernel
+def follow_sheets(residual, jacobian, slow_jacobian, p, x, y, targets, pieces, tolerance, rounds, out, found):
+    """`follow_sheet` from (x, y) to each of `targets` (k, n_slow): in as many of `pieces` (q,) as the first that serves.
+
+    Row i of `out` (k, n) becomes the point over target i, where `found` (k,) says that it was reached.
+    """
+    for i in range(targets.shape[0]):
+        found[i] = False
+        for count in pieces:
+            for j in range(y.shape[0]):
+                out[i, j] = y[j]
+            if follow_sheet(residual, jacobian, slow_jacobian, p, x, out[i], targets[i], count, tolerance, rounds):
+                found[i] = True
+                break

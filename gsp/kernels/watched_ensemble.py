@@ -44,6 +44,7 @@ def run_watched_members(
                 control,
                 record,
                 new,
+                stops[-1],
                 grid,
                 before,
                 kept[i],

@@ -10,7 +10,8 @@ import gsp
 from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration.crossings import Stepper
 from gsp.integration.reduction_end.endings import Ending
-from gsp.integration.reduction_end.validity import Validity, faddeev_leverrier
+from gsp.integration.reduction_end.fast_blocks import FastBlocks, faddeev_leverrier
+from gsp.integration.reduction_end.validity import Validity
 from gsp.integration.trajectory import Method, Trajectory, integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -508,3 +509,95 @@ def test_a_start_off_the_domain_is_said_to_be_one():
         "stopped after 0 steps: NON_FINITE at t = 0, x = -1; the field is not finite at the start; "
         "move the start into the domain of the field"
     )
+
+
+# Blocks: fast variables that drive one another one way
+
+
+CHAIN = SlowFastSystem(
+    slow={x: ONE},
+    fast={y: x - 2 * y, z: 2 * y + z**2, w: z - 2 * w - w**3},
+    epsilon=eps,
+)
+"""A linear link, one with a fold at x = 0, and one that it drives."""
+
+
+def blocks_of(system: SlowFastSystem, near) -> Validity:
+    return Validity(gsp.restrict(gsp.expand(gsp.solve_critical(system).nearest(near), order=1), order=1))
+
+
+def test_a_fold_in_a_chain_is_reached_at_its_time_and_place():
+    near = {"x": -1, "y": -0.5, "z": -1, "w": -0.45}
+    for order in (0, 1):
+        flow = gsp.restrict(gsp.expand(gsp.solve_critical(CHAIN).nearest(near).through(near), order=order))
+        trajectory = gsp.integrate(flow, start={"x": -1}, span=(0, 3), epsilon=1e-3, rtol=1e-9)
+        assert trajectory.status is Status.FOLD_REACHED
+        if order == 0:
+            assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-7)
+        else:
+            assert 0.9 < trajectory.t[-1] < 1.0
+
+
+@pytest.mark.parametrize("case", ["chain", "two and one", "one and two"])
+def test_the_test_functions_of_blocks_are_those_of_the_whole_jacobian(case):
+    u = y * z
+    rates = {
+        "chain": ({y: -y * (1 + x**2) + x, z: y - z - z**3, w: z - 3 * w + y}, {"x": 0.5, "y": 0.4, "z": 0.3, "w": 0.2}),
+        "two and one": ({y: x - y - u, z: y - 2 * z - z**3 + x, w: u - w - w**3}, {"x": 0.5, "y": 0.3, "z": 0.3, "w": 0.1}),
+        "one and two": ({w: x - w - w**3, y: w - y - u, z: y - 2 * z + w**2}, {"x": 0.5, "y": 0.3, "z": 0.3, "w": 0.4}),
+    }  # fmt: skip
+    fast, near = rates[case]
+    system = SlowFastSystem(slow={x: 1 - x * y}, fast=fast, epsilon=eps)
+    branch = gsp.solve_critical(system).branches[0]
+    validity = Validity(gsp.restrict(gsp.expand(branch.through(near), order=1), order=1))
+    names = [s.name for s in system.y]
+    at = branch.points({"x": 0.5}, near=[near[name] for name in names])
+    point = np.array([0.5, *at])
+
+    def jacobian(h: float, rates: np.ndarray) -> np.ndarray:
+        return validity.fast_jacobian(point + h * rates, [np.nan]).reshape(3, 3)
+
+    delta, hurwitz, q, rounding, size, *_ = validity.tests(np.append(point, 0.0), [0.01])
+    J, g_x = jacobian(0.0, point), validity.derivatives(point, [np.nan])[9:]
+    constant = 3.0 if case == "chain" else 1.0
+    assert abs(delta) * constant == pytest.approx(abs(np.linalg.det(J)), rel=1e-12)
+    # Along the flow of order 0, by difference quotients.
+    scaled = compile_flow(validity.desingularised).rates(np.append(point, 0.0), [np.nan])
+    slow = 1 - 0.5 * at[names.index("y")]
+    along = np.array([slow, *(-np.linalg.solve(J, g_x) * slow)])
+    assert scaled == pytest.approx([*(delta * along), delta], rel=1e-10)
+    inverse = [np.trace(np.linalg.inv(jacobian(h, along))) for h in (1e-5, -1e-5)]
+    assert q == pytest.approx(abs(delta) ** 3 * (1 - 0.01 * abs(inverse[0] - inverse[1]) / 2e-5), rel=1e-8)
+    sizes = [np.linalg.det(jacobian(h, along)) for h in (1e-5, -1e-5)]
+    rate = (sizes[0] - sizes[1]) / 2e-5 / np.linalg.det(J) * delta**2
+    crossing = validity.crossing(np.append(point, 0.0), [np.nan])
+    assert crossing == pytest.approx([delta, rate], rel=1e-8)
+    assert validity.watches_pairs is (case != "chain")
+    assert 0.0 < rounding
+    if validity.watches_pairs:
+        pair = {"two and one": J[:2, :2], "one and two": J[1:, 1:]}[case]
+        assert abs(hurwitz) == pytest.approx(abs(np.trace(pair)), rel=1e-12)
+        assert size == pytest.approx(np.linalg.norm(pair), rel=1e-12)
+    pulled = validity.pulled(point, [np.nan])
+    assert pulled == pytest.approx(-delta * np.linalg.solve(J, g_x), rel=1e-10)
+
+
+def test_what_is_watched_of_a_chain_grows_with_its_links():
+    """Loops through all of J, 10^6 products for a hundred links, would never end."""
+    links = sp.symbols("y1:31")
+    fast = {b: a - b - b**3 / 10 for a, b in zip((x, *links), links)}
+    system = SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps)
+    g_y = [[sp.diff(g, b) for b in links] for g in fast.values()]
+    second = {
+        (i, j): [sp.diff(e, s) for s in system.states]
+        for i, row in enumerate(g_y)
+        for j, e in enumerate(row)
+        if not e.is_number
+    }
+    blocks = FastBlocks(g_y, [[sp.diff(g, x)] for g in fast.values()], [-x], second)
+    assert blocks.members == [[i] for i in range(30)]
+    parts = set()
+    for expression in (blocks.determinant, blocks.inverse_trace_rate(), blocks.rounding(system.states)):
+        parts.update(sp.preorder_traversal(expression))
+    # The rates of each link are multiplied by the determinants of all behind it: half of 30^2.
+    assert len(parts) < 2 * 30**2

@@ -29,11 +29,11 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.fast_blocks import FastBlocks, plus, size, times
 from gsp.lowering.compiled_flow import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
 from gsp.systems.flow import Flow, Portable, Values
 
-Matrix = list[list[sp.Expr]]
 # A polynomial within these is freed of repeated factors in milliseconds.
 MOST_OPERATIONS, MOST_DEGREES = 200, 12
 # The first outputs of `Validity.tests`; the borders follow.
@@ -78,15 +78,21 @@ class Validity(Portable):
 
         self.f = [leading(e) for e in system.f]
         g = [leading(e) for e in system.g]
-        self.g_y = [[derivative(e, y) for y in self.fast] for e in g]
-        self.g_x = [[derivative(e, x) for x in self.slow] for e in g]
+        self.g_y = [[_slope(e, y) for y in self.fast] for e in g]
+        self.g_x = [[_slope(e, x) for x in self.slow] for e in g]
         self._fall = sp.Dummy("fall")
-        self.second = [[[derivative(e, z) for z in self.states] for e in row] for row in self.g_y]
+        # Where it is not constant.
+        self.second = {
+            (i, j): [_slope(e, z) for z in self.states]
+            for i, row in enumerate(self.g_y)
+            for j, e in enumerate(row)
+            if not e.is_number
+        }
 
     @property
     def watches_pairs(self) -> bool:
         """Whether there are eigenvalues enough for a pair."""
-        return len(self.fast) > 1
+        return self._parts.watches_pairs
 
     @cached_property
     def borders(self) -> tuple[sp.Expr, ...]:
@@ -118,22 +124,14 @@ class Validity(Portable):
 
     @cached_property
     def _outputs(self) -> list[sp.Expr]:
-        parts, n = self._parts, len(self.fast)
+        parts = self._parts
         growth = sp.Integer(max(1, 3 * (self.order - 1)))
-        delta, drift = _size(parts.determinant), _size(_trace_of_product(parts.A2, parts.G))
-        q = _plus([_times(delta, delta, delta), _times(self.epsilon, drift, -growth)])
+        delta, drift = size(parts.determinant), size(parts.inverse_trace_rate())
+        q = plus([times(delta, delta, delta), times(self.epsilon, drift, -growth)])
         if self.watches_terms:
             q = sp.Max(q, self._fall, evaluate=False)
-        moved = [
-            _size(_times(parts.adjugate[j][i], slope, z))
-            for i in range(n)
-            for j in range(n)
-            for slope, z in zip(self.second[i][j], self.states)
-            if slope is not sp.S.Zero
-        ]
-        norm = sp.Add(*[e**2 for row in self.g_y for e in row])
-        size = norm ** sp.Rational(n * (n - 1), 4)
-        return [parts.determinant, parts.hurwitz, q, _plus(moved), size, *self.borders]
+        rounding, pair_size = parts.rounding(self.states), parts.pair_size()
+        return [parts.determinant, parts.hurwitz, q, rounding, pair_size, *self.borders]
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
@@ -176,7 +174,7 @@ class Validity(Portable):
         if not self.watches_terms:
             return sp.S.Zero
         before, last = (sp.Add(*[term**2 for term in terms]) for terms in self._last_terms)
-        return _plus([before, _times(last, sp.S.NegativeOne)])
+        return plus([before, times(last, sp.S.NegativeOne)])
 
     def point(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(x, y) on M0 over one state of the reduced flow."""
@@ -199,7 +197,7 @@ class Validity(Portable):
         clock = sp.Dummy("t")
         rates = [
             *parts.scaled,
-            *(_times(parts.determinant, rate) for rate in self._driven_rates),
+            *(times(parts.determinant, rate) for rate in self._driven_rates),
             parts.determinant,
         ]
         return DesingularisedFlow((*self.states, *self._driven, clock), rates, self.epsilon)
@@ -208,19 +206,16 @@ class Validity(Portable):
     def crossing(self) -> CompiledFunction:
         """Delta and its rate in the time s, tr(A G), over the states of the desingularised flow."""
         parts = self._parts
-        return self._over(
-            self.desingularised.states, [parts.determinant, _trace_of_product(parts.adjugate, parts.G)]
-        )
+        return self._over(self.desingularised.states, [parts.determinant, parts.determinant_rate()])
 
     @cached_property
     def pulled(self) -> CompiledFunction:
-        """adj(g_y) g_x at (x, y)."""
-        product = _product(self._parts.adjugate, self.g_x)
-        return self._over(self.states, [entry for row in product for entry in row])
+        """-adj(g_y) g_x at (x, y), but for constants, column by column."""
+        return self._over(self.states, self._parts.pulled())
 
     @cached_property
-    def _parts(self) -> _Parts:
-        return _Parts(self)
+    def _parts(self) -> FastBlocks:
+        return FastBlocks(self.g_y, self.g_x, self.f, self.second)
 
     def _over(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, parameters=())
@@ -232,51 +227,8 @@ def validity_of(flow: ReducedFlow) -> Validity:
     return Validity(flow)
 
 
-class _Parts:
-    """Determinant, adjugate and what else is made of g_y.
-
-    The expressions share their parts and are never expanded or searched: code is written once for each part.
-    """
-
-    def __init__(self, of: Validity) -> None:
-        n = len(of.fast)
-        self.adjugate, coefficients = faddeev_leverrier(of.g_y)
-        self.determinant = _times(coefficients[n], sp.Integer((-1) ** n))
-        self.hurwitz = _hurwitz(coefficients)
-        self.A2 = _product(self.adjugate, self.adjugate)
-        forced = [_dot(row, of.f) for row in of.g_x]
-        pulled = [_times(_dot(row, forced), sp.S.NegativeOne) for row in self.adjugate]
-        # Delta z': the slow rates times Delta, and -A g_x f.
-        self.scaled = [*(_times(self.determinant, rate) for rate in of.f), *pulled]
-        self.G: Matrix = [[_dot(slopes, self.scaled) for slopes in row] for row in of.second]
-
-
-def faddeev_leverrier(J: Matrix) -> tuple[Matrix, list[sp.Expr]]:
-    """adj J, and the coefficients 1, c_1, ..., c_n of det(l - J)."""
-    n = len(J)
-    M: Matrix = [[sp.Integer(int(i == j)) for j in range(n)] for i in range(n)]
-    coefficients: list[sp.Expr] = [sp.S.One]
-    product = J
-    for k in range(1, n + 1):
-        coefficients.append(_times(_plus([product[i][i] for i in range(n)]), sp.Rational(-1, k)))
-        if k < n:
-            M = [[_plus([product[i][j], *[coefficients[k]] * (i == j)]) for j in range(n)] for i in range(n)]
-            product = _product(J, M)
-    return [[_times(e, sp.Integer((-1) ** (n - 1))) for e in row] for row in M], coefficients
-
-
-def _hurwitz(coefficients: list[sp.Expr]) -> sp.Expr:
-    """The determinant of order n - 1 of the Hurwitz matrix: prod_(i<j) (-l_i - l_j)."""
-    n = len(coefficients) - 1
-    if n < 2:
-        return sp.S.One
-
-    def entry(i: int, j: int) -> sp.Expr:
-        k = 2 * j - i + 1
-        return coefficients[k] if 0 <= k <= n else sp.S.Zero
-
-    matrix = [[entry(i, j) for j in range(n - 1)] for i in range(n - 1)]
-    return _times(faddeev_leverrier(matrix)[1][n - 1], sp.Integer((-1) ** (n - 1)))
+def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
+    return derivative(expression, by) if by in expression.free_symbols else sp.S.Zero
 
 
 def _without_repetition(base: sp.Expr) -> sp.Expr:
@@ -289,45 +241,6 @@ def _without_repetition(base: sp.Expr) -> sp.Expr:
         polynomial.domain.is_ZZ or polynomial.domain.is_QQ
     )
     return polynomial.sqf_part().as_expr() if is_small else base
-
-
-def _product(a: Matrix, b: Matrix) -> Matrix:
-    columns = list(zip(*b))
-    return [[_dot(row, column) for column in columns] for row in a]
-
-
-def _trace_of_product(a: Matrix, b: Matrix) -> sp.Expr:
-    return _plus([_dot(row, column) for row, column in zip(a, zip(*b))])
-
-
-def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
-    return _plus([_times(x, y) for x, y in zip(a, b)])
-
-
-# SymPy would distribute and reorder these sums and products, and ask for the assumptions of each.
-
-
-def _plus(terms: Sequence[sp.Expr]) -> sp.Expr:
-    left = [term for term in terms if term is not sp.S.Zero]
-    if all(term.is_Number for term in left):
-        return sp.Add(*left)
-    return left[0] if len(left) == 1 else sp.Add(*left, evaluate=False)
-
-
-def _times(*factors: sp.Expr) -> sp.Expr:
-    if sp.S.Zero in factors:
-        return sp.S.Zero
-    left = [factor for factor in factors if factor is not sp.S.One]
-    if all(factor.is_Number for factor in left):
-        return sp.Mul(*left)
-    # A sign in front would be taken out again when code is written.
-    left.sort(key=lambda factor: bool(factor.is_Number))
-    return left[0] if len(left) == 1 else sp.Mul(*left, evaluate=False)
-
-
-def _size(expression: sp.Expr) -> sp.Expr:
-    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
-    return sp.Abs(expression, evaluate=False)
 
 
 def eigenvalues(validity: Validity, z: np.ndarray) -> np.ndarray:

@@ -1,0 +1,206 @@
+"""The fast Jacobian J = g_y by blocks: its determinant, what it does to vectors, and how these change along the flow.
+
+Fast variables that drive one another in turn form a block; J is block triangular when the blocks are put in the order
+in which they drive one another. A chain of a hundred variables has blocks of size 1. With the blocks' determinants d_b
+and adjugates A_b the determinant is D = prod_b d_b, and all else is regular where one of them is 0. What is constant is
+left out of D, which counts for its zeros and their order only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+from sympy.utilities.iterables import strongly_connected_components
+
+Matrix = list[list[sp.Expr]]
+
+
+class FastBlocks:
+    """D, adj J and what else is made of g_y, g_x, the slow rates f and the derivatives of g_y.
+
+    `second` maps (i, j) to the derivatives of J_ij by z = (x, y), where J_ij is not constant. The expressions share
+    their parts and are never expanded or searched: code is written once for each part.
+    """
+
+    def __init__(
+        self,
+        g_y: Matrix,
+        g_x: Matrix,
+        f: Sequence[sp.Expr],
+        second: dict[tuple[int, int], list[sp.Expr]],
+    ) -> None:
+        self._g_y, self._g_x, self._second = g_y, g_x, second
+        self.members = _blocks(g_y)
+        self._adjugates: list[Matrix] = []
+        self._determinants: list[sp.Expr] = []
+        pairs = []
+        for block in self.members:
+            n = len(block)
+            adjugate, coefficients = faddeev_leverrier([[g_y[i][j] for j in block] for i in block])
+            determinant = times(coefficients[n], sp.Integer((-1) ** n))
+            pairs.append(_hurwitz(coefficients))
+            if determinant.is_Number and determinant is not sp.S.Zero and len(self.members) > 1:
+                adjugate = [[times(entry, 1 / determinant) for entry in row] for row in adjugate]
+                determinant = sp.S.One
+            self._adjugates.append(adjugate)
+            self._determinants.append(determinant)
+        self.determinant = times(*self._determinants)
+        self.hurwitz = times(*pairs)
+        # D z': the slow rates times D, and -D J^-1 g_x f.
+        self.scaled = self._driven_by(f)
+        # D/d_b, by block.
+        ahead, behind = [sp.S.One], [sp.S.One]
+        for one, two in zip(self._determinants[:-1], self._determinants[:0:-1]):
+            ahead.append(times(ahead[-1], one))
+            behind.append(times(behind[-1], two))
+        self._others = [times(a, b) for a, b in zip(ahead, reversed(behind))]
+
+    @property
+    def watches_pairs(self) -> bool:
+        """Whether a block has eigenvalues enough for a pair. Two of different blocks with the sum 0 are real."""
+        return any(len(block) > 1 for block in self.members)
+
+    def determinant_rate(self) -> sp.Expr:
+        """dD/ds in the time with dt = D ds: sum_b (D/d_b) tr(A_b G_b), G_b = D J_b'."""
+        return plus(
+            [
+                times(others, _trace_of_product(adjugate, drift))
+                for others, adjugate, drift in zip(self._others, self._adjugates, self._drifts())
+            ]
+        )
+
+    def inverse_trace_rate(self) -> sp.Expr:
+        """D^3 d/dt tr J^-1, but for its sign: sum_b (D/d_b)^2 tr(A_b^2 G_b)."""
+        terms = []
+        for others, adjugate, drift in zip(self._others, self._adjugates, self._drifts()):
+            trace = _trace_of_product(_product(adjugate, adjugate), drift)
+            terms.append(times(others, others, trace))
+        return plus(terms)
+
+    def rounding(self, states: Sequence[sp.Symbol]) -> sp.Expr:
+        """What relative changes of z = `states` make of D: sum |dD/dJ_ij| |dJ_ij/dz_k z_k|."""
+        moved = []
+        for others, adjugate, block in zip(self._others, self._adjugates, self.members):
+            for a, i in enumerate(block):
+                for b, j in enumerate(block):
+                    for slope, z in zip(self._second.get((i, j), ()), states):
+                        if slope is not sp.S.Zero:
+                            moved.append(size(times(others, adjugate[b][a], slope, z)))
+        return plus(moved)
+
+    def pair_size(self) -> sp.Expr:
+        """What `hurwitz` is small beside: prod_b |J_b|^(n_b (n_b - 1)/2)."""
+        sizes = []
+        for block in self.members:
+            n = len(block)
+            norm = sp.Add(*[self._g_y[i][j] ** 2 for i in block for j in block])
+            sizes.append(norm ** sp.Rational(n * (n - 1), 4))
+        return times(*sizes)
+
+    def pulled(self) -> list[sp.Expr]:
+        """-D J^-1 g_x, column by column: how the fast variables follow each of the slow ones."""
+        count = len(self._g_x[0])
+        units = [[sp.Integer(int(i == j)) for i in range(count)] for j in range(count)]
+        return [entry for unit in units for entry in self._driven_by(unit)[count:]]
+
+    def _drifts(self) -> list[Matrix]:
+        """G_b = D J_b' along the flow of order 0, by block."""
+        return [
+            [[_dot(self._second.get((i, j), ()), self.scaled) for j in block] for i in block]
+            for block in self.members
+        ]
+
+    def _driven_by(self, slow: Sequence[sp.Expr]) -> list[sp.Expr]:
+        """D (x', y') for x' = `slow` on M0: block after block, each behind those that drive it."""
+        count, n = len(slow), len(self._g_y)
+        rates = [*slow, *[sp.S.Zero] * n]
+        known: list[int] = []
+        for block, adjugate, determinant in zip(self.members, self._adjugates, self._determinants):
+            forced = []
+            for i in block:
+                row = [*self._g_x[i], *(self._g_y[i][j] for j in known)]
+                forced.append(_dot(row, [*rates[:count], *(rates[count + j] for j in known)]))
+            moved = [times(_dot(row, forced), sp.S.NegativeOne) for row in adjugate]
+            # All that is known was for the product of the determinants up to here.
+            rates = [times(determinant, rate) for rate in rates]
+            for i, rate in zip(block, moved):
+                rates[count + i] = rate
+            known += block
+        return rates
+
+
+def _blocks(J: Matrix) -> list[list[int]]:
+    """The indices of each block, the blocks in the order in which they drive one another."""
+    n = range(len(J))
+    edges = [(i, j) for i in n for j in n if J[i][j] is not sp.S.Zero]
+    return [sorted(block) for block in strongly_connected_components((list(n), edges))]
+
+
+def faddeev_leverrier(J: Matrix) -> tuple[Matrix, list[sp.Expr]]:
+    """adj J, and the coefficients 1, c_1, ..., c_n of det(l - J)."""
+    n = len(J)
+    M: Matrix = [[sp.Integer(int(i == j)) for j in range(n)] for i in range(n)]
+    coefficients: list[sp.Expr] = [sp.S.One]
+    product = J
+    for k in range(1, n + 1):
+        coefficients.append(times(plus([product[i][i] for i in range(n)]), sp.Rational(-1, k)))
+        if k < n:
+            M = [[plus([product[i][j], *[coefficients[k]] * (i == j)]) for j in range(n)] for i in range(n)]
+            product = _product(J, M)
+    return [[times(e, sp.Integer((-1) ** (n - 1))) for e in row] for row in M], coefficients
+
+
+def _hurwitz(coefficients: list[sp.Expr]) -> sp.Expr:
+    """The determinant of order n - 1 of the Hurwitz matrix: prod_(i<j) (-l_i - l_j)."""
+    n = len(coefficients) - 1
+    if n < 2:
+        return sp.S.One
+
+    def entry(i: int, j: int) -> sp.Expr:
+        k = 2 * j - i + 1
+        return coefficients[k] if 0 <= k <= n else sp.S.Zero
+
+    matrix = [[entry(i, j) for j in range(n - 1)] for i in range(n - 1)]
+    return times(faddeev_leverrier(matrix)[1][n - 1], sp.Integer((-1) ** (n - 1)))
+
+
+def _product(a: Matrix, b: Matrix) -> Matrix:
+    columns = list(zip(*b))
+    return [[_dot(row, column) for column in columns] for row in a]
+
+
+def _trace_of_product(a: Matrix, b: Matrix) -> sp.Expr:
+    return plus([_dot(row, column) for row, column in zip(a, zip(*b))])
+
+
+def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
+    return plus([times(x, y) for x, y in zip(a, b)])
+
+
+# SymPy would distribute and reorder these sums and products, and ask for the assumptions of each.
+
+
+def plus(terms: Sequence[sp.Expr]) -> sp.Expr:
+    left = [term for term in terms if term is not sp.S.Zero]
+    if all(term.is_Number for term in left):
+        return sp.Add(*left)
+    return left[0] if len(left) == 1 else sp.Add(*left, evaluate=False)
+
+
+def times(*factors: sp.Expr) -> sp.Expr:
+    if sp.S.Zero in factors:
+        return sp.S.Zero
+    left = [factor for factor in factors if factor is not sp.S.One]
+    if all(factor.is_Number for factor in left):
+        return sp.Mul(*left)
+    # A sign in front would be taken out again when code is written.
+    left.sort(key=lambda factor: bool(factor.is_Number))
+    return left[0] if len(left) == 1 else sp.Mul(*left, evaluate=False)
+
+
+def size(expression: sp.Expr) -> sp.Expr:
+    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
+    return sp.Abs(expression, evaluate=False)
+
+
