@@ -20,8 +20,8 @@ NOT_FINISHED = ledger.RECORD_FULL
 def keep(check, program, p, control, record, new, stop, grid, before, kept, counters, memory):
     """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
 
-    `record` has the start in row 0; the run ends at `stop`. What is in doubt is landed on, with `memory` as scratch. Returns how many of the
-    grid are entered by now.
+    `record` has the start in row 0; the run ends at `stop`. What is in doubt is landed on, with `memory` as scratch.
+    Returns how many of the grid are entered by now.
     """
     rtol, atol, _ = control
     times, states, dense = record

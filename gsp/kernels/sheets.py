@@ -103,7 +103,7 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
 
 @kernel
 def follow_sheets(residual, jacobian, slow_jacobian, p, x, y, targets, pieces, tolerance, rounds, out, found):
-    """`follow_sheet` from (x, y) to each of `targets` (k, n_slow): in as many of `pieces` (q,) as the first that serves.
+    """`follow_sheet` from (x, y) to each of `targets` (k, n_slow), in the first number of `pieces` (q,) that serves.
 
     Row i of `out` (k, n) becomes the point over target i, where `found` (k,) says that it was reached.
     """
@@ -112,6 +112,8 @@ def follow_sheets(residual, jacobian, slow_jacobian, p, x, y, targets, pieces, t
         for count in pieces:
             for j in range(y.shape[0]):
                 out[i, j] = y[j]
-            if follow_sheet(residual, jacobian, slow_jacobian, p, x, out[i], targets[i], count, tolerance, rounds):
+            if follow_sheet(
+                residual, jacobian, slow_jacobian, p, x, out[i], targets[i], count, tolerance, rounds
+            ):
                 found[i] = True
                 break

@@ -18,6 +18,7 @@ from gsp.algebra.factorisation import quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
 from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import HyperbolicityError
 
@@ -95,6 +96,25 @@ def dot(a: Sequence[Element], b: Sequence[Element], ring: LocalisedRing) -> Elem
 
 
 def invert(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
+    """Inverse block by block: variables that drive one another one way, as in a chain, are inverted one by one."""
+    n = range(len(matrix))
+    inverse = [[ring.zero for _ in n] for _ in n]
+    known: list[int] = []
+    for block in triangular_blocks([[not entry.is_zero for entry in row] for row in matrix]):
+        own = _invert_block([[matrix[i][j] for j in block] for i in block], ring)
+        for column in known:
+            ahead = [inverse[d][column] for d in known]
+            forced = [dot([matrix[i][d] for d in known], ahead, ring) for i in block]
+            for i, row in zip(block, own):
+                inverse[i][column] = (-dot(row, forced, ring)).reduced()
+        for i, row in zip(block, own):
+            for j, entry in zip(block, row):
+                inverse[i][j] = entry
+        known += block
+    return inverse
+
+
+def _invert_block(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
     """Inverse by the Faddeev-LeVerrier recursion, which divides by integers and by the determinant only.
 
     Gaussian elimination would make every pivot a denominator of the ring.

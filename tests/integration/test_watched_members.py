@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.errors import HyperbolicityError, Status
+from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration import parallel, watched_members
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.reduced_flow import ReducedFlow
@@ -152,3 +152,25 @@ def test_values_on_a_grid_into_a_loss_lie_on_the_solution(sheet):
     run = integrate(flow, start={"y": -1.0}, span=(0, 2), epsilon=1e-3, at=[*t, 1.5])
     assert run.t.size == t.size
     assert run["y"] == pytest.approx(-1.0 + t, abs=1e-9)
+
+
+def test_starts_on_a_fixed_sheet_are_found_in_compiled_code_as_one_by_one(monkeypatch):
+    near = {"x": 2, "y": 2 / 3}
+    branch = gsp.solve_critical(VAN_DER_POL).nearest(near).through(near)
+    flow = gsp.restrict(gsp.expand(branch, order=1))
+    columns = {"y": np.linspace(-0.5, 5, 7)}
+    options = {"span": (0, 0.1), "epsilon": 0.01, "rtol": 1e-8, "atol": 1e-10}
+    alone = [flow.initial({"y": value}) for value in columns["y"].tolist()]
+    monkeypatch.setattr(type(flow), "initial", lambda *_: pytest.fail("one by one"))
+    many = integrate_many(flow, columns, **options)
+    monkeypatch.undo()
+    assert np.array_equal(many.starts, alone)
+    assert one_by_one(many, flow, columns, **options) == {ENDS}
+
+
+def test_a_start_that_the_sheet_does_not_reach_is_named():
+    near = {"x": 2, "y": 2 / 3}
+    branch = gsp.solve_critical(VAN_DER_POL).nearest(near).through(near)
+    flow = gsp.restrict(gsp.expand(branch, order=1))
+    with pytest.raises(BranchError, match=r"^member 2: the sheet through .* ends at"):
+        integrate_many(flow, {"y": [1.0, 0.5, -1.0]}, span=(0, 0.1), epsilon=0.01)

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import sympy as sp
-from sympy.utilities.iterables import strongly_connected_components
+
+from gsp.algebra.triangular_blocks import triangular_blocks
 
 Matrix = list[list[sp.Expr]]
 
@@ -31,7 +32,7 @@ class FastBlocks:
         second: dict[tuple[int, int], list[sp.Expr]],
     ) -> None:
         self._g_y, self._g_x, self._second = g_y, g_x, second
-        self.members = _blocks(g_y)
+        self.members = triangular_blocks([[entry is not sp.S.Zero for entry in row] for row in g_y])
         self._adjugates: list[Matrix] = []
         self._determinants: list[sp.Expr] = []
         pairs = []
@@ -130,13 +131,6 @@ class FastBlocks:
         return rates
 
 
-def _blocks(J: Matrix) -> list[list[int]]:
-    """The indices of each block, the blocks in the order in which they drive one another."""
-    n = range(len(J))
-    edges = [(i, j) for i in n for j in n if J[i][j] is not sp.S.Zero]
-    return [sorted(block) for block in strongly_connected_components((list(n), edges))]
-
-
 def faddeev_leverrier(J: Matrix) -> tuple[Matrix, list[sp.Expr]]:
     """adj J, and the coefficients 1, c_1, ..., c_n of det(l - J)."""
     n = len(J)
@@ -202,5 +196,3 @@ def times(*factors: sp.Expr) -> sp.Expr:
 def size(expression: sp.Expr) -> sp.Expr:
     # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
     return sp.Abs(expression, evaluate=False)
-
-
