@@ -22,6 +22,7 @@ from typing import Any
 import calls
 import ensembles
 import integrators
+import reductions
 import series
 import slow_manifold
 import whole_calls
@@ -116,6 +117,7 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
         "slow_manifold": timed(spent, "slow manifold", pointwise),
         "calls": timed(spent, "calls", around),
         "whole_calls": timed(spent, "whole calls", whole),
+        "reductions": timed(spent, "reductions", lambda: reductions.measure(quick=quick)),
     }
     return rounded(data | {"seconds": spent}), rounded(ladders)
 

@@ -1,9 +1,8 @@
-"""Whole calls as a user writes them: `integrate(..., at=times)`, and the reduced flow in place of the full one.
+"""Whole calls as a user writes them: `integrate(..., at=times)`.
 
     python benchmarks/whole_calls.py [--quick]
 
-Everything is a ratio of least times that alternate in this run. A grid should cost little beside the run without one,
-and the reduced model, at its own error, less than the full one: at most 0.8 on explicit branches, 1 on implicit ones.
+Everything is a ratio of least times that alternate in this run. A grid should cost little beside the run without one.
 """
 
 from __future__ import annotations
@@ -17,21 +16,11 @@ import numpy as np
 from problems import PROBLEMS
 
 import gsp
-from gsp.comparison.work_curves import work_precision
-from gsp.comparison.work_runs import ModelKind
-from gsp.models import load
-from gsp.scenes.study import study
 
 RTOLS = (1e-3, 1e-5, 1e-7)
 ROUNDS, QUICK_ROUNDS = 40, 10
 # What a grid of a hundred times may take, over the run without one.
 GRID_GOAL = 1.5
-SCENES = (
-    "chaplygin_sleigh", "knife_edge", "michaelis_menten", "davis_skodje", "lindemann", "van_der_pol",
-    "fitzhugh_nagumo", "koper",
-)  # fmt: skip
-QUICK_SCENES = ("michaelis_menten", "van_der_pol")
-GOALS = {True: 0.8, False: 1.0}
 
 
 def least(solves: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
@@ -79,46 +68,13 @@ def grids(rounds: int = ROUNDS) -> list[dict]:
     return rows
 
 
-def reductions(names: tuple[str, ...] = SCENES) -> list[dict]:
-    """By scene: the reduced order 1 over the fastest full run at the error that is the reduced model's own."""
-    rows = []
-    for name in names:
-        scene = load(name)
-        is_explicit = study(scene).branch.is_explicit
-        try:
-            found = work_precision(
-                scene, epsilon=scene.epsilon, orders=(1,), peers=(), rtols=tuple(10.0**-k for k in range(2, 10))
-            )
-        except gsp.GspError as failure:
-            print(f"    {name}: {str(failure)[:90]}")
-            continue
-        model = found["reduced 1"]
-        # Where the tolerance has stopped to matter, but for a twentieth.
-        error = 1.05 * model.floor
-        full = found.fastest(error, kind=ModelKind.FULL)
-        if full is None:
-            continue
-        seconds = model.seconds_at(error), full.seconds_at(error)
-        rows.append(
-            {
-                "scene": name, "explicit": is_explicit, "error": error, "full": full.label,
-                "full_us": 1e6 * seconds[1], "reduced_us": 1e6 * seconds[0], "ratio": seconds[0] / seconds[1],
-                "goal": GOALS[is_explicit],
-            }
-        )  # fmt: skip
-    return rows
-
-
 def measure(*, quick: bool) -> dict[str, list[dict]]:
-    """Both tables."""
-    return {
-        "grids": grids(QUICK_ROUNDS if quick else ROUNDS),
-        "reductions": reductions(QUICK_SCENES if quick else SCENES),
-    }
+    """By problem and tolerance."""
+    return {"grids": grids(QUICK_ROUNDS if quick else ROUNDS)}
 
 
 def show(data: dict[str, list[dict]]) -> None:
-    """Print them, each with its worst cell."""
+    """Print them with the worst cells."""
     rows = data["grids"]
     print(
         "\nA call with at= (a hundred times): us; over the call without; over integrate().at(times); steps added"
@@ -140,20 +96,12 @@ def show(data: dict[str, list[dict]]) -> None:
             f"{verdict} over the call {what}: geometric mean {mean:.2f}, most {worst[key]:.2f} "
             f"({worst['problem']} at {worst['rtol']:.0e})"
         )
-    print("\nReduced order 1 over the fastest full run, whole calls at the reduced model's own error")
-    for row in data["reductions"]:
-        verdict = "ok   " if row["ratio"] <= row["goal"] else "SHORT"
-        kind = "explicit" if row["explicit"] else "implicit"
-        print(
-            f"{verdict} {row['scene']:20} {kind}  error {row['error']:.1e}   full {row['full_us']:7.1f} us "
-            f"({row['full']})   reduced {row['reduced_us']:7.1f} us   ratio {row['ratio']:.2f}, wanted {row['goal']:g}"
-        )
 
 
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="few rounds, two scenes")
+    parser.add_argument("--quick", action="store_true", help="few rounds")
     warnings.filterwarnings("ignore")
     show(measure(quick=parser.parse_args().quick))
 

@@ -20,11 +20,15 @@ WATCHED, ALONG, LIFT, SIZE, TESTS, OUTPUTS, PAIRS, SERIES, COLUMNS = range(9)
 SUBDIVISIONS = 8
 # A dip below the neighbouring points is about an eighth of their second difference; a factor of 8 for safety.
 DIP = 1.0
-# Pieces of a step for the quick look, which leaves to the search what the wider bends between them do not exclude.
-LOOKS = 4
+# Pieces of a step for the quick look, and for the second look at what the wider bends between them do not exclude.
+LOOKS, CLOSER_LOOKS = 4, 16
 # A start is on a loss when det g_y is below this share of what a relative change of the point makes, or H of its
 # size: points on an implicit branch come out of Newton's method, which finds a fold to half the digits.
 ON_LOSS = 1e-7
+
+
+# What a look finds: no zero, a zero or what is not a number, a bend that may hide two zeros.
+_CLEAR, _CROSSED, _BENT = 0, 1, 2
 
 
 @kernel
@@ -32,9 +36,19 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     """True when every watched function surely keeps its sign over the steps.
 
     Each of the values (w,) that `functions` gives over a state must have its sign of `signs` (w,) at `LOOKS` points of
-    every step, and be further from zero than `DIP` times the second differences beside it, as the search has it. The
-    steps start at `time` with `state` (n,); `times` (k,), `states` (k, n) and `dense` (k, rows, n) as in `ledger`.
+    every step, and be further from zero than `DIP` times the second differences beside it, as the search has it; if
+    only the latter fails, at `CLOSER_LOOKS` points. The steps start at `time` with `state` (n,); `times` (k,), `states`
+    (k, n) and `dense` (k, rows, n) as in `ledger`.
     """
+    found = _look(LOOKS, functions, p, signs, time, state, times, states, dense)
+    if found == _BENT:
+        found = _look(CLOSER_LOOKS, functions, p, signs, time, state, times, states, dense)
+    return found == _CLEAR
+
+
+@kernel
+def _look(pieces, functions, p, signs, time, state, times, states, dense):
+    """What `pieces` points of every step say of the watched functions."""
     n = state.shape[0]
     rows = dense.shape[1]
     watched = signs.shape[0]
@@ -47,10 +61,10 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     seen = 0
     for k in range(times.shape[0]):
         t0 = time if k == 0 else times[k - 1]
-        for m in range(LOOKS + 1):
-            if m == LOOKS and k < times.shape[0] - 1:
+        for m in range(pieces + 1):
+            if m == pieces and k < times.shape[0] - 1:
                 break
-            s = m / LOOKS
+            s = m / pieces
             r = 1.0 - s
             for i in range(n):
                 total = 0.0
@@ -63,21 +77,21 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
                 value = out[c] * signs[c]
                 # Written so that what is not a number is not clear.
                 if not 0.0 < value < math.inf:
-                    return False
+                    return _CROSSED
                 # A bend counts for the pieces beside it and those beside these: for five points.
                 if value <= DIP * known[3, c]:
-                    return False
+                    return _BENT
                 if seen > 1:
                     bend = abs(value - 2.0 * known[0, c] + known[1, c])
                     nearest = min(value, known[0, c], known[1, c])
                     if (nearest if seen == 2 else min(nearest, known[2, c])) <= DIP * bend:
-                        return False
+                        return _BENT
                     known[3, c] = bend
                 known[2, c] = known[1, c]
                 known[1, c] = known[0, c]
                 known[0, c] = value
             seen += 1
-    return True
+    return _CLEAR
 
 
 @kernel

@@ -11,12 +11,20 @@ from gsp.errors import BranchError, HyperbolicityError
 from gsp.integration import loop
 from gsp.integration import trajectory as module
 from gsp.integration.trajectory import integrate
-from gsp.kernels.scan import COLUMNS, LOOKS, WATCHED, clear_of_zero
+from gsp.kernels.scan import CLOSER_LOOKS, COLUMNS, LOOKS, WATCHED, clear_of_zero
 from gsp.kernels.sheets import follow_sheet
 from gsp.models import load
 from gsp.scenes.study import study
 
-QUIET = ("chaplygin_sleigh", "michaelis_menten", "van_der_pol", "koper", "fitzhugh_nagumo", "lindemann")
+QUIET = (
+    "chaplygin_sleigh",
+    "michaelis_menten",
+    "van_der_pol",
+    "koper",
+    "fitzhugh_nagumo",
+    "lindemann",
+    "nonholonomic_particle",
+)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
@@ -155,6 +163,15 @@ def test_a_look_passes_over_no_zero_and_no_dip():
             cleared += clear
     # Far from zero nothing is left to the search.
     assert cleared > 200
+
+
+def test_what_bends_is_looked_at_more_closely_before_it_is_left_to_the_search():
+    times = np.array([0.0, 1.0, 2.0])
+    clear, asked = looked_along(lambda t: 0.1 + (t - 1.0) ** 2, times)
+    assert clear
+    assert asked > CLOSER_LOOKS * 2
+    # A zero ends it at once.
+    assert looked_along(lambda t: 0.5 - t, times) == (False, 3)
 
 
 def test_steep_growth_far_from_zero_is_no_dip_near_it():

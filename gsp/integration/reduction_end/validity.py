@@ -125,13 +125,21 @@ class Validity(Portable):
     @cached_property
     def _outputs(self) -> list[sp.Expr]:
         parts = self._parts
-        growth = sp.Integer(max(1, 3 * (self.order - 1)))
-        delta, drift = size(parts.determinant), size(parts.inverse_trace_rate())
-        q = plus([times(delta, delta, delta), times(self.epsilon, drift, -growth)])
-        if self.watches_terms:
-            q = sp.Max(q, self._fall, evaluate=False)
+        q = self._series_test(relative=False)
         rounding, pair_size = parts.rounding(self.states), parts.pair_size()
         return [parts.determinant, parts.hurwitz, q, rounding, pair_size, *self.borders]
+
+    def _series_test(self, *, relative: bool) -> sp.Expr:
+        """Q, or with `relative` Q by |Delta|^3; at orders above 1 what the fall of the terms says, if that is more."""
+        parts = self._parts
+        growth = sp.Integer(-max(1, 3 * (self.order - 1)))
+        delta, drift = size(parts.determinant), size(parts.inverse_trace_rate())
+        cube = times(delta, delta, delta)
+        if relative:
+            q = plus([sp.S.One, times(self.epsilon, drift, sp.Pow(cube, -1, evaluate=False), growth)])
+        else:
+            q = plus([cube, times(self.epsilon, drift, growth)])
+        return sp.Max(q, self._fall, evaluate=False) if self.watches_terms else q
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which columns (w,) of `tests` a run watches, and the signs (m, w) that they keep from starts with `rows`."""
@@ -157,7 +165,10 @@ class Validity(Portable):
     @cached_property
     def along(self) -> CompiledFunction:
         """Those of the `tests` that a run watches, over the states of the reduced flow."""
-        outputs = self._outputs
+        outputs = list(self._outputs)
+        if 2 in self._columns:
+            # Q by |Delta|^3 has the same sign, and no bends where Delta only grows.
+            outputs[2] = self._series_test(relative=True)
         through = dict(zip((*self.states, self._fall), (*self._base, self._falls)))
         return compile_function(
             [outputs[column] for column in self._columns],
