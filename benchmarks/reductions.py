@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -33,7 +34,7 @@ EXPLICIT = (
     "davis_skodje", "lindemann", "linear",
 )  # fmt: skip
 IMPLICIT = ("van_der_pol", "fitzhugh_nagumo", "koper")
-QUICK = ("michaelis_menten", "van_der_pol", "chain of 20")
+QUICK = ("michaelis_menten", "van_der_pol", "chain_of_20")
 CHAINS = (20, 100)
 RTOLS = tuple(10.0**-k for k in range(2, 10))
 METHODS = (None, gsp.Method.RODAS5P, gsp.Method.RADAU9)
@@ -41,6 +42,10 @@ TIMES, ROUNDS, CALLS = 100, 40, 5
 MEMBERS, ENSEMBLE_ROUNDS, SPREAD = 1000, 12, 0.02
 GOALS = {"explicit": 0.8, "implicit": 1.0, "chain": 0.1}
 ENSEMBLE_GOAL = 1 / 3
+
+
+def _named(system: gsp.SlowFastSystem, **question: Any) -> gsp.Scene:
+    return gsp.Scene(system, name=system.name, **question)
 
 
 def chain(links: int) -> gsp.Scene:
@@ -51,10 +56,10 @@ def chain(links: int) -> gsp.Scene:
         slow={u: v, v: -u - v / 10 + (y[-1] - u**3) / 5},
         fast={b: a - b for a, b in zip((u, *y), y)},
         epsilon=eps,
-        name=f"chain of {links}",
+        name=f"chain_of_{links}",
     )
     start = {"u": 1.0, "v": 0.0, **{s.name: 1.0 for s in y}}
-    return gsp.Scene(
+    return _named(
         system,
         start=start,
         span=(0.0, 40.0),
@@ -73,10 +78,10 @@ def inhibition() -> gsp.Scene:
         slow={s: -s * free + c / 2, i: -i * free / 2 + d / 2 + (1 - i) / 10},
         fast={c: s * free - c, d: i * free / 2 - d / 2},
         epsilon=eps,
-        name="competitive inhibition",
+        name="competitive_inhibition",
     )
     start = {"s": 1.5, "i": 0.5, "c": 0.0, "d": 0.0}
-    return gsp.Scene(
+    return _named(
         system,
         start=start,
         span=(0.0, 10.0),
@@ -94,10 +99,10 @@ def hardening() -> gsp.Scene:
         slow={p: q, q: -p - x / 2},
         fast={x: p + q / 2 - x - x**3 - x**5 / 5},
         epsilon=eps,
-        name="hardening spring",
+        name="hardening_spring",
     )
     start = {"p": 1.0, "q": 0.0, "x": 0.6}
-    return gsp.Scene(
+    return _named(
         system,
         start=start,
         span=(0.0, 15.0),
