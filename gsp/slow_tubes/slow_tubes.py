@@ -299,7 +299,7 @@ class _Search:
             widths={name: balls.magnitude(arb(v) * power) for name, v in zip(names, scaled)},
             is_isolating=True,
             has_cones=proved,
-            boundary=problem.boundary(tube.epsilon, tube.widths),
+            boundary=problem.sides_of(tube),
             collar=problem.collar(tube) if proved else math.nan,
             signs=problem.basis.signs,
             tried=self.tally.tried,

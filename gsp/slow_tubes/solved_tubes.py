@@ -183,7 +183,7 @@ def _stated(result: SolvedTube, tube: ProvedTube, tally: Tally) -> SolvedTube:
         widths={y.name: v for y, v in zip(result.manifold.branch.system.y, widths)},
         is_isolating=True,
         has_cones=cones,
-        boundary=search.boundary(tube.epsilon, tube.widths),
+        boundary=search.sides_of(tube),
         collar=search.collar(tube) if cones else math.nan,
         signs=search.basis.signs,
         tried=tally.tried,

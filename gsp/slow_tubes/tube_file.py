@@ -58,7 +58,7 @@ def _accepted(tube: SlowTube) -> dict:
     refused = ""
     for wider, share in CLAIMS:
         epsilon = share * tube.epsilon_0
-        written = plain | _claim(search, wider * proof.widths, epsilon, proof.cones, tube)
+        written = plain | _claim(search, wider * proof.widths, epsilon, proof.cones, tube.boundary)
         try:
             tube_checker.check(written)
         except Rejected as error:
@@ -95,9 +95,8 @@ def _expressions(tube: SlowTube, invariance: Invariance, values: dict[sp.Symbol,
 
 
 def _claim(
-    search: TubeSearch, widths: np.ndarray, epsilon: float, cones: tuple[Cones, ...], tube: SlowTube
+    search: TubeSearch, widths: np.ndarray, epsilon: float, cones: tuple[Cones, ...], boundary: str
 ) -> dict:
-    boundary = search.boundary(epsilon, widths)
     steps = [c for c in cones if c.low < epsilon]
     fastest = balls.magnitude(norm(search.rates(epsilon, widths)))
     least = min(c.collar for c in steps)

@@ -102,8 +102,9 @@ class TubeSearch:
         if shape is None:
             return None
         widths = ratio * shape
-        if known is not None and known.cones[0].collar == 0.0 and self._collar(epsilon, widths) > 0.0:
-            # The slow flow leaves through every side for the smaller epsilon only.
+        without = known is not None and any(cone.collar == 0.0 for cone in known.cones)
+        if without and self._collar(epsilon, widths) > 0.0:
+            # That the slow flow leaves through every side is proved for a smaller epsilon only.
             known = None
         if known is None:
             tally, low, cones = self.tally, self.first, ()
@@ -186,9 +187,16 @@ class TubeSearch:
                     return "mixed"
         return {1: "overflowing", -1: "inflowing", 0: "mixed"}[ways.pop()]
 
+    def sides_of(self, tube: ProvedTube) -> str:
+        """What the slow flow is proved to do at the sides, for all epsilon and over the whole tube."""
+        if tube.cones and tube.cones[-1].collar == 0.0:
+            # It was proved with the last cones, from 0 on and over a tube that was no narrower.
+            return "overflowing"
+        return self.boundary(tube.epsilon, tube.widths)
+
     def collar(self, tube: ProvedTube) -> float:
         """The width of a collar at the sides in which f may be cut off; 0 where it need not be."""
-        if self.boundary(tube.epsilon, tube.widths) == "overflowing":
+        if self.sides_of(tube) == "overflowing":
             return 0.0
         most = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)))
         # From the largest epsilon on, where the rates are nearest to one another.

@@ -16,6 +16,7 @@ from gsp.proofs.certificate import ProofVerdict
 from gsp.slow.series import expand
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.slow_tubes import _Search
+from gsp.slow_tubes.tube_search import TubeSearch
 from gsp.systems.system import SlowFastSystem
 
 epsilon, s, c, v, p, w, x, y, a = sp.symbols("epsilon s c v p w x y a")
@@ -127,6 +128,38 @@ def test_cones_proved_without_a_collar_are_not_taken_for_cones_with_one() -> Non
         assert search.best.cones[0].low == 0.0
 
 
+def test_a_side_that_is_decided_by_luck_takes_no_collar_for_granted(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Whether the flow leaves through a side is proved within a budget of boxes: it may be proved for one step, and
+    # neither before it nor after.
+    boundary, said = TubeSearch.boundary, iter(["mixed", "overflowing", *["mixed"] * 40])
+
+    def lucky(self, epsilon: float, widths: np.ndarray) -> str:
+        assert boundary(self, epsilon, widths) == "overflowing"
+        return next(said)
+
+    monkeypatch.setattr(TubeSearch, "boundary", lucky)
+    manifold = series({x: x / 8}, {y: -8 * y + x}, 1)
+    with flint.ctx.workprec(balls.PRECISION):
+        search = _Search(manifold, {"x": (-1.0, 1.0)}, 20_000)
+        tube = search.result(None)
+        assert search.best is not None
+        assert tube.boundary == "mixed"
+        assert all(cone.collar > 0.0 for cone in search.best.cones)
+
+
+def test_a_tube_whose_cones_have_no_collar_is_overflowing(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The narrower tube lies in the one over which it was proved that the flow leaves through every side.
+    least = TubeSearch.least
+
+    def unlucky(self, *more):
+        monkeypatch.setattr(TubeSearch, "boundary", lambda *_: "mixed")
+        return least(self, *more)
+
+    monkeypatch.setattr(TubeSearch, "least", unlucky)
+    tube = certify(series({x: x / 8}, {y: -8 * y + x}, 1), region={"x": (-1, 1)})
+    assert (tube.boundary, tube.collar) == ("overflowing", 0.0)
+
+
 def test_trajectories_that_start_in_the_tube_stay_in_it() -> None:
     manifold = sleigh(2)
     tube = certify(manifold, region=SQUARE, epsilon=0.1)
@@ -236,8 +269,6 @@ def test_a_spent_budget_is_said() -> None:
 
 
 def test_an_interruption_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gsp.slow_tubes.tube_search import TubeSearch
-
     within, calls = TubeSearch.within, []
 
     def interrupted(self, epsilon: float, *more):
