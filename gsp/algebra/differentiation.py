@@ -40,6 +40,15 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     """
     if not expression.has(symbol):
         return sp.S.Zero
+    if expression.is_Add:
+        # Term by term, those apart that the symbol stands in as a factor: SymPy's way takes ten times as long.
+        return sp.Add(*(derivative(term, symbol) for term in expression.args if term.has(symbol)))
+    if expression == symbol:
+        return sp.S.One
+    if expression.is_Mul and symbol in expression.args:
+        others = [factor for factor in expression.args if factor != symbol]
+        if not any(factor.has(symbol) for factor in others):
+            return sp.Mul(*others)
     if expression.has(*(theirs for theirs, _ in _OVER_THE_REALS)):
         for theirs, ours in _OVER_THE_REALS:
             expression = expression.replace(theirs, ours)

@@ -195,7 +195,7 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     first, last = scene.span
     begun = time.perf_counter()
     compiled = compile_flow(flow)
-    _ = compiled.field, compiled.jacobian
+    _ = compiled.derivatives_program
     # Over a short piece the default could be another method than over the span, with steps of another kind.
     method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
     p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))

@@ -323,7 +323,7 @@ def integrate_many(
     # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
     tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol, 0.0)
     tries = tries and kernels.any_begins(
-        compiled.jacobian, members.constants.copy(), first, last, members.starts.copy(), MILD
+        compiled.derivatives_program, members.constants.copy(), first, last, members.starts.copy(), MILD
     )
     first_solver = solver_of(Method.TAYLOR, rtol) if tries else solver
     begins = (

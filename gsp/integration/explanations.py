@@ -52,8 +52,7 @@ def _backward(flow: Flow, p: np.ndarray, record: Record, last: float) -> Explana
     length = float(record.times[0]) - last
     if not (flow.is_stiff and length > 0.0):
         return None
-    n = len(flow.states)
-    jacobian = compile_flow(flow).derivatives(record.states[0], p).reshape(n, n)
+    jacobian = compile_flow(flow).jacobians(record.states[0], p)
     if not np.isfinite(jacobian).all():
         return None
     rate = float(-np.linalg.eigvals(jacobian).real.min())

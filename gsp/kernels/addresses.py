@@ -25,11 +25,12 @@ METHOD: Signature = _WHOLE(
 )  # fmt: skip
 """That of an integrator, as `ledger` says."""
 ROSENBROCK_LOOPS: Signature = types.Tuple((_REAL, _WHOLE))(
-    _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _REALS, _REALS, _REALS, _ROWS, _WHOLES
+    _WHOLE, _WHOLES, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _REALS, _REALS, _REALS, _ROWS, _WHOLES
 )  # fmt: skip
 """That of `rodas5p_loops.step_by_loops`."""
 COLLOCATION_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
-    _WHOLE, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS, _REALS, _WHOLES
+    _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS, _REALS,
+    _WHOLES,
 )  # fmt: skip
 """That of `radau_loops.attempt_by_loops`."""
 
@@ -65,13 +66,27 @@ def _call_method(
 
 
 def _call_rosenbrock_loops(
-    context, address, field, p, t, h, y, rate, rtol, atol, jacobian, y_new, rate_new, rows, counters
+    context, address, field, pattern, p, t, h, y, rate, rtol, atol, jacobian, y_new, rate_new, rows, counters
 ):
     return _at(address, ROSENBROCK_LOOPS)
 
 
 def _call_collocation_loops(
-    context, address, field, p, step, stages, y, rate, control, twice, jacobian, memory, block, counters
+    context,
+    address,
+    field,
+    pattern,
+    p,
+    step,
+    stages,
+    y,
+    rate,
+    control,
+    twice,
+    jacobian,
+    memory,
+    block,
+    counters,
 ):
     return _at(address, COLLOCATION_LOOPS)
 

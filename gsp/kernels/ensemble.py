@@ -76,16 +76,16 @@ def _run_member(
 
 
 @kernel
-def _begins(jacobian, p, first, last, y, border):
+def _begins(program, p, first, last, y, border):
     """Whether a member's start has so few fast times before it that the trial is made."""
-    return largest_rate(jacobian, first, y, p) * abs(last - first) <= border
+    return largest_rate(program, first, y, p) * abs(last - first) <= border
 
 
 @kernel
-def any_begins(jacobian, constants, first, last, starts, border):
+def any_begins(program, constants, first, last, starts, border):
     """Whether the trial is made for any member."""
     for i in range(starts.shape[0]):  # noqa: SIM110 - a generator does not compile
-        if _begins(jacobian, constants[i], first, last, starts[i], border):
+        if _begins(program, constants[i], first, last, starts[i], border):
             return True
     return False
 
@@ -121,7 +121,7 @@ def run_members(
         before = 0
         explicit[i] = False
         if border > 0.0:
-            begins = _begins(program[ledger.JACOBIAN], constants[i], first, stops[-1], ends[i], border)
+            begins = _begins(program, constants[i], first, stops[-1], ends[i], border)
             if begins:
                 limited = (rtol, atol, min(attempts, max_steps))
                 code, before = _run_member(

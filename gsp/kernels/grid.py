@@ -15,7 +15,8 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.linear_systems import decompose_shifted, solve_shifted
+from gsp.kernels.sparse_systems import entries_of, pattern_of
 
 # The derivative of the terms left out over these, on a step of length 1. On 28 stiff problems and eight others the
 # error that is left at rtol 1e-2 to 1e-6 is that of the steps' ends.
@@ -76,26 +77,23 @@ def _slope(states, dense, k, s, slope):
 
 
 @kernel
-def _decompose(jacobian, t, y, p, step, flat, matrix, pivots):
-    """Fill `matrix` (n, n) by the factors of RATE/h - J; False where it has none. `flat` (n*n,) is scratch."""
+def _decompose(program, pattern, t, y, p, step, pivots):
+    """(True, the factors of RATE/h - J); (False, whatever) where it is singular."""
     n = y.shape[0]
-    call(jacobian, t, y, p, flat)
-    for i in range(n):
-        for j in range(n):
-            matrix[i, j] = -flat[i * n + j]
-        matrix[i, i] += RATE / step
-    return factorise(matrix, pivots)
+    jacobian = np.empty(entries_of(pattern, n))
+    call(program[ledger.JACOBIAN], t, y, p, jacobian)
+    return decompose_shifted(jacobian, RATE / step, pattern, n, pivots)
 
 
 @kernel
-def _is_good(field, p, t, step, value, slope, solves, factors, pivots, defect, rtol, atol):
+def _is_good(field, pattern, p, t, step, value, slope, solves, factors, pivots, defect, rtol, atol):
     """Whether the error of the dense output at a time looks smaller than the tolerance."""
     call(field, t, value, p, defect)
     inverse = 1.0 / step
     for i in range(value.shape[0]):
         defect[i] -= slope[i] * inverse
     if solves:
-        solve(factors, pivots, defect)
+        solve_shifted(pattern, factors, pivots, defect)
     else:
         for i in range(value.shape[0]):
             defect[i] *= step / RATE
@@ -121,8 +119,8 @@ def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, 
     value = np.empty(n)
     slope = np.empty(n)
     defect = np.empty(n)
-    matrix = np.empty((n if check == CHECKS else 0, n))
-    flat = np.empty(n * n if check == CHECKS else 0)
+    pattern = pattern_of(program)
+    matrix = np.empty((0, n))
     pivots = np.empty(n, np.int64)
     place = np.empty((1, n))
     in_doubt = 0
@@ -146,7 +144,7 @@ def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, 
             counters[ledger.DECOMPOSITIONS] += 1
             for i in range(n):
                 value[i] = states[k, i]
-            solves = _decompose(program[ledger.JACOBIAN], times[k], value, p, step, flat, matrix, pivots)
+            solves, matrix = _decompose(program, pattern, times[k], value, p, step, pivots)
         few = inside - j <= PLACES.shape[0]
         good = True
         for m in range(0 if few or check == TRUSTS else PLACES.shape[0]):
@@ -156,7 +154,19 @@ def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, 
                 value[i] = place[0, i]
             t = times[k] + PLACES[m] * step
             good = good and _is_good(
-                program[ledger.FIELD], p, t, step, value, slope, solves, matrix, pivots, defect, rtol, atol
+                program[ledger.FIELD],
+                pattern,
+                p,
+                t,
+                step,
+                value,
+                slope,
+                solves,
+                matrix,
+                pivots,
+                defect,
+                rtol,
+                atol,
             )
             counters[ledger.FIELD_CALLS] += 1
         for q in range(j, inside):
@@ -168,6 +178,7 @@ def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, 
                     value[i] = out[q, i]
                 good = _is_good(
                     program[ledger.FIELD],
+                    pattern,
                     p,
                     grid[q],
                     step,

@@ -26,7 +26,7 @@ Y = 3
 @kernel
 def rate_at_start(program, given, n):
     """`largest_rate` where a run starts."""
-    return largest_rate(program[ledger.JACOBIAN], given[FIRST], given[Y : Y + n], given[Y + n :])
+    return largest_rate(program, given[FIRST], given[Y : Y + n], given[Y + n :])
 
 
 @kernel

@@ -12,10 +12,12 @@ start, and hit exactly; the last one is the end.
 The code that comes back is one of those below. Before the first call `memory[TIME]` and `y` hold the start, all
 else is 0. `program` (k,) holds addresses: the field, its Jacobian or 0 for a method that asks for none, the method
 itself, by which `launch`, `landing` and `ensemble` call it, its loops for any flow or 0, and what `gsp.lowering.steps`
-wrote of the method for this flow, or 0. A written step that finds a pivot that it cannot use, or something that is not
-finite, leaves it to the loops; where their address is 0 the call ends with LOOPS_WANTED, as if the step had not been
-tried, and goes on once the address is there. A method may keep more in a longer `memory`, as `radau_block.memory_size`
-says for the Radau methods.
+wrote of the method for this flow, or 0. Behind a 0 there the pattern of a sparse Jacobian may follow, as
+`sparse_systems` says: its function then gives the entries of the pattern alone, in place of n*n.
+
+A written step that finds a pivot that it cannot use, or something that is not finite, leaves it to the loops; where
+their address is 0 the call ends with LOOPS_WANTED, as if the step had not been tried, and goes on once the address is
+there. A method may keep more in a longer `memory`, as `radau_block.memory_size` says for the Radau methods.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ JACOBIAN = 1
 METHOD = 2
 LOOPS = 3
 CODE = 4
+PATTERN = 5
 
 # Codes.
 RECORD_FULL = 0

@@ -43,6 +43,7 @@ from gsp.kernels.radau_iteration import (
     most_rounds,
     opening,
 )
+from gsp.kernels.sparse_systems import entries_of, pattern_of
 from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in RADAU: change between 1/5 and 8, estimate of local order stages + 1. Its safety is 0.9: with
@@ -131,7 +132,8 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     room = np.empty(size + 7)
     skipped = -(room.ctypes.data // 8) % 8
     block = room[skipped : skipped + size]
-    jacobian_flat = np.empty(n * n)
+    pattern = pattern_of(program)
+    jacobian_flat = np.empty(entries_of(pattern, n))
     end = POINT + END * n
 
     if memory[CONTRACTION] == 0.0:
@@ -182,7 +184,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                 if not all_finite(jacobian_flat):
                     return ledger.SINGULAR_JACOBIAN
             error, rounds, factor, failure = call_collocation_loops(
-                program[ledger.LOOPS], field, p, step, stages, y, rate, control, twice, jacobian_flat,
+                program[ledger.LOOPS], field, pattern, p, step, stages, y, rate, control, twice, jacobian_flat,
                 memory, block, counters,
             )  # fmt: skip
         safety = SAFETY * (2 * most + 1) / (2 * most + rounds)

@@ -9,7 +9,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.linear_algebra import solve
+from gsp.kernels.linear_systems import solve_shifted
 from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
 from gsp.kernels.radau_iteration import (
     CONVERGED,
@@ -20,7 +20,7 @@ from gsp.kernels.radau_iteration import (
     most_rounds,
     opening,
 )
-from gsp.kernels.radau_systems import decompose, solve_complex
+from gsp.kernels.radau_systems import decompose, solve_complex_shifted
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.kernels.step_control import all_finite
 
@@ -55,7 +55,7 @@ def _multiply(matrices, x, out):
 
 
 @kernel
-def _round(field, p, t, step, y, weight, system, z, f, w, value, b):
+def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b):
     """One round for the rises `z` (stages, n), of the norm that is returned.
 
     The residual is h A F - Z, not multiplied by A^-1: the rises are then exact to rounding.
@@ -74,14 +74,14 @@ def _round(field, p, t, step, y, weight, system, z, f, w, value, b):
     _multiply(T_INVERSE, w, f)
     for i in range(n):
         value[i] = f[0, i] * EIGENVALUES[family, 0].real / step
-    solve(real, pivots, value)
+    solve_shifted(pattern, real, pivots, value)
     for i in range(n):
         f[0, i] = value[i]
     for m in range(stages // 2):
         twist = EIGENVALUES[family, m + 1] * (1.0 / step)
         for i in range(n):
             b[i] = twist * complex(f[2 * m + 1, i], f[2 * m + 2, i])
-        solve_complex(complexes, m, complex_pivots, b)
+        solve_complex_shifted(pattern, complexes, m, complex_pivots, b)
         for i in range(n):
             f[2 * m + 1, i] = b[i].real
             f[2 * m + 2, i] = b[i].imag
@@ -126,7 +126,7 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
 
 @kernel
 def attempt_by_loops(
-    field, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
+    field, pattern, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
 ):  # fmt: skip
     """Fill the end and the lines of `block`: (error over tolerance, rounds, factor if it is infinite, failure then).
 
@@ -144,18 +144,17 @@ def attempt_by_loops(
     slope = np.empty(n)
     y_new = np.empty(n)
     b = np.empty(n, np.complex128)
-    real = np.empty((n, n))
     pivots = np.empty(n, np.int64)
-    complexes = np.empty((stages // 2, n, n), np.complex128)
     complex_pivots = np.empty((stages // 2, n), np.int64)
-    system = (real, complexes, pivots, complex_pivots)
     t = memory[ledger.TIME]
     end = POINT + END * n
     lines = lines_of(n)
     width = width_of(stages)
 
-    if not decompose(jacobian_flat, step, family, system):
+    regular, real, complexes = decompose(jacobian_flat, step, family, pattern, pivots, complex_pivots)
+    if not regular:
         return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
+    system = (real, complexes, pivots, complex_pivots)
     for i in range(n):
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     _guess(memory, step, z)
@@ -166,7 +165,7 @@ def attempt_by_loops(
     rounds = 0
     while verdict == GOING_ON:
         rounds += 1
-        norm = _round(field, p, t, step, y, weight, system, z, f, w, value, b)
+        norm = _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b)
         verdict, factor, now = judge(rounds, most, norm, now, tolerance)
     counters[ledger.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:
@@ -179,7 +178,7 @@ def attempt_by_loops(
         y_new[i] = y[i] + z[stages - 1, i]
         slope[i] = (z[stages - 1, i] + w[0, i]) / step
         defect[i] = rate[i] - slope[i]
-    solve(real, pivots, defect)
+    solve_shifted(pattern, real, pivots, defect)
     error, gap = _errors(defect, w, y, y_new, rtol, atol)
     if error >= 1.0 and twice:
         # (8.20), for a start off the slow manifold.
@@ -189,7 +188,7 @@ def attempt_by_loops(
         counters[ledger.FIELD_CALLS] += 1
         for i in range(n):
             defect[i] -= slope[i]
-        solve(real, pivots, defect)
+        solve_shifted(pattern, real, pivots, defect)
         error, gap = _errors(defect, w, y, y_new, rtol, atol)
     # The gap counts in units of the tolerance asked for.
     error = max(error, gap_share * gap)

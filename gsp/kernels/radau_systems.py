@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gsp.kernels.compilation import kernel
-from gsp.kernels.linear_algebra import factorise
+from gsp.kernels.linear_systems import decompose_shifted
 from gsp.kernels.radau_tableau import EIGENVALUES
+from gsp.kernels.sparse_systems import FACTORS, dense_jacobian, factorise_sparse, fill, solve_sparse
 
 
 @kernel
@@ -64,22 +67,49 @@ def solve_complex(factors, m, pivots, b):
 
 
 @kernel
-def decompose(jacobian_flat, step, family, system):
-    """Factors of lambda/h - J for each eigenvalue of the family; False when one is singular."""
-    real, complexes, pivots, complex_pivots = system
-    pairs, n, _ = complexes.shape
-    for i in range(n):
-        for j in range(n):
-            entry = -jacobian_flat[i * n + j]
-            real[i, j] = entry
-            for m in range(pairs):
-                complexes[m, i, j] = entry
-        real[i, i] += EIGENVALUES[family, 0].real / step
+def solve_complex_shifted(pattern, factors, m, pivots, b):
+    """Overwrite `b` (n,) by the solution of the complex system m, with what `decompose` left."""
+    if factors.shape[1] == b.shape[0]:
+        solve_complex(factors, m, pivots, b)
+    else:
+        solve_sparse(pattern, factors[m, 0], b)
+
+
+@kernel
+def _decompose_complex(jacobian, step, family, pattern, pivots):
+    """(whether all are regular, factors (pairs, ...)) of lambda/h - J for the complex eigenvalues of the family."""
+    pairs, n = pivots.shape
+    if pattern.shape[0] != 0:
+        values = np.empty((pairs, 1, pattern[FACTORS]), np.complex128)
+        row = np.empty(n, np.complex128)
+        largest = np.empty(n)
+        usable = True
         for m in range(pairs):
-            complexes[m, i, i] += EIGENVALUES[family, m + 1] / step
-    if not factorise(real, pivots):
-        return False
-    for m in range(pairs):  # noqa: SIM110 - a generator does not compile
-        if not factorise_complex(complexes, m, complex_pivots):
-            return False
-    return True
+            fill(jacobian, EIGENVALUES[family, m + 1] / step, pattern, n, values[m, 0])
+            usable = usable and factorise_sparse(pattern, values[m, 0], row, largest)
+        if usable:
+            return True, values
+    full = dense_jacobian(jacobian, pattern, n)
+    matrices = np.empty((pairs, n, n), np.complex128)
+    for m in range(pairs):
+        for i in range(n):
+            for j in range(n):
+                matrices[m, i, j] = -full[i * n + j]
+            matrices[m, i, i] += EIGENVALUES[family, m + 1] / step
+        if not factorise_complex(matrices, m, pivots):
+            return False, matrices
+    return True, matrices
+
+
+@kernel
+def decompose(jacobian, step, family, pattern, pivots, complex_pivots):
+    """(whether all are regular, factors of lambda/h - J for the real eigenvalue of the family, for the complex ones).
+
+    `jacobian` is (n*n,), or has the entries of `pattern`; `pivots` (n,) and `complex_pivots` (pairs, n) go with them.
+    """
+    n = pivots.shape[0]
+    regular, real = decompose_shifted(jacobian, EIGENVALUES[family, 0].real / step, pattern, n, pivots)
+    if not regular:
+        return False, real, np.empty((0, 0, 0), np.complex128)
+    regular, complexes = _decompose_complex(jacobian, step, family, pattern, complex_pivots)
+    return regular, real, complexes

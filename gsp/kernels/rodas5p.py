@@ -16,6 +16,7 @@ from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.rodas5p_loops import GAP_SHARE
 from gsp.kernels.rodas5p_tableau import DENSE_ROWS, STAGES
+from gsp.kernels.sparse_systems import entries_of, pattern_of
 from gsp.kernels.step_control import accept, all_finite, begin, next_step, reject
 
 # Control of the step as in RODAS (Hairer, Wanner II, section IV.7): safety 0.9, change between 1/5 and 6.
@@ -53,7 +54,8 @@ def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters,
         block[size + 1] = atol
         block[size + 2] = GAP_SHARE
     rows = np.empty((DENSE_ROWS, n))
-    jacobian_flat = np.empty(n * n)
+    pattern = pattern_of(program)
+    jacobian_flat = np.empty(entries_of(pattern, n))
     recorded = 0
     have_jacobian = False
     while True:
@@ -86,7 +88,7 @@ def rodas5p(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters,
                 if not all_finite(jacobian_flat):
                     return ledger.SINGULAR_JACOBIAN
             error, failure = call_rosenbrock_loops(
-                program[ledger.LOOPS], program[ledger.FIELD], p, t, step, y, rate, rtol, atol, jacobian_flat,
+                program[ledger.LOOPS], program[ledger.FIELD], pattern, p, t, step, y, rate, rtol, atol, jacobian_flat,
                 y_new, rate_new, rows, counters,
             )  # fmt: skip
 

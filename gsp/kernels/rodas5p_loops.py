@@ -9,7 +9,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.linear_systems import decompose_shifted, solve_shifted
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, NODES, STAGES, A, C
 from gsp.kernels.step_control import all_finite
 
@@ -19,7 +19,7 @@ GAP_SHARE = 0.3
 
 
 @kernel
-def _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value):
+def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value):
     """The eight increments, rows of `k` (8, n); `argument` is left at that of the last, `value` at the last itself."""
     n = y.shape[0]
     inverse = 1.0 / h
@@ -42,7 +42,7 @@ def _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value):
                 for q in range(s):
                     total += C[s, q] * k[q, i]
                 value[i] += total * inverse
-        solve(factors, pivots, value)
+        solve_shifted(pattern, factors, pivots, value)
         for i in range(n):
             k[s, i] = value[i]
 
@@ -73,22 +73,17 @@ def _interpolate(k, y, y_new, rtol, atol, rows):
 
 
 @kernel
-def step_by_loops(field, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters):
+def step_by_loops(field, pattern, p, t, h, y, rate, rtol, atol, jacobian_flat, y_new, rate_new, rows, counters):
     """One step for any flow, with partial pivoting: (error over the tolerance, what is wrong if it is infinite)."""
     n = y.shape[0]
     k = np.empty((STAGES, n))
     argument = np.empty(n)
     value = np.empty(n)
-    factors = np.empty((n, n))
     pivots = np.empty(n, np.int64)
-    diagonal = 1.0 / (h * GAMMA)
-    for i in range(n):
-        for j in range(n):
-            factors[i, j] = -jacobian_flat[i * n + j]
-        factors[i, i] += diagonal
-    if not factorise(factors, pivots):
+    regular, factors = decompose_shifted(jacobian_flat, 1.0 / (h * GAMMA), pattern, n, pivots)
+    if not regular:
         return math.inf, ledger.SINGULAR_JACOBIAN
-    _increments(field, p, t, h, y, rate, factors, pivots, k, argument, value)
+    _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value)
     counters[ledger.FIELD_CALLS] += STAGES - 1
     total = 0.0
     for i in range(n):

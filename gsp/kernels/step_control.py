@@ -9,6 +9,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
+from gsp.kernels.sparse_systems import entries_of, pattern_of, places
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
 SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
@@ -166,16 +167,18 @@ def reject(step, factor, memory, counters):
 
 
 @kernel
-def largest_rate(jacobian, t, y, p):
+def largest_rate(program, t, y, p):
     """Maximum norm of the Jacobian at `y`, a bound for its spectral radius; NaN or infinite when it is neither."""
     n = y.shape[0]
-    flat = np.empty(n * n)
-    call(jacobian, t, y, p, flat)
+    pattern = pattern_of(program)
+    flat = np.empty(entries_of(pattern, n))
+    call(program[ledger.JACOBIAN], t, y, p, flat)
+    sums = np.zeros(n)
+    row = 0 if pattern.shape[0] == 0 else places(pattern, n)[5]
+    for e in range(flat.shape[0]):
+        sums[e // n if pattern.shape[0] == 0 else pattern[row + e]] += abs(flat[e])
     largest = 0.0
     for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += abs(flat[i * n + j])
-        if not total <= largest:
-            largest = total
+        if not sums[i] <= largest:
+            largest = sums[i]
     return largest

@@ -6,6 +6,7 @@ p = (epsilon, *parameters), so that kernels take any model, and another epsilon 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -31,8 +32,9 @@ from gsp.kernels.taylor import taylor
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
-from gsp.lowering.steps.flow_code import FlowCode, is_worth_writing
+from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
 from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
+from gsp.lowering.steps.sparse_pattern import write_pattern
 from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
 from gsp.lowering.steps.values import SIGNATURE, load, store
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
@@ -178,6 +180,43 @@ class CompiledFlow:
         return self._compiled([entries.get((i, j), sp.S.Zero) for i in n for j in n])
 
     @_made_once
+    def entries(self) -> CompiledFunction:
+        """The entries of the Jacobian that are not 0 throughout, in the order of `expressions.jacobian`."""
+        return self._compiled(list(self.expressions.jacobian.values()))
+
+    def jacobians(self, points: np.typing.ArrayLike, p: np.typing.ArrayLike) -> np.ndarray:
+        """The Jacobians (m, n, n) at `points` (m, n), or (n, n) at one (n,)."""
+        n = self.size
+        if not self.is_sparse:
+            values = self.derivatives(points, p)
+            return values.reshape(*values.shape[:-1], n, n)
+        values = self.entries(points, p)
+        found = np.zeros((*values.shape[:-1], n, n))
+        rows, columns = zip(*self.expressions.jacobian)
+        found[..., rows, columns] = values
+        return found
+
+    @_made_once
+    def is_sparse(self) -> bool:
+        """Whether the implicit methods run through loops over those entries alone."""
+        return is_sparse(self.expressions)
+
+    @_made_once
+    def decomposition_share(self) -> float:
+        """Operations of a sparse decomposition over those of a solution with it; infinite where it is dense."""
+        if not self.is_sparse:
+            return math.inf
+        elimination = self.expressions.elimination
+        return elimination.operations / (2 * len(elimination.places))
+
+    @_made_once
+    def _pattern(self) -> np.ndarray:
+        """What `kernels.sparse_systems` calls a pattern; empty where the Jacobian is dense."""
+        if not self.is_sparse:
+            return np.empty(0, np.int64)
+        return write_pattern(tuple(self.expressions.jacobian), self.expressions.elimination)
+
+    @_made_once
     def rosenbrock(self) -> CompiledStep | None:
         """A step of Rodas5P for this flow alone, or None where loops are as good."""
         if not self.is_written:
@@ -250,7 +289,7 @@ class CompiledFlow:
     @_made_once
     def derivatives_program(self) -> np.ndarray:
         """What a kernel takes that asks for the field and its Jacobian, and runs nothing."""
-        return np.array([self.field, self.jacobian])
+        return self._with_derivatives(0, 0)
 
     @_made_once
     def rosenbrock_program(self) -> np.ndarray:
@@ -272,8 +311,15 @@ class CompiledFlow:
 
     def _program(self, method: Callable[..., Any], code: CompiledStep | None, loops: Loops) -> np.ndarray:
         # The loops stand behind a code as well, but next to no run comes to them.
-        behind, steps = (address_of(*loops), (0,)) if code is None else (0, code.program)
-        return np.array([self.field, self.jacobian, address_of(method, addresses.METHOD), behind, *steps])
+        run = address_of(method, addresses.METHOD)
+        if code is None:
+            return self._with_derivatives(run, address_of(*loops))
+        return np.array([self.field, self.jacobian, run, 0, *code.program])
+
+    def _with_derivatives(self, method: int, loops: int) -> np.ndarray:
+        """A program without code: with the whole Jacobian, or its entries and their pattern."""
+        derivatives = self.entries.address if self.is_sparse else self.jacobian
+        return np.array([self.field, derivatives, method, loops, 0, *self._pattern])
 
     @_made_once
     def observables(self) -> CompiledFunction:

@@ -246,8 +246,8 @@ class SegmentSolver:
 
     def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
         """g_y (k, n_fast, n_fast) at points z (k, n)."""
-        n, nx = len(self.system.states), len(self.system.x)
-        J = self.flow.derivatives(z, parameter_vector(self.system, self.epsilon)).reshape(-1, n, n)
+        nx = len(self.system.x)
+        J = self.flow.jacobians(z, parameter_vector(self.system, self.epsilon))
         return self.epsilon * J[:, nx:, nx:]
 
     # -- Newton's method ---------------------------------------------------------------------------

@@ -72,7 +72,7 @@ class _SlowFlow:
 
     def jacobian(self, z: np.ndarray) -> np.ndarray:
         """Derivatives of (f, g) (k, n, n)."""
-        J = self.flow.derivatives(z, self.p).reshape(-1, self.n, self.n)
+        J = self.flow.jacobians(z, self.p)
         J[:, self.nx :] *= self.epsilon
         return J
 

@@ -402,11 +402,11 @@ def _defect(
     """epsilon Dh f - g (m, n_fast), and what it is divided by for the error: g_y - epsilon Dh f_y."""
     system = branch.system
     flow, p = compile_flow(system), parameter_vector(system, epsilon)
-    nx, n = len(system.x), len(system.states)
+    nx = len(system.x)
     z = np.hstack([x, surface(x)])
     slope = surface.derivative(x)
     rates = flow.rates(z, p)
-    J = flow.derivatives(z, p).reshape(-1, n, n)
+    J = flow.jacobians(z, p)
     defect = epsilon * (np.einsum("mij,mj->mi", slope, rates[:, :nx]) - rates[:, nx:])
     return defect, epsilon * (J[:, nx:, nx:] - slope @ J[:, :nx, nx:])
 

@@ -71,7 +71,7 @@ class Run:
         self.program = program_of(compiled, Method(method), rtol).copy()
         solver.give_loops(self.program)
         if loops:
-            self.program[ledger.CODE :] = 0
+            self.program = np.array([*self.program[: ledger.CODE], 0])
         self.times, self.states = [np.array([float(stops[0])])], [self.y[np.newaxis].copy()]
         self.dense = [np.empty((0, self.rows, self.y.size))]
 

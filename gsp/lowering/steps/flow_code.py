@@ -22,6 +22,8 @@ _ALWAYS = 500
 _MOST = 20_000
 # Between the two code pays when it does this share of the dense operations, 2 n^3/3, or less.
 _LARGEST_SHARE = 0.5
+# With more states code takes longer to compile than any run that it speeds up.
+_MOST_STATES = 40
 
 
 @dataclass(frozen=True)
@@ -36,23 +38,18 @@ class FlowCode:
     @cached_property
     def jacobian(self) -> dict[tuple[int, int], sp.Expr]:
         """The derivatives d z'_i/d z_j that are not 0 throughout, row by row."""
+        column = {state: j for j, state in enumerate(self.states)}
         return {
             (i, j): entry
             for i, rate in enumerate(self.rates)
-            for j, state in enumerate(self.states)
-            if (entry := derivative(rate, state)) != 0
+            for j in sorted(column[symbol] for symbol in rate.free_symbols if symbol in column)
+            if (entry := derivative(rate, self.states[j])) != 0
         }
 
     @cached_property
     def is_smooth(self) -> bool:
         """Whether no rate has a kink or a jump that is written as one."""
         return not any(rate.has(*NON_SMOOTH) for rate in self.rates)
-
-    @property
-    def pattern(self) -> list[list[bool]]:
-        """Which entries (n, n) of the Jacobian are not 0 throughout."""
-        n = range(len(self.states))
-        return [[(i, j) in self.jacobian for j in n] for i in n]
 
     @cached_property
     def operations(self) -> int:
@@ -62,7 +59,7 @@ class FlowCode:
     @cached_property
     def elimination(self) -> Elimination:
         """How shift - J is decomposed."""
-        return eliminate(self.pattern)
+        return eliminate(len(self.states), self.jacobian)
 
     def constants(self, builder: Any, p: ir.Value) -> dict[sp.Basic, Any]:
         """The values of epsilon and the parameters, loaded; what follows from them alone is kept with them."""
@@ -93,5 +90,14 @@ class FlowCode:
 
 def is_worth_writing(flow: FlowCode) -> bool:
     """Whether code for this flow alone is better than loops for any."""
-    operations = flow.elimination.operations
-    return operations <= max(_ALWAYS, min(_MOST, _LARGEST_SHARE * 2 * len(flow.states) ** 3 / 3))
+    n = len(flow.states)
+    return n <= _MOST_STATES and flow.elimination.operations <= max(_ALWAYS, min(_MOST, _few_operations(n)))
+
+
+def is_sparse(flow: FlowCode) -> bool:
+    """Whether loops over the entries that are not 0 are better than dense ones, where no code is written."""
+    return not is_worth_writing(flow) and flow.elimination.operations <= _few_operations(len(flow.states))
+
+
+def _few_operations(n: int) -> float:
+    return _LARGEST_SHARE * 2 * n**3 / 3

@@ -8,15 +8,14 @@ beyond `LARGEST_GROWTH` the code says so, and the caller falls back to partial p
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heapify, heappop, heappush
 from typing import Any
 
+from gsp.kernels.sparse_systems import LARGEST_GROWTH
 from gsp.lowering.steps.arithmetic import RealArithmetic
-
-# So many units in the last place of a row may be lost to fixed pivots. Partial pivoting keeps it near 1.
-LARGEST_GROWTH = 1e3
 
 
 @dataclass(frozen=True)
@@ -45,26 +44,33 @@ class Elimination:
         return sum(len(r) * (1 + 2 * len(c)) for r, c in zip(self.rows, self.columns))
 
 
-def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
-    """The elimination with pivots on the diagonal in Markowitz's order; `pattern` (n, n) says what is not zero.
+def eliminate(n: int, entries: Iterable[tuple[int, int]]) -> Elimination:
+    """The elimination of n unknowns with pivots on the diagonal in Markowitz's order; `entries` says what is not zero.
 
     The diagonal counts as not zero.
 
-    >>> eliminate([[1, 1, 1], [1, 1, 0], [1, 0, 1]]).order
+    >>> eliminate(3, [(0, 1), (0, 2), (1, 0), (2, 0)]).order
     (1, 2, 0)
     """
-    n = len(pattern)
-    below = [{i for i in range(n) if i != j and pattern[i][j]} for j in range(n)]
-    right = [{j for j in range(n) if j != i and pattern[i][j]} for i in range(n)]
+    below: list[set[int]] = [set() for _ in range(n)]
+    right: list[set[int]] = [set() for _ in range(n)]
+    for i, j in entries:
+        if i != j:
+            below[j].add(i)
+            right[i].add(j)
     order, rows, columns = [], [], []
-    left = set(range(n))
     # Of equals the one that waits for the fewest others, so that a long chain is not walked from end to end.
     depth = [0] * n
-    while left:
-        k = min(left, key=lambda i: (len(below[i]) * len(right[i]), depth[i], i))
-        left.remove(k)
-        for i in below[k] | right[k]:
-            depth[i] = max(depth[i], depth[k] + 1)
+    known = [(len(below[i]) * len(right[i]), 0, i) for i in range(n)]
+    waiting = list(known)
+    heapify(waiting)
+    while waiting:
+        found = heappop(waiting)
+        k = found[2]
+        if known[k] != found:
+            continue
+        known[k] = (-1, 0, k)
+        touched = below[k] | right[k]
         order.append(k)
         rows.append(tuple(sorted(below[k])))
         columns.append(tuple(sorted(right[k])))
@@ -72,6 +78,10 @@ def eliminate(pattern: Sequence[Sequence[bool]]) -> Elimination:
             right[i] = (right[i] | right[k]) - {i, k}
         for j in columns[-1]:
             below[j] = (below[j] | below[k]) - {j, k}
+        for i in touched:
+            depth[i] = max(depth[i], depth[k] + 1)
+            known[i] = (len(below[i]) * len(right[i]), depth[i], i)
+            heappush(waiting, known[i])
     return Elimination(tuple(order), tuple(rows), tuple(columns))
 
 

@@ -60,7 +60,7 @@ def solved(pattern: np.ndarray, jacobian: np.ndarray, shifts, b: np.ndarray) -> 
     }
     for i in range(n):
         entries[i, i] = arithmetic.add(entries[i, i], shift) if (i, i) in entries else shift
-    elimination = eliminate(pattern)
+    elimination = eliminate(n, zip(*np.nonzero(pattern)))
     factors, usable = factorise(arithmetic, entries, elimination)
     right = [(gathered(2 * lanes * (i + 1)), gathered(2 * lanes * (i + 1) + lanes)) for i in range(n)]
     for i, (a, c) in enumerate(solve(arithmetic, factors, elimination, right)):
@@ -110,10 +110,10 @@ def test_solutions_are_those_of_lapack(name):
 
 def test_no_needless_fill():
     """An arrow fills in wholly when its tip is taken first, and not at all when it is taken last."""
-    elimination = eliminate(PATTERNS["arrow"])
+    elimination = eliminate(12, zip(*np.nonzero(PATTERNS["arrow"])))
     assert elimination.order[-2] == 0 or elimination.order[-1] == 0
     assert elimination.operations == 11 * 3
-    assert eliminate(PATTERNS["diagonal"]).operations == 0
+    assert eliminate(8, zip(*np.nonzero(PATTERNS["diagonal"]))).operations == 0
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e6, 1e-6])
