@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @json_option
 def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
-    """Analyse MODEL and write report.html, report.json and the figures."""
+    """Analyse MODEL and write report.html, report.json, the figures, and report.toml, the model as it was asked."""
     from gsp.report import check_folder
 
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")

@@ -18,12 +18,13 @@ from gsp import charts
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.attempts import Missing, attempt
 from gsp.errors import OutputError
+from gsp.readers.writing import as_toml
 from gsp.report.content import as_json
 from gsp.report.page import render
 from gsp.results.interrupts import undisturbed
 from gsp.systems.arguments import check_noun, check_progress, shown
 
-HTML, JSON = "report.html", "report.json"
+HTML, JSON, MODEL = "report.html", "report.json", "report.toml"
 # Every name that a report may ever use; files of other names in the folder are never touched.
 FIGURES = (
     "phenomenon",
@@ -44,7 +45,9 @@ FIGURES = (
 def write_report(
     analysis: Analysis, folder: str | Path, *, progress: Callable[[float], object] | None = None
 ) -> Path:
-    """Write report.html (self-contained), report.json and the figures as PNG to `folder`; returns the page's path.
+    """Write report.html (self-contained), report.json, figures (PNG) and report.toml to `folder`; returns the page.
+
+    The model file report.toml is the scene as it was asked, which the Python beside each figure loads.
 
     The folder is made when it is missing; other files in it stay. `progress(share)` is called as the work goes
     on. A figure or a section that cannot be made is left out, with its reason in its place. Raises `OutputError`
@@ -68,13 +71,20 @@ def write_report(
     content["missing"] |= {
         f"{name}.png": picture.reason for name, picture in pictures.items() if isinstance(picture, Missing)
     }
+    model = attempt("the model file", lambda: as_toml(analysis.scene))
+    if isinstance(model, Missing):
+        content["missing"][MODEL] = model.reason
     timings = {**analysis.timings, "report": time.perf_counter() - begun}
     timings["total"] = sum(timings.values())
     content["timings"] = timings
     files = {f"{name}.png": picture for name, picture in made.items()}
+    if not isinstance(model, Missing):
+        files[MODEL] = model.encode()
     files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
     # Last, so that who finds a new page finds all of it new.
-    files[HTML] = render(analysis, pictures=pictures, timings=timings).encode()
+    files[HTML] = render(
+        analysis, pictures=pictures, timings=timings, model=None if isinstance(model, Missing) else MODEL
+    ).encode()
     told(0.95)
     try:
         # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
@@ -100,7 +110,7 @@ def check_folder(folder: str | Path) -> Path:
         # Permissions do not tell the whole truth (root, read-only disks): try.
         with undisturbed(), tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
             pass
-        for name in (HTML, JSON, *(f"{figure}.png" for figure in FIGURES)):
+        for name in (HTML, JSON, MODEL, *(f"{figure}.png" for figure in FIGURES)):
             if (target / name).is_dir():
                 raise OutputError(
                     f"the report writes {name}. Got {target / name}, which is a folder. Rename it, or give another "

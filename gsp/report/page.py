@@ -19,8 +19,15 @@ from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words
 
 
-def render(analysis: Analysis, *, pictures: Mapping[str, bytes | Missing], timings: Mapping[str, float]) -> str:
-    """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page.
+def render(
+    analysis: Analysis,
+    *,
+    pictures: Mapping[str, bytes | Missing],
+    timings: Mapping[str, float],
+    model: str | None,
+) -> str:
+    """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page. `model` names
+    the model file beside it, where the scene can be kept in one.
 
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
@@ -43,7 +50,7 @@ def render(analysis: Analysis, *, pictures: Mapping[str, bytes | Missing], timin
         **page.head(),
         page=page,
         section=_section,
-        figures=_figures(analysis, page, pictures),
+        figures=_figures(analysis, page, pictures, model),
         timings=timings,
         versions=analysis.versions,
     )
@@ -58,7 +65,7 @@ def _section(heading: str, caller: Callable[[], Markup]) -> Markup:
 
 
 def _figures(
-    analysis: Analysis, page: Page, pictures: Mapping[str, bytes | Missing]
+    analysis: Analysis, page: Page, pictures: Mapping[str, bytes | Missing], model: str | None
 ) -> dict[str, dict[str, Any]]:
     result: dict[str, dict[str, Any]] = {}
     number = 0
@@ -78,5 +85,17 @@ def _figures(
             "source": Markup("data:image/png;base64,{}").format(data),
             "caption": words(text.reason) if isinstance(text, Missing) else text,
             "reason": None,
+            "code": None if model is None else _code(analysis, name, model),
         }
     return result
+
+
+def _code(analysis: Analysis, name: str, model: str) -> str:
+    """Python that draws the figure again, in the report's folder."""
+    order = "" if "series" in analysis.lost else f", order={analysis.series.order}"
+    return (
+        "import gsp\n\n"
+        f'analysis = gsp.analyse(gsp.load("{model}"){order})\n'
+        f'axes = gsp.charts.applicable(analysis)["{name}"](analysis)\n'
+        f'gsp.charts.save(axes, "{name}.svg")'
+    )

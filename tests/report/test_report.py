@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import os
 import re
@@ -11,9 +12,11 @@ from html.parser import HTMLParser
 import pytest
 import sympy as sp
 
+import gsp
 from gsp import SlowFastSystem, analyse, charts, models
 from gsp.errors import DeclarationError, OutputError
 from gsp.readers.expressions import parse_expression
+from gsp.readers.writing import as_toml
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
@@ -153,6 +156,22 @@ def test_page_says_what_the_numbers_say(written, sleigh):
     assert numbers == list(range(1, len(numbers) + 1))
 
 
+def test_every_figure_has_the_python_that_draws_it_again(written, sleigh, monkeypatch):
+    text = (written / "report.html").read_text(encoding="utf-8")
+    codes = [html.unescape(code) for code in re.findall(r"<pre>(import gsp.*?)</pre>", text, re.DOTALL)]
+    names = [name.removesuffix(".png") for name in as_json(sleigh)["figures"]]
+    assert len(codes) == len(names) > 5
+    monkeypatch.chdir(written)
+    asked = []
+    # The analysis itself is another test's: here it is that of the scene which the code loads.
+    monkeypatch.setattr(gsp, "analyse", lambda scene, *, order: asked.append((scene, order)) or sleigh)
+    for code in codes[:2]:
+        exec(compile(code, "report", "exec"), {})
+    assert {order for _, order in asked} == {sleigh.series.order}
+    assert all(as_toml(scene) == as_toml(sleigh.scene) for scene, _ in asked)
+    assert sorted(path.stem for path in written.glob("*.svg")) == sorted(names[:2])
+
+
 def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path):
     folder = write_report(saddle, tmp_path / "saddle").parent
     text = (folder / "report.html").read_text(encoding="utf-8")
@@ -219,7 +238,7 @@ def test_an_older_report_is_replaced_and_other_files_stay(sleigh, quick, tmp_pat
     (target / "report.json").write_text('{"figures": ["manifold.png", "../escape.png", "notes.txt"]}')
     write_report(sleigh, target)
     found = {path.name for path in target.iterdir()}
-    assert found == {"notes.txt", "path.png", "report.html", "report.json", "time_series.png"}
+    assert found == {"notes.txt", "path.png", "report.html", "report.json", "report.toml", "time_series.png"}
     assert _strict((target / "report.json").read_text(encoding="utf-8"))["figures"] == ["time_series.png"]
 
 
