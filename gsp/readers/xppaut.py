@@ -7,13 +7,15 @@ events, noise, arrays, difference and integral equations, conditions) is refused
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NoReturn
 
 from gsp.errors import ModelFileError, nearest
+from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
+from gsp.readers.xppaut_conditions import without_conditions
 
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"
@@ -53,10 +55,9 @@ _REFUSED: dict[str, str] = {
 }
 _LEFT_OUT = ("set", "only", "options")
 _NO_FUNCTIONS = {
-    **dict.fromkeys(("if", "then", "else"), "a condition"),
     **dict.fromkeys(("delay", "del_shft"), "a delay"),
     **dict.fromkeys(("ran", "normal"), "noise"),
-    **dict.fromkeys(("mod", "flr", "heav", "atan2"), "a jump"),
+    **dict.fromkeys(("mod", "flr", "atan2"), "a jump"),
     **dict.fromkeys(("shift", "ishift", "sum"), "an array"),
     **dict.fromkeys(("besselj", "bessely", "lgamma"), "a special function"),
     "int": "an integral",
@@ -89,15 +90,25 @@ def read_ode(text: str) -> ForeignModel:
         )
     model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
     model.starts = {name: file.starts.get(name, "0") for name in file.states}
-    model.states = {name: _expression(*rate) for name, rate in file.states.items()}
+
+    def step() -> str:
+        if not positive:
+            positive.append("positive" if "positive" not in taken else fresh_name("positive", taken))
+            taken.add(positive[0])
+            argument = "u" if "u" not in taken else fresh_name("u", taken)
+            model.definitions[f"{positive[0]}({argument})"] = re.sub(r"\bu\b", argument, POSITIVE)
+        return positive[0]
+
+    positive: list[str] = []
+    model.states = {name: _expression(*rate, step) for name, rate in file.states.items()}
     for name, (number, arguments, text) in file.definitions.items():
         renamed = {word: fresh_name(word, taken) for word in arguments if word in taken}
-        body = _expression(number, text)
+        body = _expression(number, text, step)
         body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
         head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
         model.definitions[head] = body
     for name, (number, text) in file.observables.items():
-        model.observables[fresh_name(name, taken) if name in own else name] = _expression(number, text)
+        model.observables[fresh_name(name, taken) if name in own else name] = _expression(number, text, step)
     used = {
         word
         for text in (*model.states.values(), *model.definitions.values(), *model.observables.values())
@@ -218,7 +229,7 @@ def _take_windows(file: _File, model: ForeignModel) -> None:
                 model.windows[name] = ends
 
 
-def _expression(number: int, text: str) -> str:
+def _expression(number: int, text: str, positive: Callable[[], str]) -> str:
     """An expression in the grammar of model files, which is checked when the result is read."""
     if len(text) > CHARACTERS:
         _fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
@@ -229,12 +240,16 @@ def _expression(number: int, text: str) -> str:
                 f"{word} is {_NO_FUNCTIONS[word]}, and the analysis needs smooth rates",
                 "Write a smooth one.",
             )
-    if re.search(r"[<>&|~!]|==", text):
-        _fail(number, "comparisons are conditions, and the analysis needs smooth rates", "Write a smooth one.")
     if _is_chain(text):
         _fail(
             number, "a power of a power reads differently from program to program", "Put parentheses: (x^y)^z."
         )
+    try:
+        text = without_conditions(text, positive=positive)
+    except ModelFileError as error:
+        raise ModelFileError(f"line {number}: {error}") from None
+    except RecursionError:
+        _fail(number, "an expression is nested too deeply", "Remove parentheses.")
     return re.sub(r"(?<![a-z0-9_.])log10\s*\(", "(1/log(10))*log(", text)
 
 

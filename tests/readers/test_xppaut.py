@@ -80,10 +80,19 @@ def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
         ("z[1..3]'=1", "line 4: arrays"),
         ("%[1..3]", "line 4: arrays"),
         ("z'=delay(x,2)", "line 4: delay is a delay"),
-        ("z'=if(x>1)then(1)else(0)", "line 4: if is a condition"),
-        ("z'=x>1", "line 4: comparisons are conditions"),
-        ("z'=heav(x)", "line 4: heav is a jump"),
         ("z'=ran(1)", "line 4: ran is noise"),
+        ("z'=x+1>2", "line 4: 'x + 1 > 2' reads differently in XPPAUT"),
+        ("z'=2*x<1", "line 4: '2 * x < 1' reads differently in XPPAUT"),
+        ("z'=-1<x", "line 4: '- 1 < x' reads differently in XPPAUT"),
+        ("z'=x>-1", "line 4: 'x > - 1' reads differently in XPPAUT"),
+        ("z'=x<y<1", "line 4: 'x < y < 1' reads differently in XPPAUT"),
+        ("z'=x>1&y>1+2", "line 4: 'y > 1 + 2' reads differently in XPPAUT"),
+        ("z'=x&y+1", "line 4: 'x & y + 1' has & or |"),
+        ("z'=if(x>1)then(1)", "line 4: if is written if(condition)then(value)else(value)"),
+        ("z'=if(x>1)(1)else(2)", "line 4: if is written"),
+        ("z'=heav(x,1)", "line 4: heav takes one argument"),
+        ("z'=(x>1", "line 4: a parenthesis is not closed"),
+        ("z'=x>1)", "line 4: ')' stands where nothing is open"),
         ("z'=2^x^2", "line 4: a power of a power"),
         ("z'=(1+x)^x^2", "line 4: a power of a power"),
         ("x'=1", "line 5: x has two rates"),
@@ -127,6 +136,35 @@ def test_a_hostile_file_is_refused_in_a_sentence(tmp_path: Path, line: str, word
         read(tmp_path, line)
     assert words in str(caught.value)
     assert len(str(caught.value)) < 900
+
+
+@pytest.mark.parametrize(
+    ("formula", "meaning"),
+    [
+        ("x>1", lambda x: x > 1),
+        ("x>=1", lambda x: x >= 1),
+        ("2*(x<1)+(x<=1)", lambda x: 2 * (x < 1) + (x <= 1)),
+        ("(x==1)-(x!=1)", lambda x: 1 if x == 1 else -1),
+        ("if(x>1)then(x^2)else(if(x==1)then(5)else(-x))+1", lambda x: (x**2 if x > 1 else 5 if x == 1 else -x) + 1),
+        ("if(x-1)then(2)else(3)", lambda x: 3 if x == 1 else 2),
+        ("heav(x-1)+sign(x-1)", lambda x: (x >= 1) + np.sign(x - 1)),
+        ("(x>0)&(x<1)|x>2", None),
+        ("((x>0)&(x<1))|(x>2)", lambda x: 0 < x < 1 or x > 2),
+        ("x>0&x<1", lambda x: 0 < x < 1),
+        ("not(x>1)*max(x,1e0)+min(x,2)", lambda x: (not x > 1) * max(x, 1) + min(x, 2)),
+        ("(x-1)>.5", lambda x: x - 1 > 0.5),
+    ],
+)  # fmt: skip
+def test_conditions_are_numbers_and_exact_on_their_edges(tmp_path: Path, formula: str, meaning) -> None:
+    if meaning is None:
+        with pytest.raises(ModelFileError, match="has & or"):
+            read(tmp_path, f"z'={formula}")
+        return
+    scene = read(tmp_path, f"z'={formula}")
+    rates = {state.name: rate for state, rate in zip(scene.system.states, scene.system.rates)}
+    rate = sp.lambdify(sp.Symbol("x"), rates["z"], "numpy")
+    for value in (-1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0):
+        assert rate(value) == pytest.approx(float(meaning(value)), abs=1e-14), value
 
 
 def test_a_file_without_a_small_parameter_says_what_to_do(tmp_path: Path) -> None:
