@@ -107,6 +107,7 @@ class DiffsolPeer(Peer):
 
     title: str
     method: str
+    matrix: str = "nalgebra_dense"
     package = "pydiffsol"
 
     @property
@@ -124,7 +125,7 @@ class DiffsolPeer(Peer):
         begin = ",\n".join(f"{name.text} = {float(value)!r}" for name, value in zip(names.values(), start))
         ode = pydiffsol.Ode(
             f"u_i {{\n{begin}\n}}\nF_i {{\n" + ",\n".join(rate.text for rate in rates) + "\n}\n",
-            matrix_type=pydiffsol.nalgebra_dense,
+            matrix_type=getattr(pydiffsol, self.matrix),
             linear_solver=pydiffsol.lu,
             ode_solver=getattr(pydiffsol, self.method),
         )
