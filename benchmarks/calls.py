@@ -1,4 +1,4 @@
-"""What stands around a solve: starting Python, calling from it, and a reduced model in place of the full one.
+"""What stands around a solve: starting Python, and calling from it.
 
 The figures to reach: the first solve of a fresh process under 0.5 s after the import, with numba's cache warm; a
 call around a solve under 15 us. For the reduced model the ratio is reported, whatever it is.
@@ -15,9 +15,6 @@ import numpy as np
 from problems import sleigh
 
 import gsp
-from gsp.comparison.work_curves import work_precision
-from gsp.comparison.work_runs import ModelKind
-from gsp.models import load
 
 COLD = """
 import time
@@ -35,7 +32,6 @@ COLD_RTOLS = (1e-6, 1e-8, 1e-10)
 RTOLS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 # Short batches, so that some fall between the disturbances of a busy machine.
 CALLS, ROUNDS = 20, 150
-EPSILONS = (0.05, 0.01, 1e-3)
 
 
 def cold_start(repeats: int = 3) -> list[dict]:
@@ -89,37 +85,8 @@ def call_overhead(rounds: int = ROUNDS) -> dict[str, float]:
     return {"call_us": float(call), "step_us": float(step), "shortest_us": least[0], "longest_steps": steps[-1]}
 
 
-def reduced(epsilons: tuple[float, ...] = EPSILONS) -> list[dict]:
-    """By epsilon: the sleigh's reduced order 1 against the full system at the error that is the reduced model's own."""
-    rows = []
-    for epsilon in epsilons:
-        found = work_precision(
-            load("chaplygin_sleigh"),
-            epsilon=epsilon,
-            orders=(1,),
-            peers=(),
-            rtols=tuple(10.0**-k for k in range(2, 11)),
-        )
-        model = found["reduced 1"]
-        # Where the tolerance has stopped to matter, but for a twentieth.
-        error = 1.05 * model.floor
-        full = found.fastest(error, kind=ModelKind.FULL)
-        assert full is not None
-        rows.append(
-            {
-                "epsilon": epsilon,
-                "error": error,
-                "full_us": 1e6 * full.seconds_at(error),
-                "full": full.label,
-                "reduced_us": 1e6 * model.seconds_at(error),
-                "ratio": full.seconds_at(error) / model.seconds_at(error),
-            }
-        )
-    return rows
-
-
-def show(cold: list[dict], overhead: dict[str, float], rows: list[dict]) -> None:
-    """Print what the three found."""
+def show(cold: list[dict], overhead: dict[str, float]) -> None:
+    """Print what both found."""
     print("\nFirst solve of a fresh process: seconds of the import, and of the solve after it")
     for row in cold:
         print(f"  rtol {row['rtol']:.0e}   {row['import']:6.2f} {row['first_solve']:6.2f}")
@@ -127,17 +94,11 @@ def show(cold: list[dict], overhead: dict[str, float], rows: list[dict]) -> None
         f"\nA call around a solve: {overhead['call_us']:.1f} us and {overhead['step_us']:.2f} us a step "
         f"(sleigh, epsilon = 1e-6, Rodas5P)"
     )
-    print("\nReduced order 1 of the sleigh against the full system at the reduced model's own error")
-    for row in rows:
-        print(
-            f"  epsilon = {row['epsilon']:<6g} error {row['error']:.1e}   full {row['full_us']:7.1f} us "
-            f"({row['full']})   reduced {row['reduced_us']:7.1f} us   ratio {row['ratio']:.2f}"
-        )
 
 
 def main() -> None:
     """Print the figures."""
-    show(cold_start(), call_overhead(), reduced())
+    show(cold_start(), call_overhead())
 
 
 if __name__ == "__main__":

@@ -93,9 +93,8 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
     def around() -> dict:
         cold = calls.cold_start(1 if quick else 3)
         overhead = calls.call_overhead()
-        reduced = calls.reduced(calls.EPSILONS[:1] if quick else calls.EPSILONS)
-        calls.show(cold, overhead, reduced)
-        return {"cold": cold, "overhead": overhead, "reduced": reduced}
+        calls.show(cold, overhead)
+        return {"cold": cold, "overhead": overhead}
 
     def whole() -> dict:
         data = whole_calls.measure(quick=quick)
