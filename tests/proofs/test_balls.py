@@ -81,7 +81,10 @@ def root_powers_hold(cases: int) -> None:
         p, q = draw.choice([(1, 2), (1, 3), (-2, 3), (3, 2), (5, 4), (-1, 2)])
         r = inside(draw, low, high)
         wide = balls.hull(low, high)
-        assert holds(balls.root_power(balls.power(wide, q), p, q), r**p), (low, high, p, q)
+        whole = balls.power(wide, q)
+        found = balls.root_power(whole, p, q)
+        # A midpoint and a radius of very different ends may reach 0: nothing is claimed then.
+        assert holds(found, r**p) if whole > 0 else not found.is_finite(), (low, high, p, q)
         assert holds(balls.negative(wide), -r)
         assert holds(balls.hull(low, high), r)
 
