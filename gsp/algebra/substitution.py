@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import sympy as sp
@@ -45,7 +46,7 @@ def substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.
 
 
 def is_long_power(base: sp.Expr, exponent: sp.Expr) -> bool:
-    """Whether SymPy would write base**exponent out as a number with more than `BITS` bits, or a root as fine."""
+    """Whether SymPy would write base**exponent out by numbers of more than `BITS` bits, or a root as fine."""
     # b**(c + x) is worked out as b**c b**x, and the whole part of c is taken out of a root.
     constant = exponent.as_coeff_Add()[0]
     if not isinstance(constant, sp.Rational):
@@ -54,9 +55,22 @@ def is_long_power(base: sp.Expr, exponent: sp.Expr) -> bool:
         if isinstance(factor, sp.Rational) and isinstance(power, sp.Rational) and abs(factor) not in (0, 1):
             written = power * constant
             if bits_of(factor) * abs(written) > BITS or (
-                not written.is_Integer and bits_of(written) > EXPONENT_BITS
+                not written.is_Integer and _is_long_root(factor, written)
             ):
                 return True
+    return False
+
+
+def _is_long_root(base: sp.Rational, exponent: sp.Rational) -> bool:
+    if bits_of(exponent) > EXPONENT_BITS:
+        return True
+    # SymPy gathers the primes of a base below one root, each to what its power leaves over the root's order.
+    for part, power in ((abs(int(base.p)), exponent.p), (int(base.q), -exponent.p)):
+        primes = sp.Integer(part).factors(2**15).items()
+        left = [(prime, times * power % exponent.q) for prime, times in primes]
+        shared = math.gcd(*(times for _, times in left))
+        if shared and sum(times // shared * int(prime).bit_length() for prime, times in left) > BITS:
+            return True
     return False
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple, NoReturn
 
 import sympy as sp
 
-from gsp.algebra.substitution import BITS, EXPONENT_BITS, bits_of
+from gsp.algebra.substitution import BITS, bits_of, is_long_power
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
 from gsp.systems.declaration import DEGREE
@@ -425,8 +425,8 @@ class _Parser:
         e: sp.Expr = exponent.expression
         degree = base.degree + exponent.degree
         if e.is_Rational:
-            if not b.free_symbols and not e.is_Integer and _bits(e) > EXPONENT_BITS:
-                self.fail("the exponent of a number has too many digits", position, "Round it.")
+            if not b.free_symbols and not e.is_Integer and is_long_power(b, e):
+                self.fail("the exponent of a number has too many digits", position, "Round it, or write 1/3.")
             size = _ceiling(e)
             degree = base.degree * size
             coefficient = b.as_coeff_Mul()[0]

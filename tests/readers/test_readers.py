@@ -553,3 +553,16 @@ def test_what_sympy_raises_on_the_way_is_a_refusal_with_its_place(monkeypatch, e
     monkeypatch.setattr(expressions, "FUNCTIONS", {**expressions.FUNCTIONS, "sinh": (1, stumble)})
     with pytest.raises(ModelFileError, match=r"'sinh' cannot be worked out here.*at character 5"):
         parse_expression("x + sinh(x)", symbols={"x": sp.Symbol("x")})
+
+
+@pytest.mark.parametrize("text", ["(2/7)^0.123457", "6.022e23^(1/3)", "1.38e-23^0.25", "2^0.123456789"])
+def test_roots_of_numbers_are_read_whatever_their_order(text) -> None:
+    base, exponent = text.split("^")
+    value = float(parse_expression(base, symbols={})) ** float(parse_expression(exponent, symbols={}))
+    assert float(parse_expression(text, symbols={})) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["6.022e23^0.333333333", "0.5^1e-300", "x*72^0.666667"])
+def test_roots_that_sympy_would_write_out_by_huge_numbers_are_refused(text) -> None:
+    with pytest.raises(ModelFileError, match="too many digits, at character"):
+        parse_expression(text, symbols={"x": sp.Symbol("x")})
