@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.demos.browser import Page, windows
+
 
 @pytest.fixture
 def interruptible() -> Iterator[None]:
@@ -14,3 +16,9 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="session")
+def page() -> Iterator[Page]:
+    """One browser window for all tests of pages."""
+    yield from windows()

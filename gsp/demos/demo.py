@@ -29,10 +29,14 @@ WIDER = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Demo(Card):
-    """A page to move: `html` is a whole file, which runs the model without a network."""
+    """A page to move: `html` is a whole file, which runs the model without a network.
+
+    `script_hash` is the source expression, as in 'sha256-...', by which the policy of a page around it lets it run.
+    """
 
     scene: Scene
     html: str = field(repr=False)
+    script_hash: str = field(repr=False)
 
     def save(self, path: str | Path) -> Path:
         """Write the page to `path`, whole or not at all; raises `OutputError` when that cannot be done."""
@@ -98,7 +102,7 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         **_space(study, program.parts, told.get("space", True)),
     }
     title = scene.title or scene.name or scene.system.name or "A slow-fast system"
-    return Demo(scene, render(program, data, title=title))
+    return Demo(scene, *render(program, data, title=title))
 
 
 def _axes(parts: Mapping[str, Any]) -> list[str]:

@@ -40,14 +40,17 @@ def source(name: str) -> str:
     return files("gsp.demos").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def render(program: Program, data: Mapping[str, Any], *, title: str) -> str:
-    """The page as self-contained HTML; `data` is what the scripts read beside the program."""
+def render(program: Program, data: Mapping[str, Any], *, title: str) -> tuple[str, str]:
+    """The page as self-contained HTML, and the hash by which a policy lets its script run.
+
+    `data` is what the scripts read beside the program.
+    """
     script = "\n".join(['"use strict";', program.code, *(source(name) for name in SCRIPTS)])
     style = source(STYLE)
     environment = Environment(
         loader=PackageLoader("gsp.demos", "page"), autoescape=True, undefined=StrictUndefined
     )
-    return environment.get_template("page.html").render(
+    page = environment.get_template("page.html").render(
         title=printable(title),
         script=Markup(script),
         style=Markup(style),
@@ -55,6 +58,7 @@ def render(program: Program, data: Mapping[str, Any], *, title: str) -> str:
         style_hash=_hash(style),
         data=Markup(embedded({**data, "model": program.parts, "rodas5p": rodas5p()})),
     )
+    return page, _hash(script)
 
 
 def embedded(data: Any) -> str:

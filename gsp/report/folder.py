@@ -17,6 +17,7 @@ from pathlib import Path
 from gsp import charts
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.attempts import Missing, attempt
+from gsp.demos.demo import demo
 from gsp.errors import OutputError
 from gsp.readers.writing import as_toml
 from gsp.report.content import as_json
@@ -71,6 +72,9 @@ def write_report(
     content["missing"] |= {
         f"{name}.png": picture.reason for name, picture in pictures.items() if isinstance(picture, Missing)
     }
+    panel = attempt("the panel", lambda: demo(analysis.study))
+    if isinstance(panel, Missing):
+        content["missing"]["panel"] = panel.reason
     model = attempt("the model file", lambda: as_toml(analysis.scene))
     if isinstance(model, Missing):
         content["missing"][MODEL] = model.reason
@@ -83,7 +87,11 @@ def write_report(
     files[JSON] = (json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
     # Last, so that who finds a new page finds all of it new.
     files[HTML] = render(
-        analysis, pictures=pictures, timings=timings, model=None if isinstance(model, Missing) else MODEL
+        analysis,
+        pictures=pictures,
+        panel=panel,
+        timings=timings,
+        model=None if isinstance(model, Missing) else MODEL,
     ).encode()
     told(0.95)
     try:

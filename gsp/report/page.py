@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.attempts import Missing, attempt
+from gsp.demos.demo import Demo
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words
@@ -23,11 +24,12 @@ def render(
     analysis: Analysis,
     *,
     pictures: Mapping[str, bytes | Missing],
+    panel: Demo | Missing,
     timings: Mapping[str, float],
     model: str | None,
 ) -> str:
     """The page as self-contained HTML; `pictures` are PNG files by chart, in the order of the page. `model` names
-    the model file beside it, where the scene can be kept in one.
+    the model file beside it, where the scene can be kept in one, and `panel` is the demo at its top.
 
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
@@ -51,6 +53,8 @@ def render(
         page=page,
         section=_section,
         figures=_figures(analysis, page, pictures, model),
+        panel=None if isinstance(panel, Missing) else panel,
+        no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
         timings=timings,
         versions=analysis.versions,
     )

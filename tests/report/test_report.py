@@ -134,13 +134,28 @@ def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
 def test_page_is_well_formed_and_fetches_nothing(written):
     page = Page((written / "report.html").read_text(encoding="utf-8"))
     for tag, attributes in page.tags:
-        assert tag not in {"script", "link", "iframe", "object"}
+        assert tag not in {"script", "link", "object"}
+        # The panel stands in the page itself.
+        assert tag != "iframe" or attributes["sandbox"] == "allow-scripts"
         for name in ("src", "href", "action", "data"):
             assert (attributes.get(name) or "data:").startswith("data:")
     text = re.sub(r"data:[^\"]*", "", (written / "report.html").read_text(encoding="utf-8"))
     assert "http://" not in text
     assert "https://" not in text
     assert "url(" not in text
+
+
+def test_the_panel_at_the_top_runs_the_model(written, page):
+    page.open(written / "report.html")
+    page.driver.switch_to.frame(page.driver.find_element("css selector", "iframe.panel"))
+    before = page.picture()
+    page.slide("epsilon", -3.0)
+    assert page.run("return state.epsilon") == pytest.approx(1e-3)
+    assert page.picture() != before
+    assert page.inked() > 1000
+    page.driver.switch_to.default_content()
+    assert page.complaints() == []
+    assert page.requests() == []
 
 
 def test_page_says_what_the_numbers_say(written, sleigh):
@@ -293,6 +308,10 @@ def test_numbers_and_words_are_set():
     assert words("x = -1: a b = -0.5 < 0") == "<i>x</i> = −1: <i>a b</i> = −0.5 &lt; 0"
     assert first_sentence("no fold: b = l . g_x f. Use 1. Or 2.") == "no fold: b = l . g_x f"
     assert signed(-0.5) == "− 0.5"
+    assert (
+        words("off by 7.1e-05, 21e-5, 1e-5.")
+        == "off by 7.1×10<sup>−5</sup>, 21×10<sup>−5</sup>, 10<sup>−5</sup>."
+    )
     assert words("g_y(x, 0) < 1e-09") == "<i>g</i><sub>y</sub>(<i>x</i>, 0) &lt; 10<sup>−9</sup>"
 
 

@@ -333,7 +333,8 @@ function measure() {
 
 function remember() {
   const fragment = encodeState(state, data);
-  if (fragment !== location.hash) history.replaceState(null, "", fragment);
+  // Inside another page it has no address of its own.
+  if (fragment !== location.hash && location.protocol !== "about:") history.replaceState(null, "", fragment);
 }
 
 // The power of epsilon between the present epsilon and the smaller ones, NaN where too few errors stand clear of rounding.
