@@ -13,12 +13,13 @@ import sys
 from typing import Any
 
 from gsp.errors import ModelFileError
+from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel
 from gsp.readers.sbml import read_sbml
 
 MEMORY = 1 << 30
 """Bytes that the library may have. Processor time has a bound too, for what makes no progress."""
-SECONDS = 60
+SECONDS = 20
 DIGITS = 15
 """Digits of a number that the library writes."""
 
@@ -57,6 +58,10 @@ def read_antimony(text: str) -> ForeignModel:
     if hidden is not None:
         # The library reads no further than a NUL.
         raise ModelFileError(f"the file holds the hidden character U+{ord(hidden):04X}. Remove it.")
+    longest = max(map(len, re.split(r"[;\n]", text)))
+    if longest > CHARACTERS:
+        # The library takes quadratic time in a sum.
+        raise ModelFileError(f"a statement is {longest} characters long; {CHARACTERS} are allowed. Split it.")
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")
     long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]

@@ -316,7 +316,7 @@ def test_a_formula_on_the_page_is_the_lectures(pattern: str) -> None:
 
 
 def test_the_tyre_creeps_as_far_as_the_first_order_says() -> None:
-    example = runpy.run_path(str(ROOT / "examples" / "creep.py"))
+    example = runpy.run_path(str(ROOT / "examples" / "mechanics" / "creep.py"))
     tyre = example["tyre"]()
     for speed in (2.0, 20.0):
         row = example["creep"](tyre, speed)

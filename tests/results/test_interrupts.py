@@ -207,7 +207,8 @@ def test_no_verb_takes_half_a_run_for_a_result():
 
 # Where Ctrl-C may be caught: runs, ensembles, continuations and proofs that return what they made; the command line.
 CATCHERS = {
-    "loop.py", "parallel.py", "arclength.py", "tracing.py", "covering.py", "certify.py", "slow_tubes.py", "program.py",
+    "loop.py", "parallel.py", "arclength.py", "tracing.py", "covering.py", "certify.py", "slow_tubes.py",
+    "solved_tubes.py", "program.py",
 }  # fmt: skip
 
 
