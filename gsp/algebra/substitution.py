@@ -66,7 +66,11 @@ def _is_long_root(base: sp.Rational, exponent: sp.Rational) -> bool:
         return True
     # SymPy gathers the primes of a base below one root, each to what its power leaves over the root's order.
     for part, power in ((abs(int(base.p)), exponent.p), (int(base.q), -exponent.p)):
-        primes = sp.Integer(part).factors(2**15).items()
+        try:
+            primes = sp.Integer(part).factors(2**15).items()
+        except OverflowError:
+            # Beyond doubles; SymPy fails in the same way when it takes the root, which is caught there.
+            continue
         left = [(prime, times * power % exponent.q) for prime, times in primes]
         shared = math.gcd(*(times for _, times in left))
         if shared and sum(times // shared * int(prime).bit_length() for prime, times in left) > BITS:

@@ -383,6 +383,8 @@ class Branch(Portable, Card):
     def _polynomial_roots(self, point: np.ndarray) -> np.ndarray:
         assert self._polynomial is not None
         coefficients = self._polynomial(point[None, :], self._values)[0]
+        if not np.isfinite(coefficients).all():
+            return np.empty((0, 1))
         found = np.roots(np.trim_zeros(coefficients, "f"))
         real = found.real[np.abs(found.imag) <= REAL_TOLERANCE * (1.0 + np.abs(found))]
         guess = np.sort(real)[:, None]

@@ -348,3 +348,13 @@ def test_a_start_on_a_piece_that_is_no_graph_is_not_given_a_far_branch() -> None
     with pytest.raises(BranchError, match=r"nearest to the piece .* which is no graph of y, z over .* x"):
         critical.nearest({"x": 0.5, "y": 0.45, "z": 0.2})
     assert critical.nearest({"x": 0.5, "y": 15.0, "z": 5.0}).is_explicit
+
+
+def test_where_a_coefficient_has_a_pole_the_branch_has_no_point() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: 1}, fast={y: x ** (1 - 2 * sp.pi) - y - y**3}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0]
+    assert branch.roots({"x": 0}).shape == (0, 1)
+    assert branch.roots({"x": 1}).shape == (1, 1)
+    with pytest.raises(BranchError, match="no real point over x = 0"):
+        branch.through({"x": 0, "y": 0})
