@@ -202,7 +202,8 @@ def _branch_point(
     bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
     push = float(left @ at.push)
     if flags[0]:
-        discriminant = 0.25 * cross**2 - a * bent
+        # A power of a float that is too large raises; a product is infinite.
+        discriminant = 0.25 * cross * cross - a * bent
         coefficients["discriminant"] = discriminant
         if moves and discriminant > 0.0:
             coefficients["lambda"] = (a * push + 0.5 * cross) / float(np.sqrt(discriminant))
