@@ -47,18 +47,18 @@ def test_help_names_every_command() -> None:
 
 def test_models_lists_the_scenes_as_text_and_json() -> None:
     assert "chaplygin_sleigh" in run("models").output
-    rows = json.loads(run("models", "--json").output)
+    rows = json.loads(run("models", "--json").stdout)
     assert {"chaplygin_sleigh", "michaelis_menten", "van_der_pol"} <= {row["name"] for row in rows}
 
 
 def test_split_finds_the_slow_momentum() -> None:
-    got = json.loads(run("split", "chaplygin_sleigh", "--json").output)
+    got = json.loads(run("split", "chaplygin_sleigh", "--json").stdout)
     assert got["coordinates"]["p"] == "a*m*w + omega*(I + a**2*m)"
     assert "linear first integral" in run("split", "chaplygin_sleigh").output
 
 
 def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
-    got = json.loads(run("expand", "chaplygin_sleigh", "--order", "2", "--json").output)
+    got = json.loads(run("expand", "chaplygin_sleigh", "--order", "2", "--json").stdout)
     assert [len(row) for row in got["h"]] == [1, 1, 1]
     assert got["slow"] == ["v", "p"]
     assert "f_1  v' = -I*m*omega**2*v/(I + a**2*m)" in run("expand", "chaplygin_sleigh", "--raw").output
@@ -70,7 +70,7 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
     file.write_text(FOLD)
     assert exit_status(monkeypatch, "check", str(file)) == 1
     assert "lost: fold: zero eigenvalue" in capsys.readouterr().out
-    verdict = json.loads(run("check", str(file), "--json").output)
+    verdict = json.loads(run("check", str(file), "--json").stdout)
     assert verdict["holds"] is False
     assert verdict["kind"] == "lost"
 
@@ -132,7 +132,7 @@ def test_coefficients_too_long_to_read_are_counted_and_shortened(tmp_path) -> No
 
 
 def test_folds_are_found_along_an_implicit_branch() -> None:
-    got = json.loads(run("folds", "van_der_pol", "--json").output)
+    got = json.loads(run("folds", "van_der_pol", "--json").stdout)
     places = sorted((round(p["point"]["x"], 9), round(p["point"]["y"], 9)) for p in got["special"])
     assert (1.0, -0.666666667) in places
     assert "curve of folds" in run("folds", "koper").output
@@ -148,7 +148,7 @@ def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
     )
     (fold,) = [
         p["point"]
-        for p in json.loads(run("folds", str(file), "--json").output)["special"]
+        for p in json.loads(run("folds", str(file), "--json").stdout)["special"]
         if p["kind"] == "fold"
     ]
     assert fold == pytest.approx({"v": 0.390625, "u": 0.375})
@@ -161,7 +161,7 @@ def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
 
 
 def test_methods_are_tabulated_with_their_orders() -> None:
-    rows = {row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").output)}
+    rows = {row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").stdout)}
     assert rows["CSP 1"]["expected"] == 2
     assert rows["series 2"]["fitted"] == pytest.approx(3, abs=0.1)
     assert rows["solved"]["error at 0.1"] < 1e-10
@@ -181,7 +181,7 @@ def test_a_demo_is_written_where_it_was_asked_for(tmp_path, monkeypatch: pytest.
     monkeypatch.setattr("click.launch", lambda url: shown.append(url) or 0)
     page = tmp_path / "page.html"
     got = run("demo", "linear", "-o", str(page), "--no-open", "--json")
-    assert json.loads(got.output) == {"name": "linear", "file": str(page), "bytes": page.stat().st_size}
+    assert json.loads(got.stdout) == {"name": "linear", "file": str(page), "bytes": page.stat().st_size}
     assert shown == []
     monkeypatch.chdir(tmp_path)
     assert run("demo", "linear", "--epsilon", "0.02").output == "demo: gsp-demo-linear.html\n"
@@ -190,7 +190,7 @@ def test_a_demo_is_written_where_it_was_asked_for(tmp_path, monkeypatch: pytest.
 
 
 def test_demo_without_a_model_lists_the_demos() -> None:
-    rows = json.loads(run("demo", "--json").output)
+    rows = json.loads(run("demo", "--json").stdout)
     assert rows[0]["told"]
     assert {row["name"] for row in rows} == set(models.names())
     assert "told in steps" in run("demo").output
@@ -227,7 +227,7 @@ def test_choose_prints_the_card_and_json() -> None:
     text = run("choose", "linear", "--tolerance", "1e-3").output
     assert "predicted" in text
     assert "->" in text
-    found = json.loads(run("choose", "linear", "--json").output)
+    found = json.loads(run("choose", "linear", "--json").stdout)
     assert found["name"] == "linear"
     assert found["measured"] <= found["tolerance"]
     assert {row["kind"] for row in found["candidates"]} == {"reduced", "solved", "full"}

@@ -137,7 +137,7 @@ def test_the_report_decides_as_choose_does(name: str) -> None:
     def may(answer: str) -> str:
         return "yes" if answer in (Answer.YES, Answer.NO_GAIN) else answer
 
-    shown = json.loads(CliRunner().invoke(cli, ["choose", name, "--json"]).output)
+    shown = json.loads(CliRunner().invoke(cli, ["choose", name, "--json"]).stdout)
     asked, told = choose(models.load(name)), analyse(models.load(name)).choice
     valid = [(c.label, c.valid) for c in told.candidates]
     assert [(c.label, c.valid) for c in asked.candidates] == valid

@@ -56,12 +56,12 @@ def test_a_decimal_on_the_command_line_is_that_decimal():
 
 def test_a_region_on_the_command_line_is_the_one_that_is_checked():
     # The fold of the cubic at x = 1 lies outside the scene's region and inside the wide one.
-    verdict = json.loads(run("check", "van_der_pol", "--region", "y=-9:9", "--json").output)
+    verdict = json.loads(run("check", "van_der_pol", "--region", "y=-9:9", "--json").stdout)
     assert verdict["holds"] is False
 
 
 def test_epsilon_and_order_reach_the_choice():
-    found = json.loads(run("choose", "michaelis_menten", "--epsilon", "1/100", "--order", "1", "--json").output)
+    found = json.loads(run("choose", "michaelis_menten", "--epsilon", "1/100", "--order", "1", "--json").stdout)
     assert found["epsilon"] == 0.01
     assert {row["order"] for row in found["candidates"] if row["kind"] == "reduced"} == {0, 1}
 
@@ -104,12 +104,12 @@ def test_conserved_quantities_are_named(tmp_path):
     )
     text = run("split", str(file)).output
     assert "Conserved: p = c + e, for p' = 0." in text
-    assert json.loads(run("split", str(file), "--json").output)["conserved"] == ["p"]
-    assert json.loads(run("split", "van_der_pol", "--json").output)["conserved"] == []
+    assert json.loads(run("split", str(file), "--json").stdout)["conserved"] == ["p"]
+    assert json.loads(run("split", "van_der_pol", "--json").stdout)["conserved"] == []
 
 
 def test_folds_as_json_have_the_curve():
-    found = json.loads(run("folds", "van_der_pol", "--json").output)
+    found = json.loads(run("folds", "van_der_pol", "--json").stdout)
     (curve,) = found["curves"]
     x, y = curve["points"]["x"], curve["points"]["y"]
     assert len(x) == len(y) > 50
