@@ -184,7 +184,7 @@ def test_a_demo_is_written_where_it_was_asked_for(tmp_path, monkeypatch: pytest.
     assert json.loads(got.stdout) == {"name": "linear", "file": str(page), "bytes": page.stat().st_size}
     assert shown == []
     monkeypatch.chdir(tmp_path)
-    assert run("demo", "linear", "--epsilon", "0.02").output == "demo: gsp-demo-linear.html\n"
+    assert run("demo", "linear", "--epsilon", "0.02").stdout == "demo: gsp-demo-linear.html\n"
     assert shown == [(tmp_path / "gsp-demo-linear.html").as_uri()]
     assert '"epsilon":0.02' in (tmp_path / "gsp-demo-linear.html").read_text(encoding="utf-8")
 
