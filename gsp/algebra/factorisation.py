@@ -78,6 +78,32 @@ def lowest_terms(expression: sp.Expr) -> sp.Expr:
     return found.expression(found.numerator) / found.expression(found.denominator)
 
 
+def coprime_numerators(expressions: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    """Multiples of `expressions` by one common quotient: expanded, with integer coefficients and no common divisor.
+
+    The leading coefficient of the first that is not zero is positive. None when that is over the budget.
+    """
+    atoms = _Atoms(*expressions)
+    try:
+        fractions = [atoms.read(e) for e in expressions]
+        below = reduce(_least_common_multiple, (bottom for top, bottom in fractions if top != 0), atoms.one)
+        tops = [_product(top, below / bottom) if top != 0 else top for top, bottom in fractions]
+        divisor = tops[0] * 0
+        for top in tops:
+            _check(top, divisor)
+            divisor = top.gcd(divisor)
+    except _TooLarge:
+        return None
+    if divisor == 0:
+        return [sp.Integer(0)] * len(tops)
+    tops = [top / divisor for top in tops]
+    numbers = [flint.fmpq(c) for top in tops for c in top.coeffs()]
+    content = flint.fmpq(gcd(*(int(c.p) for c in numbers)), lcm(*(int(c.q) for c in numbers)))
+    leading = next(top for top in tops if top != 0).leading_coefficient()
+    scale = 1 / content if leading > 0 else -1 / content
+    return [polynomial_expression(top * scale, atoms.meaning) for top in tops]
+
+
 def factor_list(expression: sp.Expr) -> tuple[sp.Rational, list[tuple[sp.Expr, int]]]:
     """(c, [(factor, multiplicity), ...]) of the numerator: irreducible factors with positive leading coefficients.
 
@@ -152,12 +178,14 @@ Fraction = tuple[flint.fmpq_mpoly, flint.fmpq_mpoly]
 
 
 class _Atoms:
-    """The generators that an expression needs, and its reading in them."""
+    """The generators that expressions need, and their reading in them."""
 
-    def __init__(self, expression: sp.Expr) -> None:
+    def __init__(self, *expressions: sp.Expr) -> None:
         self.shared: dict[sp.Expr, tuple[sp.Expr, int]] = {}
         found: dict[sp.Expr, None] = {}
-        _collect(expression, found, set())
+        seen: set[sp.Expr] = set()
+        for expression in expressions:
+            _collect(expression, found, seen)
         self._share_exponentials(found)
         self._share_roots(found)
         meaning = {self.shared.get(atom, (atom, 1))[0]: None for atom in found}
@@ -269,6 +297,11 @@ def _direction(exponent: sp.Expr) -> tuple[sp.Rational, sp.Expr]:
 def _check(a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> None:
     if len(a) * len(b) > TERM_PRODUCTS:
         raise _TooLarge
+
+
+def _least_common_multiple(a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
+    _check(a, b)
+    return _product(a, b / a.gcd(b))
 
 
 def _product(a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> flint.fmpq_mpoly:

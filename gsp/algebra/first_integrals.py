@@ -14,13 +14,15 @@ import sympy as sp
 from sympy.core.function import Application
 from sympy.polys.matrices import DomainMatrix
 
-from gsp.algebra.factorisation import factor_list, lowest_terms
+from gsp.algebra.factorisation import coprime_numerators, factor_list, factored, lowest_terms, quotient
 from gsp.algebra.laurent import vanishes
 from gsp.algebra.substitution import substituted
 
 # Polynomial ansatz up to this degree, and at most this many unknown coefficients.
 MAX_DEGREE = 3
 MAX_UNKNOWNS = 400
+# Terms of the components times unknown coefficients, which are all written out.
+MAX_PRODUCTS = 20_000
 # Longer quotients are not integrated.
 MAX_OPERATIONS = 60
 ELEMENTARY = (
@@ -62,22 +64,13 @@ def common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> sp.E
     return sp.Mul(*[f**k for f, k in shared.items() if f.has(*states)])
 
 
-def _numerators(expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
-    fractions = [sp.fraction(sp.together(e)) for e in expressions]
-    denominator = sp.Integer(1)
-    for _, d in fractions:
-        denominator = sp.lcm(denominator, d)
-    return [sp.cancel(n * denominator / d) for n, d in fractions]
-
-
-def _coefficient_rows(expressions: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[dict]:
-    """Each expression as {monomial: coefficient}, monomials in the states and in functions of them."""
-    numerators = [sp.expand(e) for e in _numerators(expressions)]
-    functions = {p for e in numerators for p in e.atoms(Application, sp.Pow) if p.has(*states)}
+def _coefficient_rows(polynomials: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[dict]:
+    """Each polynomial as {monomial: coefficient}, monomials in the states and in functions of them."""
+    functions = {p for e in polynomials for p in e.atoms(Application, sp.Pow) if p.has(*states)}
     # Functions of the states count as further unknowns, independent of the states themselves.
     stand_in = {p: sp.Dummy() for p in functions if not (p.is_Pow and p.exp.is_Integer and p.exp > 0)}
     gens = (*states, *stand_in.values())
-    return [dict(sp.Poly(e.xreplace(stand_in), *gens).terms()) if e != 0 else {} for e in numerators]
+    return [dict(sp.Poly(e.xreplace(stand_in), *gens).terms()) if e != 0 else {} for e in polynomials]
 
 
 def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:
@@ -87,25 +80,20 @@ def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:
         return [[sp.Integer(int(i == j)) for j in range(len(rows))] for i in range(len(rows))]
     matrix = sp.Matrix([[row.get(m, 0) for row in rows] for m in monomials])
     null = DomainMatrix.from_Matrix(matrix).to_field().nullspace().to_Matrix()
-    return [_primitive(list(null.row(i))) for i in range(null.rows)]
+    vectors = [coprime_numerators(list(null.row(i))) for i in range(null.rows)]
+    return [_with_leading_sign(vector) for vector in vectors if vector is not None]
 
 
-def _primitive(vector: list[sp.Expr]) -> list[sp.Expr]:
-    fractions = [sp.fraction(sp.cancel(v)) for v in vector]
-    scale = sp.Integer(1)
-    for _, d in fractions:
-        scale = sp.lcm(scale, d)
-    cleared = [sp.cancel(v * scale) for v in vector]
-    divisor = sp.Integer(0)
-    for v in cleared:
-        divisor = sp.gcd(divisor, v)
-    cleared = [sp.cancel(v / divisor) for v in cleared]
-    leading = next(v for v in cleared if v != 0)
-    return [-v for v in cleared] if leading.could_extract_minus_sign() else cleared
+def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
+    leading = next(v for v in vector if v != 0)
+    return [-v for v in vector] if leading.could_extract_minus_sign() else vector
 
 
 def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    vectors = _left_null_space(_coefficient_rows(direction, states))
+    numerators = coprime_numerators(direction)
+    if numerators is None:
+        return []
+    vectors = _left_null_space(_coefficient_rows(numerators, states))
     integrals = [sp.Add(*[c * z for c, z in zip(vector, states)]) for vector in vectors]
     # Single states first, then in the order of the first state they contain.
     return sorted(integrals, key=lambda phi: [i for i, z in enumerate(states) if phi.has(z)])
@@ -119,9 +107,9 @@ def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degre
         for d in range(degree, 0, -1)
         for choice in itertools.combinations_with_replacement(states, d)
     ]
-    if len(monomials) > MAX_UNKNOWNS:
+    numerators = coprime_numerators(direction) if len(monomials) <= MAX_UNKNOWNS else None
+    if numerators is None or sum(len(sp.Add.make_args(n)) for n in numerators) * len(monomials) > MAX_PRODUCTS:
         return []
-    numerators = _numerators(direction)
     rates = [sp.expand(sum(sp.diff(m, z) * n for z, n in zip(states, numerators))) for m in monomials]
     rows = [dict(sp.Poly(rate, *states).terms()) if rate != 0 else {} for rate in rates]
     vectors = _left_null_space(rows)
@@ -138,7 +126,7 @@ def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
     rates = dict(zip(states, direction))
     found: list[sp.Expr] = []
     for z, t in itertools.permutations(moving, 2):
-        ratio: Any = sp.factor(sp.cancel(rates[z] / rates[t]))
+        ratio: Any = factored(rates[z] / rates[t])
         if ratio.has(*[s for s in moving if s not in (z, t)]) or sp.count_ops(ratio) > MAX_OPERATIONS:
             continue
         for candidate in (_linear_equation(ratio, z, t), _separable(ratio, z, t)):
@@ -167,7 +155,7 @@ def _linear_equation(ratio: sp.Expr, z: sp.Symbol, t: sp.Symbol) -> sp.Expr | No
     if exponent is None:
         return None
     factor = sp.simplify(sp.exp(-exponent))
-    offset = _antiderivative(sp.cancel(ratio - slope * z) * factor, t)
+    offset = _antiderivative(lowest_terms(ratio - slope * z) * factor, t)
     return None if offset is None else sp.factor_terms(sp.expand(z * factor - offset))
 
 
@@ -190,9 +178,14 @@ def _antiderivative(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
 
 
 def _is_tractable(expression: sp.Expr, t: sp.Symbol) -> bool:
-    """False for quotients whose denominators have factors of degree 2 with parameters, or higher: no useful formula."""
-    for factor in sp.Mul.make_args(sp.factor(sp.denom(sp.together(expression)))):
-        base = factor.as_base_exp()[0]
+    """False for quotients whose denominators have factors of degree 2 with parameters, or higher: no useful formula.
+
+    False too for what is over the budget of factorisation.
+    """
+    found = quotient(expression)
+    if found is None:
+        return False
+    for base, _ in factor_list(found.expression(found.denominator))[1]:
         if not base.has(t) or not base.is_polynomial(t):
             continue
         degree = sp.degree(base, t)

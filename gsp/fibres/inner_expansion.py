@@ -23,6 +23,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.exponential_polynomials import ExponentialRing, NotClosed
+from gsp.algebra.factorisation import lowest_terms
 from gsp.algebra.laurent import laurent
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import read
@@ -235,7 +236,7 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     slopes = [derivative(rate, y) for rate in rates for y in system.y]
     if any(_varies(slope, problem) for slope in slopes):
         raise NotClosed
-    entries = [sp.cancel(slope) for slope in slopes]
+    entries = [lowest_terms(slope) for slope in slopes]
     if any(not entry.is_Rational for entry in entries):
         raise NotClosed
     n = len(system.y)
@@ -248,7 +249,7 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     if all(rate > 0 for rate in ring.rates):
         return _exact(problem.reversed(), order, deepest)
     initial = [Fraction(str(exact(problem.start[y.name]))) for y in system.y]
-    constant = [sp.cancel(rate.xreplace(dict.fromkeys(system.y, sp.Integer(0)))) for rate in rates]
+    constant = [lowest_terms(rate.xreplace(dict.fromkeys(system.y, sp.Integer(0)))) for rate in rates]
     if any(not value.is_Rational for value in constant):
         raise NotClosed
     y0 = ring.fast([ring.constant(value) for value in constant], initial)

@@ -6,6 +6,7 @@ import sympy as sp
 from gsp.algebra import factorisation
 from gsp.algebra.factorisation import (
     coefficients,
+    coprime_numerators,
     factor_list,
     factored,
     factors,
@@ -80,3 +81,27 @@ def test_no_multiplication_exceeds_the_budget(monkeypatch: pytest.MonkeyPatch) -
     for n in (20, 60, 99):
         quotient((x + y + a + b) ** n / (x - y) + sp.exp(x))
     assert 1000 < largest <= factorisation.TERM_PRODUCTS
+
+
+ROWS = [
+    [x / 2 - y / 3, sp.Integer(0), (x - y * 2 / 3) * a / b],
+    [-x / (x + y), x**2 / ((x + y) * (x - y))],
+    [sp.exp(x) / (1 + sp.exp(2 * x)), sp.exp(x) * y],
+    [sp.Integer(0), -sp.sqrt(2) * x / 3 + 1],
+]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=str)
+def test_coprime_numerators_are_proportional_and_have_no_common_divisor(row: list[sp.Expr]) -> None:
+    found = coprime_numerators(row)
+    assert found is not None
+    assert all(sp.simplify(p * f - q * e) == 0 for p, e in zip(row, found) for q, f in zip(row, found))
+    assert all(quotient(e).denominator == 1 for e in found)  # pyright: ignore[reportOptionalMemberAccess]
+    assert coprime_numerators(found) == found
+    assert any(e != 0 for e in found)
+
+
+def test_coprime_numerators_stop_at_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(factorisation, "TERM_PRODUCTS", 2)
+    assert coprime_numerators([1 / (x + y + 1), 1 / (x - y + 2)]) is None
+    assert coprime_numerators([sp.Integer(0), sp.Integer(0)]) == [0, 0]

@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.factorisation import factor_list, quotient
 from gsp.critical.branch import Allowance
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
@@ -315,14 +316,22 @@ def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -
     found: list[sp.Expr] = []
     for expression in expressions:
         masks: dict[sp.Expr, sp.Symbol] = {}
-        divisor = sp.denom(sp.together(_masked(expression, masks)))
+        masked = _masked(expression, masks)
         meaning = {mask: function for function, mask in masks.items()}
-        for factor in sp.Mul.make_args(sp.factor(divisor)):
-            base = factor.base if factor.is_Pow and factor.exp.is_Integer else factor
-            base = base.xreplace(meaning)
+        for divisor in _divisors(masked):
+            base = divisor.xreplace(meaning)
             if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
                 found.append(base)
     return found
+
+
+def _divisors(expression: sp.Expr) -> list[sp.Expr]:
+    """Factors of the denominator; of a quotient over the budget, whatever stands below a line in it."""
+    fraction = quotient(expression)
+    if fraction is not None:
+        return [base for base, _ in factor_list(fraction.expression(fraction.denominator))[1]]
+    below = {power.base for power in expression.atoms(sp.Pow) if power.exp.could_extract_minus_sign()}
+    return sorted(below, key=sp.default_sort_key)
 
 
 def _masked(expression: sp.Expr, masks: dict[sp.Expr, sp.Symbol]) -> sp.Expr:
