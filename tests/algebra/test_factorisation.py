@@ -1,5 +1,8 @@
 """Factors and lowest terms agree with the expression, whatever its atoms, and stop at their budget."""
 
+from math import gcd
+
+import flint
 import pytest
 import sympy as sp
 
@@ -7,6 +10,7 @@ from gsp.algebra import factorisation
 from gsp.algebra.factorisation import (
     coefficients,
     coprime_numerators,
+    degree,
     factor_list,
     factored,
     factors,
@@ -105,3 +109,35 @@ def test_coprime_numerators_stop_at_the_budget(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(factorisation, "TERM_PRODUCTS", 2)
     assert coprime_numerators([1 / (x + y + 1), 1 / (x - y + 2)]) is None
     assert coprime_numerators([sp.Integer(0), sp.Integer(0)]) == [0, 0]
+
+
+@pytest.mark.parametrize(
+    "expression", [x / (a / 2 - y / 3), (x / 5 + 1) / (2 - 4 * y), 3 * x / 7, x / (-6 * x - 9)], ids=str
+)
+def test_a_quotient_has_one_normal_form(expression: sp.Expr) -> None:
+    found = quotient(expression)
+    assert found is not None
+    below = [flint.fmpq(c) for c in found.denominator.coeffs()]
+    both = below + [flint.fmpq(c) for c in found.numerator.coeffs()]
+    assert all(c.q == 1 for c in both)
+    assert below[0] > 0
+    assert gcd(*(int(c.p) for c in both)) == 1
+    assert sp.cancel(found.expression(found.numerator) / found.expression(found.denominator) - expression) == 0
+    again = quotient(sp.expand(-7 * sp.numer(expression)) / sp.expand(-7 * sp.denom(expression)))
+    assert again is not None
+    assert again.expression(again.numerator) == found.expression(found.numerator)
+
+
+def test_exponentials_that_all_fall_share_one_that_falls() -> None:
+    found = quotient(sp.exp(-2 * x) + y * sp.exp(-3 * x))
+    assert found is not None
+    assert found.denominator == 1
+    assert found.expression(found.numerator) == sp.exp(-2 * x) + y * sp.exp(-3 * x)
+    assert sp.exp(-x) in found.atoms
+
+
+def test_degrees_are_those_of_the_numerator() -> None:
+    assert degree(x**2 * y / (1 + a) + x, [x, y]) == 3
+    assert degree(sp.exp(x) * y, [y]) == 1
+    assert degree(sp.exp(x) * y, [x]) is None
+    assert degree(x - x + sp.Integer(0), [x]) == 0
