@@ -41,7 +41,7 @@ def exit_status(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 
 def test_help_names_every_command() -> None:
     text = run("--help").output
-    for command in ("models", "split", "expand", "check", "folds", "report", "demo"):
+    for command in ("models", "split", "expand", "check", "folds", "run", "compare", "report", "demo"):
         assert command in text
 
 

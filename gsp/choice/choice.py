@@ -29,6 +29,7 @@ from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown
 from gsp.errors import DeclarationError, GspError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.slow.solved_manifold import SampledManifold
@@ -47,7 +48,7 @@ SMALLEST_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Choice(Card):
+class Choice(Card, Tabular):
     """What to run for a scene at one `epsilon` and `tolerance`, and why.
 
     Errors are the largest of |difference| over the `names` (the slow variables in standard form, and the fast ones if

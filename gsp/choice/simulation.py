@@ -20,13 +20,14 @@ from gsp.choice.hybrid_run import Piece, Run, Switch
 from gsp.choice.model_switching import run_solved, run_switched
 from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import shown
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulation(Drawn):
+class Simulation(Drawn, Tabular):
     """A solution by `pieces`, with the `switches` between them; it is read like a `Trajectory`.
 
     `simulation["name"]` is a state, observable or reconstruction variable over `t`, `.at(t)` the states `names` at any

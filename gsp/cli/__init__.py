@@ -1,5 +1,5 @@
 """The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp verify`, `gsp choose`, `gsp report`,
-`gsp demo`, `gsp export`.
+`gsp run`, `gsp compare`, `gsp demo`, `gsp export`.
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold or `verify` that a
 proof does not, 2 on bad input or when the output cannot be written, 3 when `check --prove` leaves it undecided, 70 on
@@ -9,7 +9,7 @@ quick.
 
 from __future__ import annotations
 
-from gsp.cli import checking, comparing, declaring, deriving, writing
+from gsp.cli import checking, comparing, declaring, deriving, running, writing
 from gsp.cli.program import cli, main
 
-__all__ = ["checking", "cli", "comparing", "declaring", "deriving", "main", "writing"]
+__all__ = ["checking", "cli", "comparing", "declaring", "deriving", "main", "running", "writing"]

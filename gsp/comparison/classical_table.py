@@ -18,6 +18,7 @@ from gsp.comparison.comparison import slope
 from gsp.critical.branch import Branch
 from gsp.errors import BudgetError, DeclarationError, Status, unknown_name
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.slow.series import LONGEST, SeriesManifold
@@ -67,7 +68,7 @@ class MethodRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MethodTable(Drawn):
+class MethodTable(Drawn, Tabular):
     """`rows` of methods over `epsilons` at `points` (m, n_slow); `floor[i]` is the reference's own error.
 
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative

@@ -19,6 +19,7 @@ from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.slow.series import SeriesManifold
@@ -45,7 +46,7 @@ MAX_STEPS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Drawn):
+class Comparison(Drawn, Tabular):
     """Errors of the reduced flows, measured.
 
     `errors[N][i]` is the largest error of the order-N run at `epsilons[i]` over the grid, each slow variable

@@ -17,6 +17,7 @@ from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
 from gsp.errors import DeclarationError, Named, nearest
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.systems.arguments import check_array, check_progress, shown
@@ -31,7 +32,7 @@ LOOSEST, TIGHTEST = 1e-1, 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FailureMap(Drawn):
+class FailureMap(Drawn, Tabular):
     """Where each method holds for one scene.
 
     `epsilons` (k,) ascend. `places[method]` are claims over `positions` (m,) along the slow variable `axis`, the

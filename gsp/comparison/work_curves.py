@@ -37,6 +37,7 @@ from gsp.integration.trajectory import trajectory_of
 from gsp.peers import PEERS, Peer
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
+from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.slow.series import SeriesManifold
@@ -57,7 +58,7 @@ TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WorkPrecision(Drawn):
+class WorkPrecision(Drawn, Tabular):
     """Error against seconds for one scene at one epsilon.
 
     `curves` in the order full, peers, reduced; `reference_error` is how far the two references differ; `start` says

@@ -40,6 +40,7 @@ from gsp.kernels import ensemble as kernels
 from gsp.kernels import ledger
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_progress
 from gsp.systems.flow import Flow, frozen
 
@@ -121,7 +122,7 @@ class Member:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble(Drawn):
+class Ensemble(Drawn, Tabular):
     """Many solutions of a flow at the times `t` (k,): `y` (m, n_states, k), read-only, member i in row i.
 
     `ensemble["name"]` (m, k) is a state or an observable, `.member(i)` one run, iteration runs over all; `.epsilon` and

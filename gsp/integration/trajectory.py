@@ -41,6 +41,7 @@ from gsp.integration.output import Output, read
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_array, check_flag, check_noun, check_progress
 from gsp.systems.flow import Flow, Point, Question, frozen
 
@@ -53,7 +54,7 @@ _NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class Trajectory(Drawn):
+class Trajectory(Drawn, Tabular):
     """A solution z(t) of a flow: `t` (m,) and `y` (n_states, m), read-only, in the order of integration.
 
     `trajectory["name"]` is a state or an observable over `t`, `.at(t)` the state at any time covered,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import sympy as sp
 
 from gsp import charts
@@ -19,6 +17,7 @@ from gsp.comparison.survey import Claim
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
 from gsp.hyperbolicity.losses import Loss
 from gsp.integration.trajectory import Trajectory
+from gsp.results.plain import plain
 
 
 def as_json(analysis: Analysis) -> dict[str, Any]:
@@ -259,17 +258,3 @@ def _stats(analysis: Analysis, name: str) -> dict[str, Any] | None:
         return None
     run: Trajectory = getattr(analysis, name)
     return {**asdict(run.stats), "method": run.stats.method.value, "status": run.status.name}
-
-
-def plain(value: Any) -> Any:
-    """Strict JSON: text keys, lists, Python numbers, None for nan and infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if value is None or isinstance(value, (str, bool, int)):
-        return value
-    number = float(value)
-    return number if math.isfinite(number) else None

@@ -18,6 +18,7 @@ from gsp.kernels import zero_derivative as kernel
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.tape import write_tape
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_positive, check_whole
 from gsp.systems.flow import as_points, check_epsilon
 
@@ -32,7 +33,7 @@ _STATUS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SlowPoints(Card):
+class SlowPoints(Card, Tabular):
     """Points of the slow manifold over `x` (m, n_slow): `y` (m, n_fast), NaN where there is none.
 
     `order` (m,) is the order used, -1 where it failed, and `error` (m,) the estimated error of y: the change from

@@ -20,6 +20,7 @@ from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses import LossKind
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.slow_track import divide
@@ -42,7 +43,7 @@ OUTSIDE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SampledManifold(Card):
+class SampledManifold(Card, Tabular):
     """The slow manifold of `branch` over `region` at one `epsilon`: y = `evaluate(x)`.
 
     `kind` and `gap` are those of M0 over the region. `error_estimate` is meant to bound the error of `evaluate`: twice

@@ -13,6 +13,7 @@ from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKin
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status, nearest
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.region import Interval
 
 # What to do about an ending that reads otherwise for runs.
@@ -139,7 +140,7 @@ class NamedCurve(NamedPoints):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticalCurve(NamedCurve, Drawn):
+class CriticalCurve(NamedCurve, Drawn, Tabular):
     """A curve of M0, g(x, y, 0) = 0, through its folds.
 
     `points` (m, n) have the columns `names`, and `curve["v"]` is one of them; `eigenvalues` (m, n_fast) are those

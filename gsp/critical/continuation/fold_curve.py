@@ -44,13 +44,14 @@ from gsp.critical.layer_problem import (
 from gsp.critical.singularity import Singular, identity, singular_near
 from gsp.errors import BranchError, DeclarationError
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_each, check_noun, check_one_of, check_progress
 from gsp.systems.flow import Point
 from gsp.systems.system import SlowFastSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoldCurve(NamedCurve, Card):
+class FoldCurve(NamedCurve, Card, Tabular):
     """A curve of folds of M0: `points` (m, n) with the columns `names`.
 
     `coefficient` (m,) is a = <psi, g_yy phi phi>/2 with |phi| = |psi| = 1, both continuous along the curve: it

@@ -26,6 +26,7 @@ from gsp.critical.layer_problem import (
 from gsp.critical.singularity import identity, singular_near
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point
 from gsp.systems.region import Interval
@@ -50,7 +51,7 @@ class SheetStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticalSheet(NamedPoints, Drawn):
+class CriticalSheet(NamedPoints, Drawn, Tabular):
     """A connected sheet of M0 in a box, as triangles.
 
     `points` (m, n) have the columns `names`, and `sheet["x"]` is one of them; `triangles` (k, 3) are rows of it,

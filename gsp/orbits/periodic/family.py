@@ -14,6 +14,7 @@ from gsp.orbits.periodic.explosion import Explosion, explosions
 from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.flow import Flow
 
 # What to do about an ending that reads otherwise for curves of equilibria.
@@ -55,7 +56,7 @@ class FamilyStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OrbitFamily(Drawn):
+class OrbitFamily(Drawn, Tabular):
     """Periodic orbits along one parameter, in the order of continuation.
 
     `orbits` (m of them) are the orbits; `family["a"]` (m,) the values of the parameter, `period` (m,),

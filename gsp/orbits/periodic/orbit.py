@@ -14,6 +14,7 @@ from gsp.errors import DeclarationError, GspError, Status, nearest
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.periodic.collocation import Cycle
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.roots import roots
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Flow
@@ -32,7 +33,7 @@ class OrbitStats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeriodicOrbit(Drawn):
+class PeriodicOrbit(Drawn, Tabular):
     """A closed orbit u(s), s in [0, 1), of `flow` at `epsilon` and `parameters`, all of them by name.
 
     `period` is in the flow's time. `orbit["x"]` are values (m,) of a state or an observable at the phases `phases`

@@ -1,0 +1,101 @@
+"""Commands that run a model and give the numbers: `gsp run`, `gsp compare`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gsp.cli.asking import asks, json_option, orders_through, output_option
+from gsp.cli.program import cli
+from gsp.cli.telling import check_interrupt, print_json, progress_bar, wrote
+from gsp.errors import DeclarationError, GspError
+from gsp.results.files import write_file, write_rows
+
+if TYPE_CHECKING:
+    from gsp.results.tabular import Tabular
+    from gsp.scenes.scene import Scene
+
+ENDINGS = (".csv", ".json")
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Run the reduced flow of this order instead of the full system.")
+@output_option("File for the values, .csv or .json [not written].")
+@json_option
+def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
+    """Run MODEL over its span: the full system from the scene's start, or a reduced flow from its base point.
+
+    The base point is where the fast fibre through the start meets the slow manifold, through epsilon^N.
+    """
+    _check_target(output)
+    from gsp.integration.trajectory import integrate
+
+    with progress_bar("run") as show:
+        if order is None:
+            found = integrate(scene, progress=show)
+        else:
+            from gsp.scenes.study import study_of
+
+            study = study_of(scene)
+            found = integrate(
+                study.reduced(order),
+                start=study.base_point(order),
+                span=scene.span,
+                epsilon=scene.epsilon,
+                progress=show,
+            )
+    _give(found, output, as_json)
+
+
+@cli.command()
+@asks("set", "epsilon", "region")
+@click.option("--order", type=int, help="Highest order of the reduced flows [3].")
+@output_option("File for the errors, .csv or .json [not written].")
+@json_option
+def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
+    """Compare the reduced flows of MODEL with the full system over its ladder of epsilons: errors and slopes."""
+    _check_target(output)
+    from gsp.comparison.comparison import compare as compare_flows
+
+    orders = orders_through(order)
+    with progress_bar("runs") as show:
+        found = (
+            compare_flows(scene, progress=show)
+            if orders is None
+            else compare_flows(scene, orders=orders, progress=show)
+        )
+    _give(found, output, as_json)
+
+
+def _check_target(output: Path | None) -> None:
+    if output is None:
+        return
+    if output.suffix.lower() not in ENDINGS:
+        raise DeclarationError(
+            f"values are written as .csv or .json. Got {output.name}. Give a name with one of these."
+        )
+    if not output.absolute().parent.is_dir():
+        raise GspError(f"there is no folder {output.absolute().parent}. Make it, or give another path.")
+
+
+def _give(found: Tabular, output: Path | None, as_json: bool) -> None:
+    """The table to a file, as JSON, or the result in words."""
+    check_interrupt()
+    if output is not None:
+        from gsp.tables import table_of
+
+        if output.suffix.lower() == ".csv":
+            write_rows(table_of(found).as_rows(), output)
+        else:
+            write_file(f"{json.dumps(found.as_json(), allow_nan=False)}\n".encode(), output)
+        wrote(output)
+    if as_json:
+        print_json(found.as_json() if output is None else {"file": str(output)})
+        return
+    click.echo(str(found))
+    if output is not None:
+        click.echo(f"values: {output}")

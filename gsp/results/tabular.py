@@ -1,0 +1,38 @@
+"""Results that are tables or grids: as pandas, xarray or plain JSON, with names and shapes, made when asked for."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+
+class Tabular:
+    """Gives a result its labelled arrays. Nothing is imported before they are asked for.
+
+    Names that a state or a parameter has taken already get an underscore behind them.
+    """
+
+    __slots__ = ()
+
+    def as_dataset(self) -> Any:
+        """The result as an `xarray.Dataset`: variables with named dimensions, coordinates, and `attrs` for the rest.
+
+        Raises `OutputError` where xarray is not installed.
+        """
+        return importlib.import_module("gsp.tables").table_of(self).as_dataset()
+
+    def as_frame(self) -> Any:
+        """The result as a `pandas.DataFrame`, indexed by the dimensions of its main quantities.
+
+        Quantities of other dimensions are left out; `as_dataset` has them. Raises `OutputError` where pandas is not
+        installed.
+        """
+        return importlib.import_module("gsp.tables").table_of(self).as_frame()
+
+    def as_json(self) -> dict[str, Any]:
+        """The result in plain values, which `json.dumps` takes as they are: nan and infinity are None.
+
+        `dimensions` maps names to lengths; under `coordinates` and `variables` every name has its `dimensions`, its
+        `shape` and its `values`, nested lists in row-major order; `attributes` are text and numbers.
+        """
+        return importlib.import_module("gsp.tables").table_of(self).as_json()

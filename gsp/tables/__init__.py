@@ -1,0 +1,46 @@
+"""Results as tables: labelled arrays for xarray and pandas, and plain JSON (`table_of`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gsp.choice.choice import Choice
+from gsp.choice.simulation import Simulation
+from gsp.comparison.classical_table import MethodTable
+from gsp.comparison.comparison import Comparison
+from gsp.comparison.failures import FailureMap
+from gsp.comparison.work_curves import WorkPrecision
+from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
+from gsp.integration.ensemble import Ensemble
+from gsp.integration.trajectory import Trajectory
+from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.slow.slow_points import SlowPoints
+from gsp.slow.solved_manifold import SampledManifold
+from gsp.tables import comparisons, manifolds, runs
+from gsp.tables.table import Column, Table
+
+__all__ = ["Column", "Table", "table_of"]
+
+_TABLES: Mapping[type, Callable[[Any], Table]] = {
+    Choice: comparisons.choice,
+    Comparison: comparisons.comparison,
+    CriticalCurve: manifolds.curve,
+    CriticalSheet: manifolds.sheet,
+    Ensemble: runs.ensemble,
+    FailureMap: comparisons.failure_map,
+    FoldCurve: manifolds.curve,
+    MethodTable: comparisons.method_table,
+    OrbitFamily: runs.orbit_family,
+    PeriodicOrbit: runs.periodic_orbit,
+    SampledManifold: manifolds.sampled_manifold,
+    Simulation: runs.simulation,
+    SlowPoints: manifolds.slow_points,
+    Trajectory: runs.trajectory,
+    WorkPrecision: comparisons.work_precision,
+}
+
+
+def table_of(result: Any) -> Table:
+    """The table of a result that has one, which every `Tabular` has."""
+    return _TABLES[type(result)](result)

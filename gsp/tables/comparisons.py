@@ -1,0 +1,147 @@
+"""Comparisons, maps and choices as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from gsp.choice.choice import Choice
+from gsp.comparison.classical_table import MethodTable
+from gsp.comparison.comparison import Comparison
+from gsp.comparison.failures import FailureMap
+from gsp.comparison.survey import Claim
+from gsp.comparison.work_curves import WorkPrecision
+from gsp.tables.table import Column, Table, texts
+
+
+def comparison(found: Comparison) -> Table:
+    """Errors over order and epsilon, those of claims over claim and epsilon."""
+    orders = tuple(found.errors)
+    each, along = ("order",), ("epsilon",)
+    both = each + along
+    coordinates = {
+        "order": Column(each, np.array(orders)),
+        "epsilon": Column(along, np.array(found.epsilons)),
+    }
+    variables = {
+        "error": Column(both, np.array([found.errors[n] for n in orders])),
+        "status": Column(both, np.array([texts(s.name for s in found.statuses[n]) for n in orders])),
+        "slope": Column(each, np.array([found.slopes[n] for n in orders])),
+        "expected": Column(each, np.array([found.expected[n] for n in orders])),
+        "exact": Column(each, np.array([found.is_exact(n) for n in orders])),
+        "floor": Column(along, np.array(found.floor)),
+    }
+    if found.claims:
+        claims = tuple(found.claims)
+        coordinates["claim"] = Column(("claim",), texts(claims))
+        errors = np.array([found.claims[name] for name in claims])
+        variables["claim_error"] = Column(("claim", "epsilon"), errors)
+        variables["claim_slope"] = Column(("claim",), np.array([found.claim_slopes[name] for name in claims]))
+    told = {"scene": found.scene.name, "correction": found.correction}
+    return Table("Comparison", coordinates, variables, told, both)
+
+
+def failure_map(found: FailureMap) -> Table:
+    """Both maps: over (epsilon, position) and over (epsilon, tolerance), a layer for each method."""
+    coordinates = {
+        "epsilon": Column(("epsilon",), found.epsilons),
+        "position": Column(("position",), found.positions),
+        "tolerance": Column(("tolerance",), found.tolerances),
+    }
+    variables = {"best_order": Column(("epsilon", "position"), found.best_order)}
+    for name, column, claims in (("place", "position", found.places), ("demand", "tolerance", found.demands)):
+        coordinates[f"{name}_method"] = Column((f"{name}_method",), texts(claims))
+        variables |= _claimed(name, (f"{name}_method", "epsilon", column), claims)
+    told = {
+        "scene": found.scene.name,
+        "axis": found.axis,
+        "place_tolerance": found.tolerance,
+        "runs": found.runs,
+    }
+    return Table("FailureMap", coordinates, variables, told, records=found.as_rows())
+
+
+def method_table(found: MethodTable) -> Table:
+    """Errors over method and epsilon, and what each method costs."""
+    each, along = ("method",), ("epsilon",)
+    coordinates = {
+        "method": Column(each, texts(row.label for row in found.rows)),
+        "epsilon": Column(along, np.array(found.epsilons)),
+    }
+    variables = {
+        "error": Column(("method", "epsilon"), np.array([row.errors for row in found.rows])),
+        "fitted": Column(each, np.array([row.fitted for row in found.rows])),
+        "expected": Column(each, _numbers(row.expected for row in found.rows)),
+        "microseconds": Column(each, np.array([row.microseconds for row in found.rows])),
+        "evaluations": Column(each, np.array([row.evaluations for row in found.rows])),
+        "preparation": Column(each, np.array([row.preparation for row in found.rows])),
+        "floor": Column(along, np.array(found.floor)),
+        "disagreement": Column(along, np.array(found.disagreement)),
+        "reference": Column(along, texts(found.references)),
+        "points": Column(("point", "slow"), found.points),
+    }
+    return Table("MethodTable", coordinates, variables, {"scene": found.scene.name}, records=found.as_rows())
+
+
+def work_precision(found: WorkPrecision) -> Table:
+    """What every curve needed at every tolerance; nan where a curve has no run."""
+    rtols = sorted({point.rtol for curve in found.curves for point in curve.points}, reverse=True)
+    each, both = ("curve",), ("curve", "rtol")
+    runs = [{point.rtol: point for point in curve.points} for curve in found.curves]
+    variables = {
+        name: Column(
+            both,
+            np.array([_numbers(getattr(run.get(r), name, None) for r in rtols) for run in runs]),
+        )
+        for name in ("error", "end_error", "seconds", "steps", "field_calls")
+    }
+    variables["kind"] = Column(each, texts(curve.kind for curve in found.curves))
+    variables["model_order"] = Column(each, _numbers(curve.order for curve in found.curves))
+    variables["preparation"] = Column(each, np.array([curve.preparation for curve in found.curves]))
+    variables["ended"] = Column(each, texts(curve.ended for curve in found.curves))
+    coordinates = {
+        "curve": Column(each, texts(curve.label for curve in found.curves)),
+        "rtol": Column(("rtol",), np.array(rtols)),
+        "epsilon": Column((), np.array(found.epsilon)),
+    }
+    told = {"scene": found.scene.name, "start": found.start, "reference_error": found.reference_error}
+    return Table("WorkPrecision", coordinates, variables, told, records=found.as_rows())
+
+
+def choice(found: Choice) -> Table:
+    """A row for each candidate; what was decided is in the attributes."""
+    over = ("model",)
+    candidates = found.candidates
+    variables = {
+        name: Column(over, _numbers(getattr(c, name) for c in candidates))
+        for name in ("order", "predicted", "holds_until", "seconds", "preparation", "steps", "field_calls")
+    }
+    variables["kind"] = Column(over, texts(c.kind for c in candidates))
+    variables["chosen"] = Column(over, np.array([c is found.model for c in candidates]))
+    variables["valid"] = Column(over, np.array([c.valid for c in candidates]))
+    variables["why_not"] = Column(over, texts(c.why_not for c in candidates))
+    coordinates = {
+        "model": Column(over, texts(c.label for c in candidates)),
+        "epsilon": Column((), np.array(found.epsilon)),
+        "tolerance": Column((), np.array(found.tolerance)),
+    }
+    told = {
+        "scene": found.scene.name, "answer": str(found.verdict.answer), "reason": found.reason,
+        "quantities": ", ".join(found.names), "layer": found.layer, "piece_begins": found.piece[0],
+        "piece_ends": found.piece[1], "predicted_on_piece": found.predicted_on_piece, "measured": found.measured,
+        "speed_up": found.speed_up,
+    }  # fmt: skip
+    return Table("Choice", coordinates, variables, told, over)
+
+
+def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]) -> dict[str, Column]:
+    return {
+        f"{name}_measure": Column(dimensions, np.array([claim.measure for claim in claims.values()])),
+        f"{name}_holds": Column(dimensions, np.array([claim.holds for claim in claims.values()])),
+    }
+
+
+def _numbers(values: Iterable[float | None]) -> np.ndarray:
+    """Doubles, nan for None."""
+    return np.array([np.nan if value is None else float(value) for value in values])
