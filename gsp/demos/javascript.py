@@ -6,6 +6,7 @@ products, and every other power is `Math.pow`, which has no value where a real p
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -36,6 +37,9 @@ SAME = (
 )
 # What JavaScript has no function for; `page/functions.js` defines it.
 OWN = ("erf",)
+# The sign in a number's exponent is no operation.
+_EXPONENT = re.compile(r"(?<=[0-9.])[eE][+-]?(?=[0-9])")
+_OPERATION = re.compile(r"[-+*/]|\b(?:Math\.[a-z]\w*|erf)\(")
 
 
 def function(
@@ -63,6 +67,17 @@ def function(
     assignments = [f"{into}[{i}] = {printer.text(result)};" for i, result in enumerate(results)]
     body = "".join(f"  {line}\n" for line in (*printer.lines, *assignments))
     return f"function {name}({', '.join((*arguments, into))}) {{\n{body}}}\n"
+
+
+def operations(code: str) -> int:
+    """Arithmetic operations in the text of a function: every sign of + - * / and every call counts as one.
+
+    >>> x = sp.Symbol("x")
+    >>> operations(function("rate", [1e-5 + 3 * sp.exp(x)], {"z": [x]}))
+    3
+    """
+    _, _, body = code.partition("{")
+    return len(_OPERATION.findall(_EXPONENT.sub("", body)))
 
 
 class _Printer(JavascriptCodePrinter):

@@ -21,7 +21,7 @@ from gsp.errors import printable
 from gsp.kernels import rodas5p_tableau
 
 # In the order in which they stand on the page: each uses those before.
-SCRIPTS = ("functions.js", "integrator.js", "reduction.js", "state.js", "views.js", "page.js")
+SCRIPTS = ("functions.js", "integrator.js", "reduction.js", "work.js", "state.js", "views.js", "page.js")
 STYLE = "page.css"
 
 

@@ -14,7 +14,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
-from gsp.demos.javascript import function
+from gsp.demos.javascript import function, operations
 from gsp.errors import BudgetError, GspError
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
@@ -79,6 +79,7 @@ def program_of(study: Study) -> Program:
     shown |= {s: e for s, e in scene.system.observables.items() if s not in shown}
     functions["quantities"] = function("quantities", list(shown.values()), full)
     parts["quantities"] = [s.name for s in shown]
+    parts["operations"] = {name: operations(code) for name, code in functions.items()}
     return Program(functions, parts)
 
 

@@ -29,6 +29,7 @@ _SCENES = {
     "lindemann": ("chemistry", "Lindemann: unimolecular decay through an activated molecule"),
     "koper": ("chemistry", "Koper: an electrochemical oscillator with two slow variables"),
     "van_der_pol": ("oscillators", "Van der Pol: a relaxation oscillator between its jumps"),
+    "shishkova": ("passages", "Shishkova: stability that is lost late, and the buffer point"),
     "fitzhugh_nagumo": ("neuroscience", "FitzHugh-Nagumo: a neuron that recovers after its spike"),
     "linear": ("linear", "Linear: the smallest slow-fast system, solved exactly"),
 }

@@ -12,7 +12,20 @@ from gsp.demos.program import program_of
 from tests.cases import sampled
 
 STEP = {"text", "epsilon", "parameters", "start", "end", "orders", "axes", "trace", "rivals", "play"}
-STORY = {"axes", "trace", "space", "frame", "ranges", "body", "steps"}
+STEP |= {"marks", "tolerance", "fixed"}
+STORY = {
+    "axes",
+    "trace",
+    "space",
+    "frame",
+    "ranges",
+    "body",
+    "steps",
+    "window",
+    "logarithmic",
+    "work",
+    "compared",
+}
 # What a lecturer reads aloud in one breath or two.
 LONGEST = 320
 
@@ -34,6 +47,7 @@ def test_a_story_sets_only_what_there_is(name: str) -> None:
     assert set(told) <= STORY
     quantities, parameters = set(parts["quantities"]), set(parts["parameters"])
     assert set(told["axes"]) | {told["trace"]} | set(told.get("frame", {})) <= quantities
+    assert set(told.get("window", {})) | set(told.get("logarithmic", ())) <= quantities
     assert set(told["ranges"]) <= parameters
     for step in told["steps"]:
         assert set(step) <= STEP
@@ -43,6 +57,8 @@ def test_a_story_sets_only_what_there_is(name: str) -> None:
         assert set(step.get("start", {})) <= {s.name for s in scene.full_flow.states}
         assert set(step.get("orders", ())) <= {0, 1, 2, 3}
         assert not step.get("rivals") or parts["claims"]
+        assert told.get("work") or not {"tolerance", "fixed"} & set(step)
+        assert {mark["axis"] for mark in step.get("marks", ())} <= quantities
 
 
 @pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh", "van_der_pol", "koper")))
@@ -113,3 +129,133 @@ def test_the_canard_value_that_is_told_is_the_one_that_is_computed(page, tmp_pat
     )
     assert page.run(lowest, 0.993491) > -0.5
     assert page.run(lowest, 0.9934908) < -1.5
+
+
+WAY_OUT = (
+    "const [step, tau] = arguments; turnTo(step); play(false);"
+    "if (tau !== null) { state.start[0] = tau; state.end = 3.2 - 2 - tau; }"
+    "const s = settingOf(state, data); const run = model.full(s, MEASUREMENT);"
+    "const q = new Float64Array(model.quantities.length);"
+    "const at = run.times.findIndex((t, i) => t > -s.start[0] &&"
+    " model.quantitiesAt(run.states[i], model.constants(s), q)[model.quantities.indexOf('distance')] > 0.3);"
+    "return run.states[at][0];"
+)
+
+
+def test_the_delay_and_its_buffer_are_as_they_are_told(page, tmp_path) -> None:
+    scene = models.load("shishkova")
+    study = gsp.study(scene)
+    steps = story("shishkova")["steps"]
+    page.open(gsp.write_demo(scene, tmp_path / "demo.html"))
+    for i, step in enumerate(steps):
+        (mark,) = step["marks"]
+        if mark["name"] == "way out":
+            assert mark["at"] == -step["start"]["tau"]
+            # The distance at the entry is 0.5, so that 0.3 is met a little before.
+            assert page.run(WAY_OUT, i, None) == pytest.approx(mark["at"], abs=0.06)
+        else:
+            found = gsp.entry_exit(study.branch, start={"tau": step["start"]["tau"]})
+            assert found.point["tau"] == pytest.approx(mark["at"], abs=1e-9)
+    memory, buffer, rounding = 2, 4, 5
+    # The way out moves against the entry; with the buffer it does so only for entries later than -1.
+    assert page.run(WAY_OUT, memory, -0.9) == pytest.approx(0.9, abs=0.06)
+    assert page.run(WAY_OUT, buffer, -0.6) == pytest.approx(0.6, abs=0.06)
+    exits = [page.run(WAY_OUT, buffer, tau) for tau in (-1.5, -2.0, -2.5)]
+    assert exits == pytest.approx([1.0] * 3, abs=0.06)
+    assert max(exits) - min(exits) < 1e-3
+    assert 0.6 < page.run(WAY_OUT, rounding, None) < 0.9
+
+
+def worked(page, step: int) -> dict[str | int, list[dict]]:
+    """Rows of error against work at a step, by method, when all are there."""
+    page.run("turnTo(arguments[0])", step)
+    page.driver.execute_async_script(
+        "const done = arguments[0];"
+        "const look = () => (work.at(-1)?.rtol === WORK_TOLERANCES.at(-1) ? done() : setTimeout(look, 20)); look();"
+    )
+    found: dict[str | int, list[dict]] = {}
+    for row in page.run("return work"):
+        found.setdefault(row["method"], []).append(row)
+    return found
+
+
+def test_the_run_that_is_marked_is_the_cheapest_that_is_exact_enough(page, tmp_path) -> None:
+    page.open(gsp.write_demo(models.load("lindemann"), tmp_path / "demo.html"))
+    rows = worked(page, 3)
+    assert set(rows) == {"implicit", "explicit", 0, 1, 2, 3}
+    every = [row for of in rows.values() for row in of]
+    chosen = []
+    for tolerance in (1e-2, 1e-3, 1e-5, 1e-6, 1e-8, 1e-10):
+        got = page.run("return cheapest(work, arguments[0])", tolerance)
+        good = [row for row in every if row["error"] is not None and row["error"] <= tolerance]
+        assert got["operations"] == min(row["operations"] for row in good)
+        chosen.append(got["method"])
+    # Less error asks for a higher order, and at last for the full system, as the step says.
+    assert chosen[1] == 1
+    assert chosen[-1] in ("implicit", "explicit")
+    ranks = [4 if method in ("implicit", "explicit") else method for method in chosen]
+    assert ranks == sorted(ranks)
+    assert "reduced run of order 1" in page.run("return document.getElementById('chosen').textContent")
+    # The error of a reduced run ends at that of its order, whatever the tolerance.
+    measured = page.run("return ladder[0].orders")
+    for order in range(4):
+        assert rows[order][-1]["error"] == pytest.approx(measured[str(order)], rel=0.05, abs=1e-9)
+    before = page.picture("work")
+    page.slide("tolerance", -8.0)
+    assert page.picture("work") != before
+    assert page.run("return work.length") == len(every)
+
+
+def test_operations_are_those_that_were_done(page, tmp_path) -> None:
+    page.open(gsp.write_demo(models.load("lindemann"), tmp_path / "demo.html"))
+    got = page.run(
+        "const calls = {}; const spied = {};"
+        "for (const [name, f] of Object.entries(program)) "
+        "spied[name] = (...given) => { calls[name] = (calls[name] ?? 0) + 1; return f(...given); };"
+        "const spy = { model: makeModel(data, spied), tally: { operations: 0 } };"
+        "const s = settingOf(initialState(data), data);"
+        "for (const name of Object.keys(calls)) calls[name] = 0;"
+        "const run = spy.model.explicit(s, PICTURE, s.span[1]);"
+        "const counted = makeWorker(data, program); counted.model.explicit(s, PICTURE, s.span[1]);"
+        "return [calls.field, run.attempts, counted.tally.operations, model.operations.field];"
+    )
+    calls, attempts, tally, each = got
+    # x^2, beta*x*y and the rest of Lindemann's field: the text holds a few operations, and six stages are new a step.
+    assert calls == 6 * attempts + 1
+    assert tally == calls * each
+    assert 5 <= each <= 15
+
+
+def test_the_explicit_methods_fail_as_they_are_told(page, tmp_path) -> None:
+    page.open(gsp.write_demo(models.load("lindemann"), tmp_path / "demo.html"))
+    moderate, small = worked(page, 3), worked(page, 4)
+    cost = {name: [row["operations"] for row in small[name][:6]] for name in ("implicit", "explicit")}
+    assert max(cost["explicit"]) < 1.3 * min(cost["explicit"])
+    assert max(cost["implicit"]) > 4 * min(cost["implicit"])
+    # epsilon has fallen by ten.
+    rise = {name: small[name][1]["operations"] / moderate[name][1]["operations"] for name in cost}
+    assert 7 < rise["explicit"] < 13
+    assert rise["implicit"] < 1.5
+    notes = "return document.getElementById('notes').innerText"
+    worked(page, 5)
+    assert page.run("return current.stepped.status") == "reached"
+    assert "2.00, within the limit of 2.79" in page.run(notes)
+    largest = "return Math.max(...current.stepped.states.map((z) => Math.abs(z[1])))"
+    assert page.run(largest) < 1
+    worked(page, 6)
+    assert page.run("return current.stepped.status") == "blew up"
+    assert page.run(largest) > 1e4
+    assert "blown up" in page.run(notes)
+    assert "5.00, beyond the limit of 2.79" in page.run(notes)
+    page.run("state.fixed = 0.05; changed()")
+    page.settle()
+    assert page.run("return current.stepped.status") == "reached"
+
+
+def test_steps_are_told_with_the_tolerance_at_which_they_were_made(page, tmp_path) -> None:
+    page.open(gsp.write_demo(models.load("van_der_pol"), tmp_path / "demo.html"))
+    read = "return document.getElementById('orders').innerText"
+    page.slide("epsilon", -2.0)
+    assert "steps at 1e-6" in page.run(read)
+    page.measured()
+    assert "steps at 1e-11" in page.run(read)

@@ -1,7 +1,8 @@
 // Two integrators with dense output. Rodas5P (Steinebach 2023) for stiff fields: one Jacobian and one LU decomposition a
 // step; its coefficients come with the page's data. Dormand and Prince's pair 5(4) (Hairer, Noersett, Wanner I, section
 // II.5) for reduced flows, which are not stiff. A run is {times, states, dense, status}; status is "reached", or why it
-// ended before: "steps" (the step limit), "not finite", "too small" (the step), "stopped" (by `stop`).
+// ended before: "steps" (the step limit), "not finite", "too small" (the step), "stopped" (by `stop`), "blew up" (a run in
+// fixed steps). `attempts` are steps made or rejected, `operations` the arithmetic in them beside that of the field.
 
 const SAFETY = 0.9;
 
@@ -76,8 +77,12 @@ function rodasStepper(tableau, field, jacobian, n) {
   const value = new Float64Array(n);
   const J = new Float64Array(n * n);
   let linearisedAt = null;
+  // The matrix and its decomposition; for each stage its argument, its right-hand side and a solution; the dense output.
+  const operations =
+    n * n + 2 * n + (2 * n * n * n) / 3 + stages * (2 * n * n + 3 * n) + 2 * n * stages * (stages - 1) + 6 * n * stages;
   return {
     order: 5,
+    operations: Math.round(operations),
     attempt(y, rate, h, yNew, error, rows) {
       if (linearisedAt !== y) {
         jacobian(y, J);
@@ -157,6 +162,8 @@ function explicitStepper(field, n) {
   const argument = new Float64Array(n);
   return {
     order: 5,
+    // Six stages' arguments, the error, the dense output.
+    operations: 100 * n,
     attempt(y, rate, h, yNew, error, rows) {
       k[0].set(rate);
       for (let s = 1; s < 7; s++) {
@@ -186,6 +193,8 @@ function explicitStepper(field, n) {
       return allFinite(yNew) && allFinite(error);
     },
     denseError: () => 0,
+    // The last stage is taken at the new state.
+    rateAtEnd: (rate) => rate.set(k[6]),
   };
 }
 
@@ -196,7 +205,7 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) 
   let t = t0;
   let y = Float64Array.from(start);
   let rate = new Float64Array(n);
-  const run = { times: [t0], states: [y], dense: [], status: "reached" };
+  const run = { times: [t0], states: [y], dense: [], status: "reached", attempts: 0, operations: 0 };
   field(y, rate);
   if (!allFinite(y) || !allFinite(rate)) return { ...run, status: "not finite" };
   if (t0 === t1) return run;
@@ -214,13 +223,16 @@ function advance(stepper, field, start, t0, t1, { rtol, atol, maxSteps, stop }) 
     const step = sign * (last ? left : h);
     const yNew = new Float64Array(n);
     const rows = new Float64Array(3 * n);
+    run.attempts++;
+    run.operations += stepper.operations;
     finite = stepper.attempt(y, rate, step, yNew, error, rows);
     const size = finite
       ? Math.max(scaledNorm(error, y, yNew, rtol, atol), stepper.denseError(y, yNew, rows, rtol, atol))
       : Infinity;
     const rateNew = new Float64Array(n);
     if (size <= 1) {
-      field(yNew, rateNew);
+      if (stepper.rateAtEnd) stepper.rateAtEnd(rateNew);
+      else field(yNew, rateNew);
       finite = allFinite(rateNew);
     }
     if (!(size <= 1) || !finite) {
@@ -248,6 +260,33 @@ function integrateStiff(tableau, field, jacobian, start, t0, t1, options) {
 
 function integrateExplicit(field, start, t0, t1, options) {
   return advance(explicitStepper(field, start.length), field, start, t0, t1, options);
+}
+
+// The classical method of Runge and Kutta in steps of h, without any control: its nodes only, for it has no dense output.
+// It ends where a state has grown beyond `beyond`.
+function integrateFixed(field, start, t0, t1, h, { beyond, maxSteps }) {
+  const n = start.length;
+  const k = Array.from({ length: 4 }, () => new Float64Array(n));
+  const argument = new Float64Array(n);
+  const run = { times: [t0], states: [Float64Array.from(start)], status: "reached" };
+  for (let steps = 0, t = t0; t < t1 - 1e-9 * h; steps++) {
+    if (steps >= maxSteps) return { ...run, status: "steps" };
+    const y = run.states[steps];
+    const step = Math.min(h, t1 - t);
+    const yNew = Float64Array.from(y);
+    for (let s = 0; s < 4; s++) {
+      const reach = s === 0 ? 0 : s === 3 ? step : step / 2;
+      for (let i = 0; i < n; i++) argument[i] = y[i] + (s ? reach * k[s - 1][i] : 0);
+      field(argument, k[s]);
+      const weight = s === 1 || s === 2 ? step / 3 : step / 6;
+      for (let i = 0; i < n; i++) yNew[i] += weight * k[s][i];
+    }
+    t += step;
+    run.times.push(t);
+    run.states.push(yNew);
+    if (!yNew.every((value) => Math.abs(value) < beyond)) return { ...run, status: "blew up" };
+  }
+  return run;
 }
 
 // The state at time t inside the run: y = r y0 + s y1 + s r (c1 + s (c2 + r c3)), s the share of the step, r = 1 - s.

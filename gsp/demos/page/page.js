@@ -19,6 +19,10 @@ const PLAYED = 9;
 let state = initialState(data);
 let current = null;
 let ladder = [];
+// Rows of error against work, and what makes them: a model that counts, and the runs that are repeated.
+let work = [];
+let worker = null;
+let basis = null;
 let pending = null;
 let scheduled = false;
 let now = null;
@@ -42,7 +46,7 @@ function element(tag, attributes = {}, ...children) {
 }
 
 // A slider with its number beside it; the number may be typed, beyond the slider's ends and to all digits.
-function addSlider(id, label, { low, high, log = false, read, write }) {
+function addSlider(id, label, { low, high, log = false, read, write, moved = changed }) {
   const toSlider = (value) => (log ? Math.log10(value) : value);
   const range = element("input", { type: "range", id, min: toSlider(low), max: toSlider(high), step: "any" });
   range.setAttribute("aria-label", label);
@@ -51,12 +55,12 @@ function addSlider(id, label, { low, high, log = false, read, write }) {
   range.addEventListener("input", () => {
     const raw = log ? Math.pow(10, Number(range.value)) : Number(range.value);
     write(Number(raw.toPrecision(4)));
-    changed();
+    moved();
   });
   number.addEventListener("change", () => {
     const value = readNumber(number.value, NaN);
     if (Number.isFinite(value) && (!log || value > 0)) write(value);
-    changed();
+    moved();
   });
   byId("sliders").append(element("div", { class: `slider ${id}` }, element("label", { htmlFor: id }, label), range, number));
   sliders.push(() => {
@@ -85,6 +89,23 @@ function addControls() {
     low: length / SPAN_FACTOR, high: length * SPAN_FACTOR, log: true,
     read: () => state.end - data.span[0], write: (value) => (state.end = data.span[0] + value),
   });
+  if (!data.work) return;
+  addSlider("tolerance", "largest error allowed", {
+    low: 1e-7, high: 1e-1, log: true, read: () => state.tolerance, write: (value) => (state.tolerance = value),
+    moved: allowed,
+  });
+  addSlider("fixed", "step of an explicit run in fixed steps", {
+    low: length / 2000, high: length / 10, log: true,
+    read: () => state.fixed || length / 100, write: (value) => (state.fixed = value),
+  });
+}
+
+// Another error is allowed: nothing is computed again.
+function allowed() {
+  for (const set of sliders) set();
+  tellChosen();
+  draw();
+  remember();
 }
 
 const readouts = {};
@@ -117,6 +138,15 @@ function addOrders() {
     row(claim.name, "rival", claim.name, input);
     readouts[claim.name].parentElement.querySelector("b").dataset.rival = String(k);
   });
+  if (data.work) {
+    const input = element("input", { type: "checkbox", id: "fixed-shown" });
+    input.addEventListener("change", () => {
+      state.fixed = input.checked ? (data.span[1] - data.span[0]) / 100 : 0;
+      changed();
+    });
+    sliders.push(() => (input.checked = state.fixed > 0));
+    row("fixed", "fixed", "explicit, fixed steps", input);
+  }
 }
 
 function toggleOrder(order) {
@@ -171,7 +201,11 @@ function addViews() {
   views.trace.say(
     choice("trace", "quantity against time", model.quantities, () => state.trace, (value) => (state.trace = value)), " against time",
   );
-  if (model.reducible) {
+  if (data.work) {
+    views.work = new View(container, "Error against work");
+    views.work.say("error against the operations of a run: ", element("output", { id: "chosen" }));
+  }
+  if (model.reducible && data.compared) {
     views.errors = new View(container, "Error against epsilon");
     views.errors.say("largest relative error of the slow variables against epsilon");
   }
@@ -263,13 +297,14 @@ function colours() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
-    ink: of("ink"), faint: of("faint"), line: of("line"), manifold: of("manifold"),
+    ink: of("ink"), paper: of("paper"), faint: of("faint"), line: of("line"), manifold: of("manifold"),
     orders: [0, 1, 2, 3].map((k) => of(`order${k}`)), rivals: [of("rival"), of("accent")],
   };
 }
 
 function changed() {
   ladder = [];
+  work = [];
   clearTimeout(pending);
   if (!scheduled) {
     scheduled = true;
@@ -279,10 +314,14 @@ function changed() {
 
 function update() {
   scheduled = false;
+  // A measurement of the page's first picture may be under way.
+  clearTimeout(pending);
+  ladder = [];
+  work = [];
   const begun = performance.now();
   const s = settingOf(state, data);
   const result = model.simulate(s, state.orders);
-  show(s, result);
+  show(s, result, PICTURE);
   for (const set of sliders) set();
   tell();
   draw();
@@ -291,9 +330,10 @@ function update() {
   pending = setTimeout(measure, PAUSE);
 }
 
-function show(s, result) {
+function show(s, result, { rtol }) {
   const shown = state.rivals ? result : { ...result, rivals: [] };
-  current = { s, result: shown, curves: sampleAll(model, shown, s) };
+  const stepped = s.fixed > 0 ? model.fixed(s) : null;
+  current = { s, rtol, result: shown, stepped, curves: sampleAll(model, shown, s, stepped) };
 }
 
 function draw() {
@@ -303,13 +343,15 @@ function draw() {
   views.plane.startAt = startOnAxes();
   const [i, j] = state.axes.map(place);
   const folds = model.atDeclared(s) ? data.folds.filter((fold) => fold[i] !== null && fold[j] !== null) : [];
-  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, folds, data.frame);
+  const marks = data.story[state.step]?.marks ?? [];
+  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, folds, data, marks);
   handle.hidden = dragging() === null;
   handle.style.left = `${views.plane.X(views.plane.startAt[0])}px`;
   handle.style.top = `${views.plane.Y(views.plane.startAt[1])}px`;
-  drawTrace(views.trace, model, s, curves, place(state.trace), now, c, result.layerEnd);
+  drawTrace(views.trace, model, s, curves, place(state.trace), now, c, result.layerEnd, data);
   if (views.path) drawPath(views.path, model, curves, data.path.map(place), data.body, now, c);
   if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data.box, now, c);
+  if (views.work) drawWork(views.work, work, state.tolerance, c, state.orders);
   if (views.errors) drawErrors(views.errors, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
   document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival)]));
 }
@@ -317,15 +359,32 @@ function draw() {
 // One more epsilon of the ladder, and again until it is whole. Runs of all orders, so that switching one on shows it.
 function measure() {
   if (ladder.length === 0) remember();
-  if (!model.reducible || ladder.length >= LADDER.length) return;
+  if (!model.reducible) return;
+  if (ladder.length >= LADDER.length) {
+    measureWork();
+    return;
+  }
   const epsilon = state.epsilon * LADDER[ladder.length];
   const s = { ...settingOf(state, data), epsilon };
   const first = ladder.length === 0;
   const accuracy = first ? MEASUREMENT : { ...MEASUREMENT, pieces: 1 };
   const result = first || epsilon <= EPSILON_RANGE[1] ? model.simulate(s, state.orders, accuracy) : null;
   // The finer run replaces the one that was quick to make: near a canard they differ.
-  if (first && result.full.status === "reached") show(s, result);
+  if (first && result.full.status === "reached") show(s, result, MEASUREMENT);
   ladder.push(result === null || result.full.status !== "reached" ? null : { epsilon, ...model.errorsOf(result, s) });
+  tell();
+  draw();
+  pending = setTimeout(measure, 0);
+}
+
+// One more tolerance of the picture of error against work.
+function measureWork() {
+  const done = work.length && work[work.length - 1].rtol === WORK_TOLERANCES[WORK_TOLERANCES.length - 1];
+  if (!data.work || done) return;
+  if (work.length === 0) basis = workBasis(worker, current.s, state.orders);
+  if (basis === null) return;
+  const last = work.length ? WORK_TOLERANCES.indexOf(work[work.length - 1].rtol) : -1;
+  work.push(...workAt(worker, basis, WORK_TOLERANCES[last + 1]));
   tell();
   draw();
   pending = setTimeout(measure, 0);
@@ -374,6 +433,7 @@ const ENDINGS = {
   "too small": "no step is small enough there",
   lost: "there the critical manifold ceases to attract",
   "no sheet": "no point of the critical manifold was found there",
+  "blew up": "it has blown up",
 };
 
 function notes() {
@@ -388,6 +448,7 @@ function notes() {
     found.push(`Only the full system is shown: ${model.reduction.reason}`);
     return found;
   }
+  if (current.stepped) found.push(...told(s, current.stepped));
   const { order, label } = model.seriesAt(s);
   if (order < 3) {
     const where = model.reduction.declared > order ? ` away from the declared parameters; there through order ${model.reduction.declared}` : "";
@@ -395,10 +456,11 @@ function notes() {
   }
   const p = model.constants(s);
   if (!result.pieces.length) {
+    if (!state.orders.length) return found;
     const gap = model.gapAt(model.toNew(Float64Array.from(state.start), p), p);
     found.push(
       gap > 0
-        ? "The run is over before it has reached the slow manifold, so there is nothing to compare. Take a smaller epsilon or a longer run."
+        ? "The run is not long enough near the slow manifold while that attracts, so there is nothing to compare. Take a smaller epsilon, a longer run or another start."
         : "The start is where the fast dynamics does not attract, and the run does not settle on a slow manifold. Nothing is compared.",
     );
     return found;
@@ -428,6 +490,29 @@ function notes() {
   return found;
 }
 
+// What became of the run in fixed steps, and why, where one fast variable alone sets the limit.
+function told(s, run) {
+  const ended = run.times[run.times.length - 1];
+  const lines = run.status === "reached" ? [] : [`The explicit run in steps of ${s.fixed} ends at t = ${Number(ended.toPrecision(4))}: ${ENDINGS[run.status]}.`];
+  if (model.nFast !== 1) return lines;
+  const p = model.constants(s);
+  const rates = current.result.full.states.map((z) => model.gapAt(model.toNew(z, p), p) / s.epsilon);
+  const product = s.fixed * Math.max(...rates.filter(Number.isFinite));
+  const side = product > CLASSICAL_LIMIT ? "beyond" : "within";
+  lines.push(`Its step times the fastest rate of this run is ${product.toFixed(2)}, ${side} the limit of ${CLASSICAL_LIMIT.toFixed(2)} of the classical Runge-Kutta method.`);
+  return lines;
+}
+
+function tellChosen() {
+  if (!data.work) return;
+  const chosen = cheapest(work, state.tolerance);
+  const last = work.length && work[work.length - 1].rtol === WORK_TOLERANCES[WORK_TOLERANCES.length - 1];
+  const text = chosen
+    ? `cheapest is ${methodName(chosen.method)}, ${chosen.operations.toLocaleString("en")} operations`
+    : last ? "no run is as exact" : "counting …";
+  byId("chosen").textContent = text;
+}
+
 function tell() {
   const lines = notes();
   const list = byId("notes");
@@ -436,7 +521,9 @@ function tell() {
     list.replaceChildren(...lines.map((line) => element("li", {}, line)));
   }
   const steps = current.result.full.times.length - 1;
-  readouts.full.textContent = `${steps} steps`;
+  readouts.full.textContent = `${steps} steps at ${current.rtol.toExponential()}`;
+  if (readouts.fixed) readouts.fixed.textContent = current.stepped ? `${current.stepped.times.length - 1} steps` : "";
+  tellChosen();
   for (let order = 0; order <= 3; order++) {
     const shown = state.orders.includes(order) && model.reducible;
     readouts[order].replaceChildren(...[shown ? readout((row) => row.orders[order]) : ""].flat());
@@ -479,6 +566,8 @@ function turnTo(step) {
     rivals: told.rivals ?? false,
     axes: told.axes ?? fresh.axes,
     trace: told.trace ?? fresh.trace,
+    tolerance: told.tolerance ?? fresh.tolerance,
+    fixed: told.fixed ?? 0,
     parameters: model.parameters.map((name, i) => told.parameters?.[name] ?? fresh.parameters[i]),
     start: [...model.states, ...model.driven].map((name, i) => told.start?.[name] ?? fresh.start[i]),
   };
@@ -560,6 +649,7 @@ function onKey(event) {
 }
 
 function begin() {
+  if (data.work) worker = makeWorker(data, program);
   byId("description").textContent = data.description;
   byId("source").textContent = data.source;
   addControls();

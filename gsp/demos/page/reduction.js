@@ -5,6 +5,8 @@
 // Steps of a run, for a picture and for a measurement; the tolerances of both.
 const PICTURE = { rtol: 1e-6, atol: 1e-8, maxSteps: 6000, reducedSteps: 300 };
 const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000, reducedSteps: 4000 };
+// A run in fixed steps has blown up when it is so many times as large as its start.
+const BLOWN = 1e4;
 // Errors are measured at so many times.
 const GRID = 60;
 // Pieces of slow motion between jumps that are reduced, each from where the full run has reached the manifold again.
@@ -96,6 +98,20 @@ function makeModel(data, program) {
       order: label ? reduction.declared : reduction.anywhere,
       coordinates: reduction[`coordinates${label}`],
     };
+  }
+
+  // In steps of s.fixed by an explicit method, until it is out of all reason.
+  function fixed(s) {
+    const p = constants(s);
+    const size = Math.max(1, ...Array.from(s.start, Math.abs));
+    return integrateFixed((z, out) => program.field(z, p, out), s.start, s.span[0], s.span[1], s.fixed, {
+      beyond: BLOWN * size, maxSteps: PICTURE.maxSteps,
+    });
+  }
+
+  function explicit(s, accuracy, end) {
+    const p = constants(s);
+    return integrateExplicit((z, out) => program.field(z, p, out), s.start, s.span[0], end, accuracy);
   }
 
   function full(s, accuracy, end = s.span[1]) {
@@ -248,12 +264,19 @@ function makeModel(data, program) {
     const [yTerm, xTerm] = [new Float64Array(nFast), new Float64Array(nSlow)];
     const c = new Float64Array(coordinates.length);
 
-    // z over (x, driven), with y through `order`; false where the sheet has ended.
-    function lift(state, out) {
+    // The coordinates c of a state on M0; false where the sheet has ended.
+    function locate(state) {
       const xNow = state.subarray(0, nSlow);
       seen.set(near);
       if (!onSheet(xNow, seen, p)) return false;
       fillCoordinates(coordinates, xNow, seen, c);
+      return true;
+    }
+
+    // z over (x, driven), with y through `order`; false where the sheet has ended.
+    function lift(state, out) {
+      if (!locate(state)) return false;
+      const xNow = state.subarray(0, nSlow);
       addTerms(hTerms, c, s.epsilon, p, y, yTerm);
       uPoint.set(xNow);
       uPoint.set(y, nSlow);
@@ -263,7 +286,8 @@ function makeModel(data, program) {
     }
 
     function field(state, out) {
-      if (!lift(state, point)) {
+      // Where nothing is driven, the slow rates are all that is asked for.
+      if (!(nDriven ? lift(state, point) : locate(state))) {
         out.fill(NaN);
         return;
       }
@@ -310,6 +334,12 @@ function makeModel(data, program) {
     const state = new Float64Array(nSlow + nDriven);
     return {
       order, status, begun, ended, steps: forward.times.length, first: reachedBack, last,
+      // The same flow from this run's own beginning to `to`, at another accuracy; its states are x and what is reconstructed.
+      again(to, wanted) {
+        const begins = parts[0].states[parts.length > 1 ? parts[0].states.length - 1 : 0];
+        near.set(parts.length > 1 ? nearest(parts[0], reachedBack, begins, y0) : y0);
+        return integrateExplicit(field, begins, reachedBack, to, wanted);
+      },
       // z at time t, on the sheet near y0.
       at(t, out) {
         const part = parts.length > 1 && t < begun ? parts[0] : forward;
@@ -392,21 +422,33 @@ function makeModel(data, program) {
     });
   }
 
-  // Largest error of each order's run over the first slow piece, each slow variable relative to its largest value.
-  function errorsOf(result, s) {
-    const found = { orders: {}, rivals: {}, from: result.layerEnd, to: NaN };
-    if (!result.pieces.length) return found;
+  // Where runs are compared: times over the first slow piece, the slow variables of the full run there, and their largest
+  // values; null where nothing can be compared.
+  function comparison(result, s) {
+    if (!result.pieces.length) return null;
     const p = constants(s);
     const { at, runs } = result.pieces[0];
     const begun = result.full.times[at];
     const fullEnd = result.full.times[result.full.times.length - 1];
     const ended = Math.min(fullEnd, ...runs.map((run) => run.ended ?? begun));
-    if (!(ended > begun)) return found;
-    found.to = ended;
+    if (!(ended > begun)) return null;
     const z = new Float64Array(n);
     const times = Array.from({ length: GRID }, (_, i) => begun + ((ended - begun) * (i + 1)) / GRID);
     const exact = times.map((t) => toNew(stateAt(result.full, t, z), p));
     const scale = Array.from({ length: nSlow }, (_, j) => Math.max(...exact.map((u) => Math.abs(u[j]))) || 1);
+    return { times, exact, scale, ended };
+  }
+
+  // Largest error of each order's run over the first slow piece, each slow variable relative to its largest value.
+  function errorsOf(result, s) {
+    const found = { orders: {}, rivals: {}, from: result.layerEnd, to: NaN };
+    const compared = comparison(result, s);
+    if (!compared) return found;
+    const { times, exact, scale } = compared;
+    found.to = compared.ended;
+    const p = constants(s);
+    const { runs } = result.pieces[0];
+    const z = new Float64Array(n);
     const point = new Float64Array(n);
     for (const run of runs) {
       let worst = 0;
@@ -481,7 +523,8 @@ function makeModel(data, program) {
   }
 
   return {
-    ...model, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, simulate, errorsOf, bestOrder,
+    ...model, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
+    comparison, errorsOf, bestOrder,
     quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldCurve, layerFolds, arrival, reduced, atDeclared, sum,
   };
 }

@@ -16,6 +16,9 @@ function initialState(data) {
     rivals: data.model.claims.length > 0,
     axes: data.axes.slice(),
     trace: data.trace,
+    // Where speed is told against accuracy: the error allowed, and the step of a run in fixed steps, 0 for none.
+    tolerance: 1e-3,
+    fixed: 0,
     step: 0,
   };
 }
@@ -23,7 +26,7 @@ function initialState(data) {
 function settingOf(state, data) {
   return {
     epsilon: state.epsilon, parameters: state.parameters.slice(), start: Float64Array.from(state.start),
-    span: [data.span[0], state.end],
+    span: [data.span[0], state.end], fixed: state.fixed,
   };
 }
 
@@ -44,6 +47,10 @@ function encodeState(state, data) {
   parts.set("x", state.axes[0]);
   parts.set("y", state.axes[1]);
   parts.set("trace", state.trace);
+  if (data.work) {
+    parts.set("tolerance", String(state.tolerance));
+    parts.set("fixed", String(state.fixed));
+  }
   parts.set("step", String(state.step));
   return `#${parts}`;
 }
@@ -54,6 +61,8 @@ function decodeState(fragment, state, data) {
   const number = (key, otherwise) => (given.has(key) ? readNumber(given.get(key), otherwise) : otherwise);
   const epsilon = number("epsilon", state.epsilon);
   const end = number("end", state.end);
+  const tolerance = number("tolerance", state.tolerance);
+  const fixed = number("fixed", state.fixed);
   const name = (key, otherwise) => (data.model.quantities.includes(given.get(key)) ? given.get(key) : otherwise);
   const orders = given.has("orders")
     ? [...new Set(given.get("orders").split(".").filter((part) => /^[0-3]$/.test(part)).map(Number))].sort()
@@ -69,6 +78,8 @@ function decodeState(fragment, state, data) {
     rivals: given.has("rivals") ? given.get("rivals") === "1" : state.rivals,
     axes: axes[0] === axes[1] ? state.axes : axes,
     trace: name("trace", state.trace),
+    tolerance: tolerance > 0 ? tolerance : state.tolerance,
+    fixed: fixed >= 0 ? fixed : state.fixed,
     step: Math.max(0, Math.min(data.story.length - 1, Math.round(number("step", state.step)))),
   };
 }

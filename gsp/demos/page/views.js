@@ -2,7 +2,10 @@
 
 // Points of a drawn run: more than a view is wide helps nobody.
 const DRAWN = 900;
-const MARGIN = { left: 52, right: 12, top: 10, bottom: 30 };
+// Nodes of a run in fixed steps are shown where there are no more than this; where it grows, this part of it is in the picture.
+const DOTTED = 200;
+const ROOM = 1.5;
+const MARGIN = { left: 52, right: 12, top: 22, bottom: 30 };
 
 // Quantities along a run as {t, q}: q[i] the values of quantity i. Every step is divided, so that long steps look smooth.
 function sampleRun(model, run, p, at) {
@@ -31,7 +34,7 @@ function sampleAt(model, times, p, at) {
 }
 
 // All curves of a simulation: the full run, the reduced runs of every piece by order, and the rivals.
-function sampleAll(model, result, s) {
+function sampleAll(model, result, s, stepped = null) {
   const p = model.constants(s);
   const full = sampleRun(model, result.full, p, (t, z) => stateAt(result.full, t, z) !== null);
   const reduced = [];
@@ -54,7 +57,9 @@ function sampleAll(model, result, s) {
     });
     return { name, t: times, q };
   });
-  return { full, reduced, rivals };
+  const nodes = stepped && new Map(stepped.times.map((t, i) => [t, stepped.states[i]]));
+  const fixed = stepped && sampleAt(model, stepped.times, p, (t, z) => z.set(nodes.get(t)) === undefined);
+  return { full, reduced, rivals, fixed };
 }
 
 function extent(arrays) {
@@ -69,6 +74,16 @@ function extent(arrays) {
   if (!(low <= high) || !Number.isFinite(low)) return [-1, 1];
   const room = 0.08 * (high - low) || 0.5 * (Math.abs(low) || 1);
   return [low - room, high + room];
+}
+
+// The range of quantity j in a picture: of the full run, of what else shall be seen, and of the beginning of a run that
+// blows up.
+function rangeOf(curves, j, others = []) {
+  const seen = extent([curves.full.q[j], others]);
+  if (!curves.fixed) return seen;
+  const room = ROOM * (seen[1] - seen[0]);
+  const near = curves.fixed.q[j].map((value) => Math.min(seen[1] + room, Math.max(seen[0] - room, value)));
+  return extent([seen, near.filter(Number.isFinite)]);
 }
 
 // An axis' range that does not tremble while a slider moves: it grows at once, and shrinks when much of it is empty.
@@ -179,7 +194,7 @@ class View {
     c.fillText(xName, right - 2, this.height - 3);
     c.textAlign = "left";
     c.textBaseline = "top";
-    c.fillText(yName, 4, 2);
+    c.fillText(yName, 4, 3);
   }
 
   clipped(draw) {
@@ -212,6 +227,19 @@ class View {
     }
     c.stroke();
     c.setLineDash([]);
+  }
+
+  // A word beside a curve, on a rim of the paper's colour, so that lines under it do not strike it out.
+  word(text, x, y, colour) {
+    const c = this.context;
+    c.textAlign = "left";
+    c.textBaseline = "middle";
+    c.strokeStyle = this.colours.paper;
+    c.lineWidth = 4;
+    const left = Math.min(x, this.width - MARGIN.right - c.measureText(text).width - 2);
+    c.strokeText(text, left, y);
+    c.fillStyle = colour;
+    c.fillText(text, left, y);
   }
 
   dot(x, y, colour, radius = 5) {
@@ -259,12 +287,19 @@ function drawCurves(view, curves, i, j, colours) {
     view.curve(across(run), run.q[j], colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
   }
   curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k], 1.6, [3, 4]));
+  if (curves.fixed) {
+    const [x, y] = [across(curves.fixed), curves.fixed.q[j]];
+    view.curve(x, y, colours.rivals[0], 1.4);
+    if (x.length <= DOTTED) x.forEach((value, k) => view.dot(value, y[k], colours.rivals[0], 2.5));
+  }
 }
 
-function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, frame) {
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, { frame, window: shown }, marks) {
   view.begin(colours);
-  const framed = (place, start) => extent([curves.full.q[place], [start], frame[model.quantities[place]] ?? []]);
-  view.setRanges(framed(i, view.startAt[0]), framed(j, view.startAt[1]));
+  const framed = (place, start) => rangeOf(curves, place, [start, ...(frame[model.quantities[place]] ?? [])]);
+  // A story may hold an axis still, where runs grow without bound.
+  const ranged = (place, start) => shown[model.quantities[place]] ?? framed(place, start);
+  view.setRanges(ranged(i, view.startAt[0]), ranged(j, view.startAt[1]));
   view.axes(model.quantities[i], model.quantities[j]);
   view.clipped(() => {
     drawFibres(view, model, i, j, colours);
@@ -278,8 +313,17 @@ function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, fr
       c.arc(view.X(fold[i]), view.Y(fold[j]), 6, 0, 2 * Math.PI);
       c.stroke();
     }
+    drawMarks(view, marks.filter((mark) => mark.axis === model.quantities[i]), colours);
     if (now !== null) view.dot(valueAt(curves.full, i, now), valueAt(curves.full, j, now), colours.ink);
   });
+}
+
+// Upright lines with a name each, at values of the quantity across.
+function drawMarks(view, marks, colours) {
+  for (const mark of marks) {
+    view.curve([mark.at, mark.at], [view.box[2], view.box[3]], colours.rivals[1], 1.5, [6, 4]);
+    view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.rivals[1]);
+  }
 }
 
 // Fast fibres of a planar system, x = const.
@@ -344,10 +388,12 @@ function drawManifold(view, model, s, i, j, colours, orders) {
   }
 }
 
-function drawTrace(view, model, s, curves, j, now, colours, layerEnd) {
+function drawTrace(view, model, s, curves, j, now, colours, layerEnd, { logarithmic, window: shown }) {
+  const yLog = logarithmic.includes(model.quantities[j]);
   view.begin(colours);
-  view.setRanges([s.span[0], s.span[1]], extent([curves.full.q[j]]), { steady: false });
-  view.axes("t", model.quantities[j]);
+  const taken = yLog ? logarithms(curves, j) : curves;
+  view.setRanges([s.span[0], s.span[1]], shown[model.quantities[j]] ?? rangeOf(taken, j), { steady: false });
+  view.axes("t", model.quantities[j], { yLog });
   view.clipped(() => {
     if (layerEnd > s.span[0]) {
       view.context.fillStyle = colours.manifold;
@@ -355,12 +401,22 @@ function drawTrace(view, model, s, curves, j, now, colours, layerEnd) {
       view.context.fillRect(view.X(s.span[0]), 0, view.X(layerEnd) - view.X(s.span[0]), view.height);
       view.context.globalAlpha = 1;
     }
-    drawCurves(view, curves, null, j, colours);
+    drawCurves(view, taken, null, j, colours);
     if (now !== null) {
       view.curve([now, now], [view.box[2], view.box[3]], colours.faint, 1);
-      view.dot(now, valueAt(curves.full, j, now), colours.ink);
+      view.dot(now, valueAt(taken.full, j, now), colours.ink);
     }
   });
+}
+
+// The same curves with the decimal logarithm of quantity j; NaN where it is not positive.
+function logarithms(curves, j) {
+  const of = (curve) => {
+    const q = curve.q.slice();
+    q[j] = q[j].map((value) => (value > 0 ? Math.log10(value) : NaN));
+    return { ...curve, q };
+  };
+  return { full: of(curves.full), reduced: curves.reduced.map(of), rivals: curves.rivals.map(of), fixed: curves.fixed && of(curves.fixed) };
 }
 
 // Errors against epsilon, both logarithmic, with the present epsilon marked.
