@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.collocation.gauss import gauss_tableau
+from gsp.collocation.bordered import Conditions, Equations, Step, linearise
+from gsp.collocation.gauss import gauss
+from gsp.collocation.newton import Rules, newton
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
-from gsp.kernels import orbit_segments as kernel
 from gsp.kernels.zero_derivative import CONVERGED
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.tape import Tape, write_tape
@@ -25,6 +26,9 @@ from gsp.slow.slow_track import LEFT, Track, follow_slow_flow
 
 # Gauss points an element: order 12, which rounding meets on elements of `slow_track.DECAY`.
 STAGES = 6
+SCHEME = gauss(STAGES)
+# A Newton step of 1e-15, relative to 1 + |z|, is rounding, and one of 1e-8 is followed by rounding.
+RULES = Rules(30, 1e-15, 1e-8, stagnant=0.5, growth=2.0, setbacks=3, longest=1.0)
 # Bounds on the decay that a segment is made for, in powers of e.
 SHORTEST, LONGEST = 12.0, 60.0
 # Fractions of epsilon along which a segment that fails is approached.
@@ -39,11 +43,6 @@ RETREAT, RETREATS = 0.8, 7
 # Elements are halved until the change this makes, over 2^STAGES (the order of a stiff limit), is below SHARE of
 # the tolerance, but not more often than this.
 HALVINGS = 3
-_STATUS = {
-    kernel.NOT_CONVERGED: Status.NOT_CONVERGED,
-    kernel.NON_FINITE: Status.NON_FINITE,
-    kernel.SINGULAR: Status.SINGULAR_JACOBIAN,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +87,9 @@ class SegmentSolver:
         except UnsupportedFunctionError:
             # Max, Piecewise and the like have no jets; segments do not need them, only good guesses do.
             self.tape = None
-        self.c, self.b, self.A = gauss_tableau(STAGES)
+        self.equations = Equations(self.flow.field, self.flow.jacobian, 0, 0)
         # From the polynomial through an element's start and stages to both its halves.
-        nodes = np.append(0.0, self.c)
-        wanted = np.concatenate([self.c / 2, [0.5], (1 + self.c) / 2])
-        basis = np.arange(STAGES + 1)
-        self.halving = (wanted[:, None] ** basis) @ np.linalg.inv(nodes[:, None] ** basis)
+        self.halving = SCHEME.basis(np.concatenate([SCHEME.c / 2, [0.5], (1 + SCHEME.c) / 2]))
 
     def solve(self, x: np.ndarray, y: np.ndarray) -> Segments:
         """Segments through the slow points x (k, n_slow), from points y (k, n_fast) of M0 over them."""
@@ -205,8 +201,8 @@ class SegmentSolver:
             part = part.halved(np.searchsorted(taken, rows), self.halving)
             taken = rows
             every = np.arange(len(rows))
-            codes, _ = self._solve(part, every, self.epsilon)
-            better = codes == kernel.CONVERGED
+            status, _ = self._solve(part, every, self.epsilon)
+            better = np.array([one.ok for one in status])
             y = part.z[every, part.middles, nx:]
             change = np.linalg.norm(y - solution[rows], axis=1)
             solution[rows[better]] = y[better]
@@ -220,7 +216,7 @@ class SegmentSolver:
 
     def _stages(self, lengths: np.ndarray, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Cubic Hermite guesses (k, m, s, n) inside the elements."""
-        c = self.c[:, None]
+        c = SCHEME.c[:, None]
         start, end = z[:, :-1, None, :], z[:, 1:, None, :]
         h = lengths[:, :, None, None]
         return np.ascontiguousarray(
@@ -256,9 +252,10 @@ class SegmentSolver:
         every = np.arange(len(problem.x))
         guess = problem.z.copy(), problem.stages.copy()
         self._refine_guess(problem, every, self.epsilon)
-        codes, iterations = self._solve(problem, every, self.epsilon)
-        reached = np.where(codes == kernel.CONVERGED, self.epsilon, 0.0)
-        failed = np.flatnonzero(codes != kernel.CONVERGED)
+        status, iterations = self._solve(problem, every, self.epsilon)
+        good = np.array([one.ok for one in status], dtype=bool)
+        reached = np.where(good, self.epsilon, 0.0)
+        failed = np.flatnonzero(~good)
         if failed.size:
             problem.z[failed], problem.stages[failed] = guess[0][failed], guess[1][failed]
             self._refine_guess(problem, failed, LADDER[0] * self.epsilon)
@@ -266,11 +263,13 @@ class SegmentSolver:
             if not failed.size:
                 break
             value = fraction * self.epsilon
-            codes[failed], more = self._solve(problem, failed, value)
+            new, more = self._solve(problem, failed, value)
             iterations[failed] += more
-            failed = failed[codes[failed] == kernel.CONVERGED]
+            for row, one in zip(failed, new):
+                status[row] = one
+            failed = failed[[one.ok for one in new]]
             reached[failed] = value
-        return [_STATUS.get(int(code), Status.SUCCESS) for code in codes], reached, iterations
+        return status, reached, iterations
 
     def _refine_guess(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> None:
         """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges."""
@@ -291,16 +290,14 @@ class SegmentSolver:
         good = (codes == CONVERGED) & (error <= np.linalg.norm(y - z[:, nx:], axis=1) + 1e-9)
         return np.where(good[:, None], y, z[:, nx:])
 
-    def _solve(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
+    def _solve(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> tuple[list[Status], np.ndarray]:
         """Newton's method on some segments, and again when the ends have moved from where they were fixed."""
         fast, k = len(self.system.y), len(rows)
         p = parameter_vector(self.system, epsilon)
-        codes, iterations = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
-        total = np.zeros(k, dtype=np.int64)
+        status, total = [Status.SUCCESS] * k, np.zeros(k, dtype=np.int64)
         z, stages = problem.z[rows], problem.stages[rows]
         response = np.zeros((k, fast, fast))
         counts = problem.counts[rows]
-        number = (np.full(k, fast - self.unstable), np.full(k, self.unstable))
         bases = [basis[rows] for basis in problem.bases]
         index = np.arange(k)
 
@@ -311,22 +308,89 @@ class SegmentSolver:
                 values.append(np.einsum("kij,kj->ki", basis, y))
             return values
 
-        values = fixed()
+        values, felt = fixed(), np.zeros(k)
         for _ in range(2):
-            kernel.solve_segments(
-                self.flow.field, self.flow.jacobian, p, self.A, self.b, problem.lengths[rows], counts,
-                problem.middles[rows], problem.x[rows], bases[0], values[0], number[0], bases[1], values[1],
-                number[1], z, stages, response, codes, iterations,
-            )  # fmt: skip
-            total += iterations
+            for q in range(k):
+                held = _Held(
+                    problem.x[rows[q]], int(problem.middles[rows[q]]), bases[0][q, : fast - self.unstable],
+                    values[0][q], bases[1][q, : self.unstable], values[1][q],
+                )  # fmt: skip
+                m = int(counts[q])
+                status[q], steps = self._segment(
+                    p, problem.lengths[rows[q], :m], held, z[q, : m + 1], stages[q, :m], response[q]
+                )
+                total[q] += steps
             old, values = values, fixed()
             moved = np.stack([np.linalg.norm(a - b, axis=1) for a, b in zip(values, old)], axis=1)
             felt = np.linalg.norm(response, axis=(1, 2)) * moved.sum(axis=1)
-            if not (felt[codes == kernel.CONVERGED] > SHARE * self.tolerance).any():
+            if not (felt[[one.ok for one in status]] > SHARE * self.tolerance).any():
                 break
         problem.moved[rows] = moved
         problem.z[rows], problem.stages[rows], problem.response[rows] = z, stages, response
-        return codes, total
+        return status, total
+
+    def _segment(
+        self,
+        p: np.ndarray,
+        lengths: np.ndarray,
+        held: _Held,
+        z: np.ndarray,
+        stages: np.ndarray,
+        response: np.ndarray,
+    ) -> tuple[Status, int]:
+        """Newton's method on one segment, in place; the status and the number of steps.
+
+        `response` (n_fast, n_fast) becomes the derivative of the fast variables at the middle by the ends' values.
+        """
+        nx, ends = len(self.system.x), len(self.system.y)
+        # The values at the ends are the first conditions, in turn.
+        tangents = np.eye(nx + ends)[:, :ends]
+
+        def step_of(point: Point) -> list[Step]:
+            linear = linearise(self.equations, SCHEME, p, 1.0, lengths, *point)
+            return linear.solve(held.conditions(point[0]), tangents=tangents)
+
+        def moved(point: Point, steps: list[Step], share: float) -> Point:
+            for i in range(ends):
+                response[:, i] = steps[1 + i].states[held.middle, nx:]
+            return point[0] + share * steps[0].states, point[1] + share * steps[0].stages
+
+        found = newton((z, stages), step_of, length=_length, moved=moved, rules=RULES)
+        z[:], stages[:] = found.point
+        return found.status, found.iterations
+
+
+Point = tuple[np.ndarray, np.ndarray]
+
+
+def _length(steps: list[Step], point: Point) -> float:
+    """Largest change of a state, relative to 1 + |z|."""
+    return float((np.abs(steps[0].states) / (1.0 + np.abs(point[0]).sum(axis=1))[:, None]).max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """What fixes a segment: left y = at_left where it begins, x at its `middle`, right y = at_right where it ends."""
+
+    x: np.ndarray
+    middle: int
+    left: np.ndarray
+    at_left: np.ndarray
+    right: np.ndarray
+    at_right: np.ndarray
+
+    def conditions(self, z: np.ndarray) -> Conditions:
+        """As conditions of a step from the states z (m + 1, n): at the left, at the right, in the middle."""
+        nx, n = len(self.x), z.shape[1]
+        a, b = len(self.left), len(self.right)
+        left, right, inner = np.zeros((n, n)), np.zeros((n, n)), np.zeros((nx, len(z), n))
+        left[:a, nx:], right[a : a + b, nx:] = self.left, self.right
+        inner[:, self.middle, :nx] = np.eye(nx)
+        wanted = np.concatenate([
+            self.at_left[:a] - self.left @ z[0, nx:], self.at_right[:b] - self.right @ z[-1, nx:],
+            self.x - z[self.middle, :nx],
+        ])  # fmt: skip
+        return Conditions(left, right, np.zeros((n, 0)), wanted, inner)
 
 
 class _Problem:

@@ -44,7 +44,7 @@ def on_uniform_mesh(degree: int, intervals: int):
     guess = Cycle(mesh, 1.01 * np.stack([np.cos(angle), np.sin(angle)], axis=2), 7.0)
     solution = solve_cycle(problem, guess, scales=scales_of(guess))
     assert solution.status is Status.SUCCESS
-    return solution.cycle
+    return solution.point
 
 
 def radius_error(states: np.ndarray) -> float:

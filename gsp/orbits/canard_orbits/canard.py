@@ -14,7 +14,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, joined
+from gsp.collocation.bordered import Conditions
+from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, joined
 from gsp.orbits.canard_orbits.frame import Frame, Plane
 from gsp.orbits.canard_orbits.sheet import Sheet
 from gsp.roots import root

@@ -9,22 +9,24 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.collocation.gauss import gauss_tableau
+from gsp.collocation.bordered import Conditions, Equations, Step, linearise
+from gsp.collocation.gauss import gauss
+from gsp.collocation.newton import Rules, newton
 from gsp.integration.trajectory import Trajectory
-from gsp.kernels.boundary_values import newton_step
 from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
 from gsp.systems.system import SlowFastSystem
 
 # Gauss points an element: order 10 at the elements' ends. No pedigree; 4 and 6 cost about the same.
 STAGES = 5
+SCHEME = gauss(STAGES)
 ITERATIONS = 12
 # A Newton step of this length, relative to 1 + |z|, is rounding; one below LAST is followed by rounding.
 ROUNDING, LAST = 1e-13, 1e-8
 # At a multiple root Newton's method converges linearly, to the root of rounding of its multiplicity: it is given so
 # many steps, and the shortest has to be below this.
 PATIENT, SETTLED = 40, 1e-4
-# A step this much longer than the one before ends the iteration.
-GROWTH = 4.0
+# A step this much longer than the one before ends the iteration; one longer than half the orbit is shortened.
+RULES = Rules(ITERATIONS, ROUNDING, LAST, growth=4.0, hopeless=1.0, longest=0.5)
 # Share of the elements that is spread evenly, so that none grows too long.
 EVEN = 0.15
 # Largest value of the nodal polynomial of the Gauss points and the start of an element of length one.
@@ -46,6 +48,11 @@ class OrbitSegment:
     epsilon: float
 
     @property
+    def values(self) -> np.ndarray:
+        """The states at each element's start and inside it (m, s + 1, n)."""
+        return np.concatenate([self.states[:-1, None], self.stages], axis=1)
+
+    @property
     def start(self) -> np.ndarray:
         """The state where the orbit begins (n,)."""
         return self.states[0]
@@ -57,20 +64,13 @@ class OrbitSegment:
 
     def at(self, sigma: np.ndarray) -> np.ndarray:
         """States (k, n) at shares sigma (k,) of the orbit's time, from the collocation polynomials."""
-        sigma = np.asarray(sigma, dtype=float)
-        place = np.clip(np.searchsorted(self.mesh, sigma, side="right") - 1, 0, len(self.mesh) - 2)
-        theta = (sigma - self.mesh[place]) / (self.mesh[place + 1] - self.mesh[place])
-        weights = (theta[:, None] ** np.arange(STAGES + 1)) @ _BASIS
-        nodes = np.concatenate([self.states[:-1, None], self.stages], axis=1)
-        return np.einsum("kj,kjn->kn", weights, nodes[place])
+        return SCHEME.at(self.mesh, self.values, np.asarray(sigma, dtype=float))
 
     def on(self, mesh: np.ndarray) -> OrbitSegment:
         """The same orbit on another mesh, by interpolation."""
-        inside = mesh[:-1, None] + np.diff(mesh)[:, None] * _C
-        states = self.at(mesh)
-        states[-1] = self.states[-1]
-        stages = self.at(inside.ravel()).reshape(len(mesh) - 1, STAGES, -1)
-        return replace(self, mesh=mesh, states=states, stages=stages)
+        values = self.at(SCHEME.places(mesh).ravel()).reshape(len(mesh) - 1, STAGES + 1, -1)
+        states = np.concatenate([values[:, 0], self.states[-1:]])
+        return replace(self, mesh=mesh, states=states, stages=np.ascontiguousarray(values[:, 1:]))
 
     def halved(self) -> OrbitSegment:
         """The same orbit with every element cut in two."""
@@ -89,10 +89,9 @@ class OrbitSegment:
 
     def monitor(self) -> np.ndarray:
         """De Boor's monitor of the discretisation's error on each element (m,), h |z^(s+1)|^(1/(s+1))."""
-        nodes = np.concatenate([self.states[:-1, None], self.stages], axis=1)
         h = np.diff(self.mesh)
         scale = np.maximum(np.ptp(self.states, axis=0), 1e-8)
-        top = np.einsum("j,mjn->mn", _BASIS[-1], nodes) / scale / h[:, None] ** STAGES
+        top = np.einsum("j,mjn->mn", SCHEME.barycentric, self.values) / scale / h[:, None] ** STAGES
         jump = np.abs(np.diff(top, axis=0)) / (0.5 * (h[1:] + h[:-1]))[:, None]
         slope = np.zeros_like(top)
         slope[:-1] += 0.5 * jump
@@ -113,33 +112,6 @@ class OrbitSegment:
         mesh = np.interp(np.linspace(0.0, total[-1], elements + 1), total, self.mesh)
         mesh[0], mesh[-1] = 0.0, 1.0
         return self.on(mesh)
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A change of an orbit segment: of its states, stages and parameters (time, and epsilon when it is free)."""
-
-    states: np.ndarray
-    stages: np.ndarray
-    parameters: np.ndarray
-
-    def times(self, factor: float) -> Step:
-        """The step, longer or turned round."""
-        return Step(factor * self.states, factor * self.stages, factor * self.parameters)
-
-
-@dataclass(frozen=True, eq=False)
-class Conditions:
-    """Linearised conditions on an orbit: `left` dz_0 + `right` dz_m + `across` dq = `wanted`, row by row.
-
-    The last row also counts `inner` (m + 1, n) at the ends of the elements in between, when it is given.
-    """
-
-    left: np.ndarray
-    right: np.ndarray
-    across: np.ndarray
-    wanted: np.ndarray
-    inner: np.ndarray | None = None
 
 
 # Conditions at an orbit, to be met; the number of rows is that of the states and the free parameters.
@@ -164,51 +136,43 @@ class Collocation:
             epsilon=system.epsilon,
             parameters=tuple(system.parameters),
         )
+        self.equations = Equations(
+            self.flow.field, self.flow.jacobian, self.sensitivity.address, 2 if epsilon_free else 1
+        )
 
-    def linear(self, orbit: OrbitSegment, conditions: Conditions, *, share: float = 1.0) -> Step | None:
-        """Newton's step at `orbit`, or with `share` 0 the tangent that the conditions pick; None when singular."""
-        q = np.array([orbit.time, orbit.epsilon] if self.epsilon_free else [orbit.time])
-        step = Step(np.empty_like(orbit.states), np.empty_like(orbit.stages), np.empty_like(q))
+    def linear(self, orbit: OrbitSegment, conditions: Conditions, *, tangent: bool = False) -> Step:
+        """Newton's step at `orbit`, or the `tangent` that the conditions pick.
+
+        Raises `numpy.linalg.LinAlgError` where the system is singular.
+        """
         if not orbit.epsilon > 0.0:
-            return None
+            raise np.linalg.LinAlgError("no field")
         self.work += len(orbit.mesh) - 1
-        parts = (conditions.left, conditions.right, conditions.across, conditions.wanted)
-        left, right, across, wanted = (np.ascontiguousarray(part, dtype=float) for part in parts)
-        inner = np.zeros_like(orbit.states) if conditions.inner is None else conditions.inner
-        solved = newton_step(
-            self.flow.field, self.flow.jacobian, self.sensitivity.address, parameter_vector(self.system, orbit.epsilon),
-            q, orbit.mesh, _A, _B, orbit.states, orbit.stages, left, right, across, wanted, inner, share,
-            step.states, step.stages, step.parameters,
-        )  # fmt: skip
-        finite = solved and np.isfinite(step.states).all() and np.isfinite(step.parameters).all()
-        return step if finite else None
+        p = parameter_vector(self.system, orbit.epsilon)
+        linear = linearise(
+            self.equations, SCHEME, p, orbit.time, np.diff(orbit.mesh), orbit.states, orbit.stages
+        )
+        if tangent:
+            return linear.solve(conditions, tangents=conditions.wanted[:, None])[1]
+        return linear.solve(conditions)[0]
 
     def solve(self, orbit: OrbitSegment, problem: Problem, *, limit: int = ITERATIONS) -> OrbitSegment | None:
         """The orbit near `orbit` that meets the conditions; None when Newton's method does not converge."""
-        previous = np.inf
-        for _ in range(limit):
-            step = self.linear(orbit, problem(orbit))
-            self.iterations += 1
-            if step is None:
-                return None
-            length = _length(step, orbit)
-            if length > max(GROWTH * previous, 1.0) and previous < np.inf:
-                return None
-            orbit = orbit.moved(step, min(1.0, 0.5 / length))
-            if orbit.time <= 0.0:
-                return None
-            if length <= ROUNDING or previous <= LAST or (length <= LAST and length >= 0.3 * previous):
-                return orbit
-            previous = length
-        return None
+        found = newton(
+            orbit, lambda orbit: self.linear(orbit, problem(orbit)), length=_length, moved=_moved,
+            rules=replace(RULES, steps=limit),
+        )  # fmt: skip
+        self.iterations += found.iterations
+        return found.point if found.status.ok else None
 
     def settled(self, orbit: OrbitSegment, problem: Problem) -> OrbitSegment | None:
         """As `solve` where the root is multiple: the iterate of the shortest step, which rounding ends."""
         best, shortest = None, SETTLED
         for _ in range(PATIENT):
-            step = self.linear(orbit, problem(orbit))
             self.iterations += 1
-            if step is None:
+            try:
+                step = self.linear(orbit, problem(orbit))
+            except np.linalg.LinAlgError:
                 break
             length = _length(step, orbit)
             orbit = orbit.moved(step, min(1.0, 0.5 / max(length, ROUNDING)))
@@ -221,11 +185,12 @@ class Collocation:
     def defect(self, orbit: OrbitSegment) -> float:
         """Largest defect |dz/dsigma - time F| of the polynomials, over 1 + |time F|, between the Gauss points."""
         theta = np.linspace(0.05, 0.95, 7)
-        powers = np.arange(STAGES + 1)
-        slope = np.where(powers > 0, powers * theta[:, None] ** np.maximum(powers - 1, 0), 0.0) @ _BASIS
-        nodes = np.concatenate([orbit.states[:-1, None], orbit.stages], axis=1)
         h = np.diff(orbit.mesh)
-        rate = np.einsum("kj,mjn->mkn", slope, nodes) / h[:, None, None]
+        # The derivative has degree s - 1: its values at the Gauss points are all of it.
+        slopes = np.einsum("ik,jkn->jin", SCHEME.slopes, orbit.values) / h[:, None, None]
+        powers = np.arange(STAGES)
+        between = (theta[:, None] ** powers) @ np.linalg.inv(SCHEME.c[:, None] ** powers)
+        rate = np.einsum("kj,mjn->mkn", between, slopes)
         inside = orbit.mesh[:-1, None] + h[:, None] * theta
         field = orbit.time * self.flow.rates(
             orbit.at(inside.ravel()), parameter_vector(self.system, orbit.epsilon)
@@ -243,6 +208,11 @@ def _length(step: Step, orbit: OrbitSegment) -> float:
     )
 
 
+def _moved(orbit: OrbitSegment, step: Step, share: float) -> OrbitSegment | None:
+    found = orbit.moved(step, share)
+    return found if found.time > 0.0 else None
+
+
 def sampled(run: Trajectory, steps: np.ndarray, *, elements: int) -> OrbitSegment:
     """The orbit that `run` has between steps[0] and steps[-1], on elements spread as its steps (k,) are."""
     first, last = float(steps[0]), float(steps[-1])
@@ -250,7 +220,7 @@ def sampled(run: Trajectory, steps: np.ndarray, *, elements: int) -> OrbitSegmen
         np.linspace(0.0, 1.0, elements + 1), np.linspace(0.0, 1.0, len(steps)), (steps - first) / (last - first)
     )
     mesh[0], mesh[-1] = 0.0, 1.0
-    inside = mesh[:-1, None] + np.diff(mesh)[:, None] * _C
+    inside = SCHEME.places(mesh)[:, 1:]
 
     def states(share: np.ndarray) -> np.ndarray:
         return run.at(np.clip(first + share * (last - first), min(first, last), max(first, last))).T
@@ -267,8 +237,3 @@ def joined(first: OrbitSegment, second: OrbitSegment) -> OrbitSegment:
     mesh = np.concatenate([share * first.mesh, share + (1.0 - share) * second.mesh[1:]])
     states = np.concatenate([first.states, second.states[1:]])
     return OrbitSegment(mesh, states, np.concatenate([first.stages, second.stages]), time, first.epsilon)
-
-
-_C, _B, _A = gauss_tableau(STAGES)
-# Coefficients, by powers, of the polynomials through an element's start and stages.
-_BASIS = np.linalg.inv(np.append(0.0, _C)[:, None] ** np.arange(STAGES + 1))

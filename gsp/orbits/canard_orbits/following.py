@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from gsp.collocation.bordered import Conditions, Step
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.orbits.canard_orbits.canard import (
     FEWEST,
@@ -20,7 +21,7 @@ from gsp.orbits.canard_orbits.canard import (
     CanardSolver,
     section_crossing,
 )
-from gsp.orbits.canard_orbits.collocation import Conditions, OrbitSegment, Step
+from gsp.orbits.canard_orbits.collocation import OrbitSegment
 from gsp.results.card import Card
 from gsp.roots import root
 from gsp.systems.arguments import check_each, check_noun, check_whole
@@ -242,19 +243,20 @@ class _Follower:
         across = np.zeros((5, 2))
         across[4] = row[6:]
         return Conditions(
-            np.vstack([four.left, row[:3] + inner[0]]),
-            np.vstack([four.right, row[3:6] + inner[-1]]),
+            np.vstack([four.left, row[:3]]),
+            np.vstack([four.right, row[3:6]]),
             across,
             np.append(four.wanted, value),
-            inner,
+            inner[None],
         )
 
     def _tangent(self, orbit: OrbitSegment, along: _Direction | None) -> _Direction | None:
         """The unit tangent at an orbit, on the side of `along`; None where the problem is singular."""
         conditions = self._conditions(orbit, along, 1.0)
         conditions.wanted[:4] = 0.0
-        step = self.solver.linear(orbit, conditions, share=0.0)
-        if step is None:
+        try:
+            step = self.solver.linear(orbit, conditions, tangent=True)
+        except np.linalg.LinAlgError:
             return None
         ends = np.concatenate([step.states[0] / self.extent, step.states[-1] / self.extent])
         ends = np.append(ends, step.parameters / [self.canard.orbit.time, orbit.epsilon])

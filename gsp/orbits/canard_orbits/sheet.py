@@ -13,10 +13,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from gsp.collocation.bordered import Conditions
 from gsp.errors import Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
-from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment, sampled
+from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, sampled
 from gsp.orbits.canard_orbits.frame import Frame, Plane
 from gsp.orbits.canard_orbits.line import Line, SheetNotFound, crossing_times
 
@@ -324,8 +325,9 @@ class SheetBuilder:
             normal[6] = 1.0
         conditions = self._across(self._base(orbit), normal, 1.0)
         conditions.wanted[:3] = 0.0
-        step = self.solver.linear(orbit, conditions, share=0.0)
-        if step is None:
+        try:
+            step = self.solver.linear(orbit, conditions, tangent=True)
+        except np.linalg.LinAlgError:
             return normal, None
         ends = (step.states[0], step.states[-1]) if self.attracting else (step.states[-1], step.states[0])
         vector = np.concatenate([*ends, step.parameters])

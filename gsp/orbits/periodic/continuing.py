@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import sympy as sp
 
+from gsp.collocation.gauss import gauss
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.bifurcations import located
-from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, gauss, phase_condition
+from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.family import FamilyStats, OrbitFamily, SpecialOrbit
 from gsp.orbits.periodic.finding import check_accuracy, orbit_of
 from gsp.orbits.periodic.hopf import HopfPoint
@@ -155,7 +156,7 @@ def _through(tracer: Tracer, orbit: PeriodicOrbit, name: str, direction: int) ->
     solution = tracer.corrected(cycle, cycle, tracer.at_parameter(cycle, value))
     try:
         if solution.status.ok:
-            return tracer.row(solution, tracer.across(solution.cycle, nothing), solution.iterations)
+            return tracer.row(solution, tracer.across(solution.point, nothing), solution.iterations)
     except np.linalg.LinAlgError:
         pass
     raise OrbitError(
@@ -174,7 +175,7 @@ def _born(tracer: Tracer, hopf: HopfPoint, degree: int) -> Row:
             size, 2.0 * np.sqrt(FIRST_SHIFT * tracer.width * abs(hopf.crossing / (hopf.l1 * hopf.omega)))
         )
     mesh = np.linspace(0.0, 1.0, FIRST_INTERVALS + 1)
-    places = mesh[:-1, None] + np.diff(mesh)[:, None] * gauss(degree).x
+    places = gauss(degree).places(mesh)
     mode = np.real(hopf.vector * np.exp(2j * np.pi * places[..., None]))
     for _ in range(FIRST_TRIES):
         step = Cycle(mesh, size * mode, 0.0, 0.0)

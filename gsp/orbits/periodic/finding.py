@@ -133,7 +133,7 @@ def _solved(
             break
     assert best is not None
     _check_isolated(problem, best, nearest)
-    cycle = best.solution.cycle
+    cycle = best.solution.point
     if (cycle.amplitudes <= 1e-4 * size).all() and (problem.residual(cycle, size) < COLLAPSED):
         states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
         raise OrbitError(
@@ -167,7 +167,7 @@ def _check_isolated(problem: OrbitProblem, refined: Refined, before: float) -> N
     Newton's equations have no unique solution in a family: where its iterates go, if anywhere, rounding decides.
     """
     if refined.status.ok:
-        before = isolation_of(problem, refined.solution.cycle)
+        before = isolation_of(problem, refined.solution.point)
     if before <= ISOLATED:
         raise OrbitError(
             "there is no isolated orbit here: the run from start closes by itself, and so do its neighbours, as around "
@@ -189,19 +189,19 @@ def _times_around(cycle: Cycle) -> int:
 
 def _part(cycle: Cycle, times: int) -> np.ndarray:
     """Values of the first part of a cycle, one of `times`, on its own mesh."""
-    places = cycle.mesh[:-1, None] + cycle.widths[:, None] * cycle.scheme.x
+    places = cycle.scheme.places(cycle.mesh)
     return cycle.at(places.ravel() / times).reshape(cycle.values.shape)
 
 
 def assembled(problem: OrbitProblem, refined: Refined) -> PeriodicOrbit:
     """The result, with everything that is read off the linearisation at the cycle itself."""
-    cycle = refined.solution.cycle
+    cycle = refined.solution.point
     scales = scales_of(cycle)
     status, divergence = refined.status, float("nan")
     found = np.full(problem.size, complex(np.nan))
     try:
         linear = problem.linearise(cycle)
-        divergence = linear.divergence
+        divergence = problem.divergence(cycle)
         found = multipliers(linear.transfers, divergence, scales)
     except (np.linalg.LinAlgError, ValueError):
         # An iterate that is not finite has no multipliers; a converged cycle is.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.collocation.newton import Rules, Solution, newton
 from gsp.errors import Status
-from gsp.orbits.periodic.collocation import Condition, Cycle, Linearisation, OrbitProblem, phase_condition
+from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
 
 # A step this small, in units of the cycle, is the last: the next one would be its square.
@@ -16,6 +17,7 @@ CONVERGED = 1e-9
 # Steps that no longer get smaller are rounding when they are below this.
 STAGNANT = 1e-6
 STEPS = 25
+RULES = Rules(STEPS, CONVERGED, STAGNANT)
 # Phases are known to so many units in the last place, and the states at a phase to that times their slopes: in a jump
 # that takes 1e-12 of the period, to 1e-3 of the amplitude.
 PHASE_ROUNDING = 16 * 2.0**-52
@@ -29,17 +31,6 @@ MESHES = 12
 WASTEFUL = 1e-3
 
 Conditions = Callable[[Cycle], Sequence[Condition]]
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A cycle, its linearisation at the last step but its own (None when there was none), and how it came."""
-
-    cycle: Cycle
-    linear: Linearisation | None
-    status: Status
-    iterations: int
-    update: float
 
 
 def scales_of(cycle: Cycle) -> np.ndarray:
@@ -57,41 +48,40 @@ def solve_cycle(
     conditions: Conditions | None = None,
     steps: int = STEPS,
     damped: bool = True,
-) -> Solution:
+) -> Solution[Cycle]:
     """Newton's method on the mesh of `guess`.
 
-    Without `conditions` the only free scalar is the period, and the phase is held against the guess.
+    Without `conditions` the only free scalar is the period, and the phase is held against the guess. It fails where
+    the cycle has collapsed to an equilibrium.
     """
     held = conditions or (lambda cycle: [phase_condition(cycle, guess, scales)])
-    cycle, previous, total = guess, np.inf, 0
-    linear: Linearisation | None = None
-    defect = problem.residual(cycle, scales)
-    for _ in range(steps):
-        total += 1
-        try:
-            linear = problem.linearise(cycle)
-            step = linear.solve(held(cycle), scales, np.empty((0, 0)))[0]
-        except np.linalg.LinAlgError:
-            return Solution(cycle, None, Status.SINGULAR_JACOBIAN, total, np.inf)
-        update = max(_size(step, cycle, scales), abs(step.period) / cycle.period)
-        if not np.isfinite(update):
-            return Solution(cycle, None, Status.NON_FINITE, total, update)
-        share, found, new = 1.0, cycle.moved(step), np.inf
+    defect = problem.residual(guess, scales)
+
+    def collapsed(cycle: Cycle) -> bool:
+        return bool((cycle.amplitudes <= COLLAPSED * scales).all())
+
+    def step_of(cycle: Cycle) -> Cycle:
+        if collapsed(cycle):
+            raise np.linalg.LinAlgError("an equilibrium")
+        return problem.steps(problem.linearise(cycle), cycle, held(cycle), scales)[0]
+
+    def length(step: Cycle, cycle: Cycle) -> float:
+        return max(_size(step, cycle, scales), abs(step.period) / cycle.period)
+
+    def moved(cycle: Cycle, step: Cycle, share: float) -> Cycle | None:
+        nonlocal defect
+        found, new = cycle, np.inf
         for _ in range(HALVINGS if damped else 1):
+            found = cycle.moved(step, share)
             new = problem.residual(found, scales) if found.period > 0.0 else np.inf
             if new <= max(2.0 * defect, 1e-8):
                 break
             share *= 0.5
-            found = cycle.moved(step, share)
-        if not np.isfinite(new):
-            return Solution(cycle, linear, Status.NON_FINITE, total, update)
-        cycle, defect = found, new
-        if (cycle.amplitudes <= COLLAPSED * scales).all():
-            break
-        if share == 1.0 and (update <= CONVERGED or (update <= STAGNANT and update > 0.3 * previous)):
-            return Solution(cycle, linear, Status.SUCCESS, total, update)
-        previous = update
-    return Solution(cycle, linear, Status.NOT_CONVERGED, total, previous)
+        defect = new
+        return found if np.isfinite(new) else None
+
+    found = newton(guess, step_of, length=length, moved=moved, rules=replace(RULES, steps=steps))
+    return replace(found, status=Status.NOT_CONVERGED) if collapsed(found.point) else found
 
 
 def _size(step: Cycle, cycle: Cycle, scales: np.ndarray) -> float:
@@ -105,7 +95,7 @@ def _size(step: Cycle, cycle: Cycle, scales: np.ndarray) -> float:
 class Refined:
     """A cycle on a mesh made for it: `error` in units of the amplitudes, `period_error` relative."""
 
-    solution: Solution
+    solution: Solution[Cycle]
     error: float
     period_error: float
     status: Status
@@ -132,7 +122,7 @@ def refine(
                 return Refined(solution, np.inf, np.inf, solution.status, iterations, count)
             # A mesh too coarse for this cycle: the one before stands, with its own error.
             return Refined(best.solution, best.error, best.period_error, solution.status, iterations, count)
-        cycle = solution.cycle
+        cycle = solution.point
         scales = scales_of(cycle)
         error = float(interval_errors(cycle, scales).max())
         # Between two meshes; of the coarser one rather, so that it errs on the safe side.

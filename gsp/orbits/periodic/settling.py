@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsp.collocation.gauss import gauss
 from gsp.errors import GspError, Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.orbits.periodic.collocation import Cycle, gauss
+from gsp.orbits.periodic.collocation import Cycle
 from gsp.orbits.periodic.mesh import FEWEST, adapted
 from gsp.orbits.periodic.newton import scales_of
 from gsp.roots import roots
@@ -60,7 +61,7 @@ class Lap:
         return self._sampled(adapted(fine, scales_of(fine), error, most=most), degree, first, last)
 
     def _sampled(self, mesh: np.ndarray, degree: int, first: float, last: float) -> Cycle:
-        places = (mesh[:-1, None] + np.diff(mesh)[:, None] * gauss(degree).x).ravel()
+        places = gauss(degree).places(mesh).ravel()
         values = self.run.at(np.clip(first + places * (last - first), first, last)).T
         # The gap between the ends, spread over the lap.
         values = values - places[:, None] * (self.run.at(last) - self.run.at(first))

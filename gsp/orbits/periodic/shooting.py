@@ -51,7 +51,7 @@ def shoot(orbit: PeriodicOrbit, *, phase: float = 0.0, rtol: float = 1e-13) -> S
     cycle = orbit._cycle
     scales = np.maximum(cycle.amplitudes, 1e-300)
     linear = problem.linearise(cycle)
-    backward = linear.divergence > 0.0
+    backward = problem.divergence(cycle) > 0.0
     # The lap's derivative from the mesh point next to the phase.
     first = int(np.argmin(np.abs(cycle.mesh[:-1] - np.mod(phase, 1.0))))
     M = np.eye(problem.size)

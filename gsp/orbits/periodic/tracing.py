@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.collocation.newton import Solution
 from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
-from gsp.orbits.periodic.newton import WASTEFUL, Solution, scales_of, solve_cycle
+from gsp.orbits.periodic.newton import WASTEFUL, scales_of, solve_cycle
 from gsp.systems.region import Interval
 
 # Newton steps a corrector may take, and the numbers that lengthen and shorten the next arclength step.
@@ -114,7 +115,7 @@ class Tracer:
         guess: Cycle,
         reference: Cycle,
         condition: Callable[[Cycle], Condition],
-    ) -> Solution:
+    ) -> Solution[Cycle]:
         """Newton's method with that condition, the phase held against `reference`."""
         scales = scales_of(reference)
         return solve_cycle(
@@ -126,13 +127,13 @@ class Tracer:
             damped=False,
         )
 
-    def row(self, solution: Solution, condition: Callable[[Cycle], Condition], iterations: int) -> Row:
+    def row(self, solution: Solution[Cycle], condition: Callable[[Cycle], Condition], iterations: int) -> Row:
         """What belongs to a cycle: its tangent on the side of the condition, multipliers, error."""
-        cycle = solution.cycle
+        cycle = solution.point
         scales = scales_of(cycle)
-        linear = self.problem.linearise(cycle)
+        linear, divergence = self.problem.linearise(cycle), self.problem.divergence(cycle)
         held = [phase_condition(cycle, cycle, scales), condition(cycle)]
-        tangent = linear.solve(held, scales, np.array([[0.0, 1.0]]))[1]
+        tangent = self.problem.steps(linear, cycle, held, scales, np.array([[0.0, 1.0]]))[1]
         drift, carried = self._drift(cycle, tangent, scales)
         moving = replace(tangent, values=tangent.values + carried)
         length = float(np.sqrt(self.inner(cycle, moving, moving)))
@@ -141,8 +142,8 @@ class Tracer:
         error = float(interval_errors(cycle, scales).max())
         met = error <= 10.0 * self.controls.tolerance
         return Row(
-            cycle, tangent.times(1.0 / length), moving.times(1.0 / length), drift / length, linear.divergence,
-            multipliers(linear.transfers, linear.divergence, scales), error,
+            cycle, tangent.times(1.0 / length), moving.times(1.0 / length), drift / length, divergence,
+            multipliers(linear.transfers, divergence, scales), error,
             Status.SUCCESS if met else Status.MESH_LIMIT, iterations,
         )  # fmt: skip
 
@@ -172,11 +173,13 @@ class Tracer:
 
     # -- one step ------------------------------------------------------------------------------------
 
-    def settled(self, solution: Solution, condition: Callable[[Cycle], Condition], along: Cycle) -> Row | None:
+    def settled(
+        self, solution: Solution[Cycle], condition: Callable[[Cycle], Condition], along: Cycle
+    ) -> Row | None:
         """The cycle on a mesh made for it, with its tangent; None when Newton's method fails there."""
         tolerance, iterations = self.controls.tolerance, solution.iterations
         for _ in range(MESHES):
-            cycle = solution.cycle
+            cycle = solution.point
             scales = scales_of(cycle)
             error = float(interval_errors(cycle, scales).max())
             least = growth_density(self.problem, cycle)
@@ -219,7 +222,7 @@ class Tracer:
         solution = self.corrected(guess, guess, condition)
         if not solution.status.ok:
             return None
-        moved = solution.cycle.moved(guess, -1.0)
+        moved = solution.point.moved(guess, -1.0)
         if self.inner(guess, moved, moved) > length**2 * self.inner(guess, direction, direction):
             return None
         found = self.settled(solution, condition, direction)
@@ -238,7 +241,7 @@ class Tracer:
         if not solution.status.ok:
             return None
         try:
-            return self.row(solution, self.across(solution.cycle, row.moving), solution.iterations)
+            return self.row(solution, self.across(solution.point, row.moving), solution.iterations)
         except np.linalg.LinAlgError:
             return None
 
