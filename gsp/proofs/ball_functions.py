@@ -146,7 +146,9 @@ class BallFunction(Program):
         places = [self._written(factor) for factor in expression.args]
         product = places[0]
         for place in places[1:]:
-            product = self._operation(balls.product, product, place)
+            # Nothing is lost by a constant, as nothing is by a sum.
+            exact = self._registers[product] is not None or self._registers[place] is not None
+            product = self._operation(operator.mul if exact else balls.product, product, place)
         return product
 
     def _power(self, base: Any, exponent: Any) -> int:

@@ -17,7 +17,7 @@ from flint import arb, fmpq
 # Bits of a midpoint. Radii have 30 bits whatever this is; 64 leave double data exact and cost as much as 53.
 PRECISION = 64
 UNDEFINED = arb("nan")
-# A ball with so many good bits is narrow: what a product of two such loses is a share of 2^-NARROW of its radius.
+# A ball with so many good bits is narrow: a product with one loses a share of 2^-NARROW of its radius, no more.
 NARROW = 4
 
 
@@ -66,7 +66,7 @@ def negative(ball: arb) -> arb:
 
 def product(one: arb, two: arb) -> arb:
     """one * two; of wide balls that keep their signs from their ends, for a midpoint and a radius lose the sign."""
-    if min(one.rel_accuracy_bits(), two.rel_accuracy_bits()) > NARROW:
+    if one.rel_accuracy_bits() > NARROW or two.rel_accuracy_bits() > NARROW:
         return one * two
     if two < 0:
         return -product(one, -two)
@@ -97,21 +97,12 @@ def power(ball: arb, exponent: int) -> arb:
         return arb(1)
     if exponent == 1:
         return ball
+    if ball.rel_accuracy_bits() > NARROW + exponent.bit_length():
+        return ball**exponent
+    # arb's own integer power of a ball about 0 is not a number (python-flint #426); of a point it is the power.
     if exponent % 2:
-        return rising(lambda end: _repeated(end, exponent), ball)
-    return _repeated(ball.abs_lower(), exponent).union(_repeated(ball.abs_upper(), exponent))
-
-
-def _repeated(value: arb, exponent: int) -> arb:
-    # arb's own integer power of a ball about 0 is not a number (python-flint #426).
-    result = None
-    while exponent:
-        if exponent & 1:
-            result = value if result is None else result * value
-        exponent >>= 1
-        if exponent:
-            value = value * value
-    return arb(1) if result is None else result
+        return (ball.lower() ** exponent).union(ball.upper() ** exponent)
+    return (ball.abs_lower() ** exponent).union(ball.abs_upper() ** exponent)
 
 
 WORD = 2**63

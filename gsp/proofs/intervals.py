@@ -17,6 +17,8 @@ UNIT: Interval = (ONE, ONE)
 # exp of more than this has no use in a proof, and would take long.
 LARGEST_EXPONENT = 2000 * ONE
 TERMS = 40
+# An exponential is summed in units of 2^-FINE: u < 2^-HALVINGS, and u^FINE_TERMS/FINE_TERMS! < 2^-FINE.
+FINE, HALVINGS, FINE_TERMS = 128, 6, 15
 # Beyond doubles, and squares of them: whole numbers do not grow without end.
 LARGEST = ONE << 4096
 _LARGEST_PRODUCT = LARGEST << SHIFT
@@ -134,25 +136,22 @@ def exp(a: Interval) -> Interval:
 
 
 def _exp(x: int) -> Interval:
+    """exp(x), by x = k log 2 + 2^HALVINGS u with 0 <= u < 2^-HALVINGS, in units of 2^-FINE."""
     if abs(x) > LARGEST_EXPONENT:
         raise OutOfDomain("the exponential of a large number")
-    if x < 0:
-        return divide(UNIT, _exp(-x))
-    halvings = max(0, x.bit_length() - SHIFT + 8)
-    # Small is at most 2^-8; the rounding of the shift is inside the interval.
-    small = (x >> halvings, -(-x >> halvings))
-    total, term = UNIT, UNIT
-    for k in range(1, TERMS):
-        term = multiply(term, small)
-        term = term[0] // k, -(-term[1] // k)
-        total = add(total, term)
-        if term[1] <= 1:
-            break
-    # What is left off is at most twice the last term.
-    total = total[0], total[1] + 2 * term[1]
-    for _ in range(halvings):
-        total = multiply(total, total)
-    return total
+    turns, rest = divmod(x << (FINE - SHIFT), LOG_2 + 1 if x >= 0 else LOG_2)
+    # The true u is at least this one, and less than `slack` units more.
+    u, slack = rest >> HALVINGS, 2 + (abs(turns) >> HALVINGS)
+    total = term = 1 << FINE
+    for k in range(1, FINE_TERMS):
+        term = (term * u >> FINE) // k
+        total += term
+    # Each term is at most 2 units too small, what is left off is less than one, and exp(u + s) - exp(u) <= 2 s.
+    low, high = total, total + 2 * FINE_TERMS + 2 * slack
+    for _ in range(HALVINGS):
+        low, high = low * low >> FINE, -(-high * high >> FINE)
+    shift = FINE - SHIFT - turns
+    return (low >> shift, -(-high >> shift)) if shift >= 0 else (low << -shift, high << -shift)
 
 
 def log(a: Interval) -> Interval:
@@ -305,3 +304,19 @@ def _machin() -> Interval:
 
 
 HALF_PI = _machin()
+
+
+def _log_2() -> int:
+    """The whole number of units of 2^-FINE below log 2 = 2 (1/3 + 1/(3 3^3) + 1/(5 3^5) + ...)."""
+    guard = 32
+    total, power_, k = 0, (2 << (FINE + guard)) // 3, 1
+    while power_:
+        total += power_ // k
+        power_ //= 9
+        k += 2
+    # Every term is at most 3 units too small, and what is left off is less than one.
+    assert (total + 3 * k) >> guard == total >> guard
+    return total >> guard
+
+
+LOG_2 = _log_2()

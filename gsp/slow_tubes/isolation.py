@@ -70,7 +70,13 @@ class Isolation:
 
     def faces(self, widths: Widths) -> bool:
         """Whether the tube of `widths`, one for each block, is proved isolating."""
-        return _proved(self.region, lambda box: self._faces_of(box, widths), self.tally, self._steepest)
+        return _proved(
+            self.region,
+            lambda box: self._faces_of(box, widths),
+            self.tally,
+            self._steepest,
+            lambda box: not self._faces_of(tuple((v, v) for v in map(_middle, box)), widths),
+        )
 
     def cones(self, widths: Widths, slope: float, collar: float) -> bool:
         """Whether the cone conditions with L = `slope` are proved in the tube."""
@@ -141,7 +147,7 @@ class Isolation:
         if known is not None:
             return known
         x = [balls.hull(low, high) for low, high in box]
-        middle = [arb(low + 0.5 * (high - low)) for low, high in box]
+        middle = [arb(_middle(ends)) for ends in box]
         natural = self.invariance.residual(x)
         n = len(box)
         if all(low == high for low, high in box):
@@ -297,37 +303,62 @@ def _proved(
     holds: Callable[[Box], bool],
     tally: Tally,
     variation: Callable[[Box], list[float]] | None = None,
+    is_hopeless: Callable[[Box], bool] | None = None,
 ) -> bool:
-    """Whether `holds` is True on parts that fill the region, the halves tried depth first.
+    """Whether `holds` is True on parts that fill the region.
 
-    A part is cut across its largest `variation`, or across its longest side where none is known.
+    A part is cut across its largest `variation`, or across its longest side where none is known, unless it is known to
+    be hopeless. All parts of one generation come before the next: what the budget does not reach is known by their
+    number.
     """
     # A side of a few roundings is a point: a decimal between doubles. Nothing is gained by cutting it.
     sides = [
         high - low if high - low > THIN * math.ulp(max(abs(low), abs(high))) else 0.0 for low, high in region
     ]
-    stack, tried = [region], 0
-    while stack:
-        if tried >= tally.most:
+    generation, left = [region], tally.most
+    while generation:
+        if len(generation) > left:
             tally.spent = True
             return False
-        box = stack.pop()
-        tried += 1
-        tally.tried += 1
-        if holds(box):
-            continue
-        shares = [(high - low) / side if side > 0.0 else 0.0 for (low, high), side in zip(box, sides)]
-        if max(shares) < NARROWEST:
-            return False
-        axis = max(range(len(box)), key=shares.__getitem__)
-        if variation is not None:
-            smear = [v if share >= max(shares) / UNEVEN else 0.0 for v, share in zip(variation(box), shares)]
-            if 0.0 < max(smear) < math.inf:
-                axis = max(range(len(box)), key=smear.__getitem__)
-        low, high = box[axis]
-        middle = low + 0.5 * (high - low)
-        if not low < middle < high:
-            return False
-        for ends in ((low, middle), (middle, high)):
-            stack.append(tuple(ends if k == axis else other for k, other in enumerate(box)))
+        left -= len(generation)
+        following: list[Box] = []
+        for box in generation:
+            tally.tried += 1
+            if holds(box):
+                continue
+            if is_hopeless is not None and is_hopeless(box):
+                return False
+            halves = _halves(box, sides, variation)
+            if halves is None:
+                return False
+            following += halves
+        generation = following
     return True
+
+
+def _middle(ends: tuple[float, float]) -> float:
+    low, high = ends
+    return low + 0.5 * (high - low)
+
+
+def _halves(
+    box: Box, sides: list[float], variation: Callable[[Box], list[float]] | None
+) -> tuple[Box, Box] | None:
+    """The box cut in two; None where it is as narrow as may be."""
+    shares = [(high - low) / side if side > 0.0 else 0.0 for (low, high), side in zip(box, sides)]
+    if max(shares) < NARROWEST:
+        return None
+    axis = max(range(len(box)), key=shares.__getitem__)
+    if variation is not None:
+        smear = [v if share >= max(shares) / UNEVEN else 0.0 for v, share in zip(variation(box), shares)]
+        if 0.0 < max(smear) < math.inf:
+            axis = max(range(len(box)), key=smear.__getitem__)
+    low, high = box[axis]
+    middle = _middle(box[axis])
+    if not low < middle < high:
+        return None
+    lower, upper = (
+        tuple(ends if k == axis else other for k, other in enumerate(box))
+        for ends in ((low, middle), (middle, high))
+    )
+    return lower, upper

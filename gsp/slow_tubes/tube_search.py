@@ -77,6 +77,8 @@ class TubeSearch:
         self.invariance, self.basis, self.region, self.tally = invariance, basis, region, tally
         # The least epsilon that is asked for.
         self.first = first
+        # The tube that was last proved isolating, and for which epsilon.
+        self._isolating: tuple[tuple[float, ...], float, float] | None = None
 
     def _isolation(self, epsilon: float, low: float | None = None, tally: Tally | None = None) -> Isolation:
         least = self.first if low is None else low
@@ -114,7 +116,7 @@ class TubeSearch:
         before = tally.tried
         isolation = self._isolation(epsilon, low, tally)
         first = 0 if known is None else known.cones[-1].place
-        found = self._cones(isolation, widths, first) if isolation.faces(widths) else None
+        found = self._cones(isolation, widths, first) if self._isolates(isolation, widths) else None
         tried = tally.tried - before
         if tally is not self.tally:
             self.tally.tried += tried
@@ -122,6 +124,18 @@ class TubeSearch:
             return None
         # Of the first step: a budget that grew from step to step would end with all boxes at the border.
         return ProvedTube(self, epsilon, widths, (*cones, found), tried if known is None else known.tried)
+
+    def _isolates(self, isolation: Isolation, widths: np.ndarray) -> bool:
+        """Whether the tube is isolating; it is so for fewer epsilon than it was proved for."""
+        low, high = isolation.region[-1]
+        if self._isolating is not None:
+            proved, least, most = self._isolating
+            if proved == tuple(widths) and least <= low and high <= most:
+                return True
+        if not isolation.faces(widths):
+            return False
+        self._isolating = (tuple(widths), low, high)
+        return True
 
     def least(self, epsilon: float, known: ProvedTube | None = None) -> ProvedTube | None:
         """The narrowest tube found up to `epsilon`, with cones if they can be had; `known` is one with them."""

@@ -1,14 +1,17 @@
 """Every operation on balls holds the exact value: against fractions, and mpmath at 400 bits."""
 
 import math
+import operator
 import random
 from fractions import Fraction
 
 import mpmath
 import pytest
+import sympy as sp
 from flint import arb
 
 from gsp.proofs import balls
+from gsp.proofs.ball_functions import BallFunction
 
 CASES = 300
 WHOLE = 10_000
@@ -152,3 +155,28 @@ def test_wide_balls_stay_sharp() -> None:
     assert float(balls.tanh(balls.hull(-3.0, 3.0)).abs_upper()) < 1.0
     assert float(balls.power(balls.hull(1.0, 3.0), 2).lower()) > 0.999
     assert float(balls.quotient(arb(1), balls.hull(1.0, 3.0)).upper()) < 1.0001
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 1.03), (-2.05, -2.0), (7.0, 7.0)])
+@pytest.mark.parametrize(("least", "most"), [(0.001, 2.0), (-3.0, 1.0), (-5.0, -4.9), (0.3, 0.3)])
+def test_a_product_with_a_narrow_ball_loses_an_eighth_of_its_width_at_most(
+    low: float, high: float, least: float, most: float
+) -> None:
+    found = balls.product(balls.hull(low, high), balls.hull(least, most))
+    ends = [p * q for p in (low, high) for q in (least, most)]
+    assert 2.0 * float(found.rad()) <= 1.125 * (max(ends) - min(ends)) + 1e-15
+
+
+@pytest.mark.parametrize("exponent", [2, 3, 8, 27])
+@pytest.mark.parametrize("share", [0.0, 1e-4, 0.01, 0.1, 0.9])
+def test_powers_lose_a_tenth_of_their_width_at_most(exponent: int, share: float) -> None:
+    low, high = 1.5 * (1.0 - share), 1.5 * (1.0 + share)
+    found = balls.power(balls.hull(low, high), exponent)
+    assert 2.0 * float(found.rad()) <= 1.1 * (high**exponent - low**exponent) + 1e-14 * high**exponent
+
+
+def test_a_constant_is_a_factor_without_a_test_of_widths() -> None:
+    x, y = sp.symbols("x y")
+    code = BallFunction([x, y], [3 * x * y])._code
+    assert [function for _, function, *_ in code].count(operator.mul) == 1
+    assert [function for _, function, *_ in code].count(balls.product) == 1

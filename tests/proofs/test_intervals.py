@@ -102,3 +102,17 @@ def test_inverse_tangents_of_the_smallest_and_the_largest_numbers_are_held(x: fl
 def test_what_is_out_of_the_domain_or_too_large_is_refused(out) -> None:
     with pytest.raises(ia.OutOfDomain):
         out()
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-30, 0.5, -0.5, 0.7, 11.3, -11.3, 300.7, -40.2, 1999.0])
+def test_an_exponential_is_sharp_and_holds_the_value(x: float) -> None:
+    low, high = ia.exp(ia.of(Fraction(x)))
+    with mpmath.workprec(4000):
+        assert low <= mpmath.exp(mpmath.mpf(x)) * ia.ONE <= high
+    # Two units, or the last of a hundred bits.
+    assert high - low <= 2 + (high >> 100)
+
+
+def test_the_logarithm_of_two_is_enclosed_between_neighbours() -> None:
+    with mpmath.workprec(400):
+        assert ia.LOG_2 <= mpmath.log(2) * 2**ia.FINE <= ia.LOG_2 + 1
