@@ -47,7 +47,7 @@ def timed(
         workers=workers,
     )
     spent = time.perf_counter() - begun
-    return float(found.as_dataset().seconds.sum()), spent
+    return float(found.to_xarray().seconds.sum()), spent
 
 
 def main() -> None:

@@ -159,7 +159,7 @@ CASES: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
         lambda: gsp.sweep(
             "integrate", model="michaelis_menten", over={"epsilon": (0.01,)}, into=tempfile.mkdtemp(), workers=1
         ),
-        lambda n: (str(n), n.as_dataset().final.values),
+        lambda n: (str(n), n.to_xarray().final.values),
     ),
     "Trajectory": (lambda: study().full(0.01), lambda n: (n["s"], n.at(0.37))),
     "VectorField": (lambda: models.load("chaplygin_sleigh").system, lambda n: n.equations),

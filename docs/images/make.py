@@ -63,7 +63,7 @@ def sweeps() -> None:
                 "tolerance": np.geomspace(1e-10, 1e-1, 28),
             },
             into=Path(scratch, "maps"),
-        ).as_dataset()
+        ).to_xarray()
         reduced = maps.holds.sel(method=[f"reduced flow {n}" for n in range(4)]).values
         least = np.where(reduced.any(axis=-1), reduced.argmax(axis=-1), 4)
         file = Path(scratch, "family.toml")
@@ -78,7 +78,7 @@ def sweeps() -> None:
             over={"b": np.linspace(0.6, 2.0, 15), "c": np.linspace(0.6, 2.0, 15)},
             options={"parameter": "a"},
             into=Path(scratch, "canards"),
-        ).as_dataset()
+        ).to_xarray()
         values = canards.value.values
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 2.9), layout="constrained")

@@ -33,7 +33,7 @@ with tempfile.TemporaryDirectory() as scratch:
         print(f"stopped: {gsp.Sweep(call['into'])!r}")
     sweep = gsp.sweep("compare", **call)
     print(sweep)
-    error = sweep.as_dataset().error.load()
+    error = sweep.to_xarray().error.load()
     print("\nlargest relative error of the reduced flow of order 1, and its power of epsilon")
     for a in AXES["a"]:
         row = error.sel(a=a, order=1).values

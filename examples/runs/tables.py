@@ -17,7 +17,7 @@ times = np.linspace(0.5, 5.0, 10)
 
 def runs(flow: object, epsilon: float):
     ensemble = gsp.integrate_many(flow, {"s": starts, "c": 0.0}, span=(0, 5), epsilon=epsilon, at=times)
-    return ensemble.as_dataset()
+    return ensemble.to_xarray()
 
 
 # %%
@@ -30,7 +30,7 @@ assert change.sizes["member"] == 25
 
 # %%
 # Errors of the reduced flows as a data frame.
-frame = gsp.compare(scene, orders=(0, 1, 2), epsilons=(0.04, 0.02, 0.01)).as_frame()
+frame = gsp.compare(scene, orders=(0, 1, 2), epsilons=(0.04, 0.02, 0.01)).to_pandas()
 print(frame[["error", "slope", "expected"]])
 errors = frame["error"].unstack("order")
 ratios = errors.loc[0.02] / errors.loc[0.01]

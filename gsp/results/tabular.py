@@ -14,20 +14,20 @@ class Tabular:
 
     __slots__ = ()
 
-    def as_dataset(self) -> Any:
+    def to_xarray(self) -> Any:
         """The result as an `xarray.Dataset`: variables with named dimensions, coordinates, and `attrs` for the rest.
 
         Raises `OutputError` where xarray is not installed.
         """
-        return importlib.import_module("gsp.tables").table_of(self).as_dataset()
+        return importlib.import_module("gsp.tables").table_of(self).to_xarray()
 
-    def as_frame(self) -> Any:
+    def to_pandas(self) -> Any:
         """The result as a `pandas.DataFrame`, indexed by the dimensions of its main quantities.
 
-        Quantities of other dimensions are left out; `as_dataset` has them. Raises `OutputError` where pandas is not
+        Quantities of other dimensions are left out; `to_xarray` has them. Raises `OutputError` where pandas is not
         installed.
         """
-        return importlib.import_module("gsp.tables").table_of(self).as_frame()
+        return importlib.import_module("gsp.tables").table_of(self).to_pandas()
 
     def as_json(self) -> dict[str, Any]:
         """The result in plain values, which `json.dumps` takes as they are: nan and infinity are None.

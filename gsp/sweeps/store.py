@@ -115,7 +115,7 @@ class Store:
         for left in self._arrays.rglob("*.partial"):
             left.unlink(missing_ok=True)
 
-    def as_dataset(self) -> Any:
+    def to_xarray(self) -> Any:
         """The results as a labelled xarray Dataset that reads what it is asked for."""
         xarray = _xarray_or_remedy()
         found = xarray.open_zarr(self._arrays, consolidated=False, chunks=None)

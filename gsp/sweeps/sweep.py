@@ -9,6 +9,7 @@ import math
 import os
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
@@ -79,13 +80,18 @@ class Sweep(Card):
         """Coordinates, status and message of up to `most` points that failed."""
         return self._store.failures(check_whole(most, what="most"))
 
-    def as_dataset(self) -> Any:
+    def to_xarray(self) -> Any:
         """The results as a labelled `xarray.Dataset`, which reads from disk what it is asked for.
 
         `status` tells for every point whether it was computed; where it was not, numbers are nan and codes -1. Raises
         `OutputError` where xarray is not installed.
         """
-        return self._store.as_dataset()
+        return self._store.to_xarray()
+
+    def as_dataset(self) -> Any:
+        """Deprecated: the name that `to_xarray` had in 0.2.0."""
+        warnings.warn("Sweep.as_dataset is deprecated. Write to_xarray.", DeprecationWarning, stacklevel=2)
+        return self.to_xarray()
 
     def strike_damaged(self) -> int:
         """Take out the chunks that differ from their checksums, for the next run to make; how many there were."""

@@ -51,7 +51,7 @@ class Table:
             "attributes": plain(self.attributes),
         }
 
-    def as_dataset(self) -> Any:
+    def to_xarray(self) -> Any:
         """An `xarray.Dataset`."""
         xarray = library("xarray", "a Dataset")
         return xarray.Dataset(
@@ -60,7 +60,7 @@ class Table:
             {"what": self.what, **{n: v for n, v in self.attributes.items() if v is not None}},
         )
 
-    def as_frame(self) -> Any:
+    def to_pandas(self) -> Any:
         """A `pandas.DataFrame`."""
         pandas = library("pandas", "a data frame")
         if self.records is not None:

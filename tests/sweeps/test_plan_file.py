@@ -90,7 +90,7 @@ def test_the_command_starts_goes_on_and_tells_how_far_it_is(tmp_path: Path) -> N
     again = run(folder, "--workers", 1)
     assert "6 of 6 points" in again.output
     assert run(folder, "--anew").exit_code != 0
-    found = Sweep(folder).as_dataset()
+    found = Sweep(folder).to_xarray()
     assert found.sizes["kappa"] == 2
 
 

@@ -30,7 +30,7 @@ def waves(into: Path, **more) -> Sweep:
 
 def test_every_point_holds_what_the_task_gives(tmp_path: Path) -> None:
     found = waves(tmp_path)
-    data = found.as_dataset()
+    data = found.to_xarray()
     assert found.is_complete
     assert found.computed == found.size == 39
     assert data.root.dims == ("x", "k")
@@ -59,13 +59,13 @@ def test_a_scene_is_swept_like_its_name(tmp_path: Path) -> None:
     scene = models.load("michaelis_menten")
     made = sweep("compare", model=scene, into=tmp_path / "scene", **asked)
     named = sweep("compare", model="michaelis_menten", into=tmp_path / "name", **asked)
-    assert made.as_dataset().error.values.tolist() == named.as_dataset().error.values.tolist()
+    assert made.to_xarray().error.values.tolist() == named.to_xarray().error.values.tolist()
     assert resume(tmp_path / "scene", workers=1).is_complete
 
 
 def test_a_point_that_fails_is_data(tmp_path: Path) -> None:
     found = waves(tmp_path, over={"x": (-1.0, 4.0, -9.0), "k": (1.0,)})
-    data = found.as_dataset()
+    data = found.to_xarray()
     assert data.status.values.ravel().tolist() == [2, 1, 2]
     assert np.isnan(data.root.values).ravel().tolist() == [True, False, True]
     assert found.failed == 2
@@ -95,7 +95,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped_and_computes_no_point_twi
         sweep(counted, **call, progress=stop)
     halfway = Sweep(into)
     assert 0 < halfway.computed < halfway.size
-    data = halfway.as_dataset()
+    data = halfway.to_xarray()
     assert np.array_equal(np.isnan(data.value), data.status == 0)
     shares: list[float] = []
     assert sweep(counted, **call, progress=shares.append).is_complete
@@ -109,7 +109,7 @@ def test_a_changed_plan_computes_what_is_new(tmp_path: Path) -> None:
     call = {"into": into, "options": {"log": str(log)}, "workers": 1}
     sweep(counted, over={"x": range(0, 20, 2)}, points_per_chunk=3, **call)
     found = sweep(counted, over={"x": range(20)}, points_per_chunk=4, **call)
-    assert found.as_dataset().value.values.tolist() == list(range(20))
+    assert found.to_xarray().value.values.tolist() == list(range(20))
     assert sorted(map(float, log.read_text().split())) == list(range(20))
     # And back: the first plan is complete already.
     assert sweep(counted, over={"x": range(0, 20, 2)}, **call).size == 10
@@ -142,7 +142,7 @@ def test_a_missing_or_damaged_block_is_never_read_as_a_value(tmp_path: Path) -> 
     whole = contents(tmp_path)
     blocks = sorted(tmp_path.glob("data-*/points.zarr/root/c/*/*"))
     blocks[1].unlink()
-    assert np.isnan(Sweep(tmp_path).as_dataset().root.values).sum() == 3
+    assert np.isnan(Sweep(tmp_path).to_xarray().root.values).sum() == 3
     os.truncate(blocks[4], 5)
     assert found.strike_damaged() == 2
     assert waves(tmp_path).is_complete
@@ -154,7 +154,7 @@ def test_a_point_that_kills_its_process_has_died_and_the_others_have_not(tmp_pat
         deadly, over={"x": range(40)}, into=tmp_path, options={"home": os.getpid()}, workers=2,
         points_per_chunk=10,
     )  # fmt: skip
-    assert found.as_dataset().status.values.tolist() == [3 if x == 3 else 1 for x in range(40)]
+    assert found.to_xarray().status.values.tolist() == [3 if x == 3 else 1 for x in range(40)]
     assert found.failures()[0]["message"] == "the process that computed it died, 3 times"
 
 
@@ -215,14 +215,14 @@ def test_verbs_record_what_the_package_answers(tmp_path: Path) -> None:
     compared = sweep(
         gsp.compare, model="michaelis_menten", over={"epsilon": epsilons}, into=tmp_path / "a", workers=1,
         options={"orders": [0, 1]},
-    ).as_dataset()  # fmt: skip
+    ).to_xarray()  # fmt: skip
     ours = gsp.compare(scene, orders=(0, 1), epsilons=epsilons)
     for order in (0, 1):
         for i, epsilon in enumerate(ours.epsilons):
             assert float(compared.error.sel(epsilon=epsilon, order=order)) == ours.errors[order][i]
     verdicts = sweep(
         "classify", model="van_der_pol", over={"epsilon": epsilons}, into=tmp_path / "b", workers=1
-    ).as_dataset()
+    ).to_xarray()
     kinds = verdicts.kind.attrs["flag_meanings"].split()
     assert [kinds[k] for k in verdicts.kind.values] == ["attracting"] * 2
     assert float(verdicts.gap[0]) == gsp.study(models.load("van_der_pol")).hyperbolicity.gap
@@ -255,7 +255,7 @@ def test_canard_values_over_a_parameter(tmp_path: Path, planar: Path) -> None:
         "canard_value", model=planar, over={"b": (1.0, 2.0), "epsilon": (0.01, 0.02)}, into=tmp_path / "c",
         options={"parameter": "a"}, workers=1,
     )  # fmt: skip
-    data = found.as_dataset()
+    data = found.to_xarray()
     # With b y for y and b t for t the slow equation has b = 1, and epsilon b stands for epsilon.
     assert data.value.sel(b=1.0, epsilon=0.01).item() == pytest.approx(
         1 - 0.01 / 8 - 3 * 0.01**2 / 32, abs=2e-7
@@ -267,14 +267,14 @@ def test_canard_values_over_a_parameter(tmp_path: Path, planar: Path) -> None:
 
 def test_periods_over_epsilon(tmp_path: Path, planar: Path) -> None:
     found = sweep("periodic_orbit", model=planar, over={"epsilon": (0.01,)}, into=tmp_path / "p", workers=1)
-    assert float(found.as_dataset().period[0]) * 10 == pytest.approx(19.078369567, abs=2e-9)
+    assert float(found.to_xarray().period[0]) * 10 == pytest.approx(19.078369567, abs=2e-9)
 
 
 def test_axes_move_the_scene(tmp_path: Path) -> None:
     found = sweep(
         of_scene, model="michaelis_menten", into=tmp_path, workers=1,
         over={"epsilon": (0.01, 0.03), "tolerance": (1e-4,), "kappa": (1.0, 2.0), "s": (0.5, 1.5)},
-    ).as_dataset()  # fmt: skip
+    ).to_xarray()  # fmt: skip
     for name, axis in (("asked", "epsilon"), ("wanted", "tolerance"), ("parameter", "kappa"), ("begun", "s")):
         assert found.status.values.min() == 1
         # The same along every other axis.
@@ -285,7 +285,7 @@ def test_axes_move_the_scene(tmp_path: Path) -> None:
 
 
 def test_what_a_task_calls_like_an_axis_has_another_name(tmp_path: Path) -> None:
-    found = sweep("tests.sweeps.work:named", over={"x": (1.0, 2.0)}, into=tmp_path, workers=1).as_dataset()
+    found = sweep("tests.sweeps.work:named", over={"x": (1.0, 2.0)}, into=tmp_path, workers=1).to_xarray()
     assert found.named_x.values.tolist() == [2.0, 4.0]
 
 
@@ -361,7 +361,7 @@ def test_a_plan_of_ten_million_points_opens_at_once(tmp_path: Path) -> None:
     assert found.size == 10_000_000
     assert found.plan.chunks <= 100_000
     assert 0 < found.computed < 10_000_000
-    assert found.as_dataset().root.shape == (4000, 2500)
+    assert found.to_xarray().root.shape == (4000, 2500)
 
 
 def _stop(share: float) -> None:
@@ -397,3 +397,9 @@ def _die() -> None:
 
 def test_slow_waves_are_waves() -> None:
     assert slow_wave(1.0, 2.0) == wave(1.0, 2.0)
+
+
+def test_the_name_of_0_2_0_still_works_and_warns(tmp_path: Path) -> None:
+    found = waves(tmp_path)
+    with pytest.warns(DeprecationWarning, match="to_xarray"):
+        assert found.as_dataset().identical(found.to_xarray())

@@ -53,7 +53,7 @@ def test_json_says_dimensions_shapes_and_values(name: str) -> None:
 @pytest.mark.parametrize("name", TABULAR)
 def test_a_dataset_holds_what_json_says(name: str) -> None:
     result = noun(name)
-    content, data = result.as_json(), result.as_dataset()
+    content, data = result.as_json(), result.to_xarray()
     assert isinstance(data, xarray.Dataset)
     assert dict(data.sizes) == content["dimensions"]
     assert set(data.variables) == {*content["coordinates"], *content["variables"]}
@@ -73,7 +73,7 @@ def test_a_dataset_holds_what_json_says(name: str) -> None:
 @pytest.mark.parametrize("name", TABULAR)
 def test_a_frame_has_a_row_for_each_place_of_its_grid(name: str) -> None:
     result = noun(name)
-    frame, data = result.as_frame(), result.as_dataset()
+    frame, data = result.to_pandas(), result.to_xarray()
     assert isinstance(frame, pandas.DataFrame)
     assert frame.attrs["what"] == name
     table = table_of(result)
@@ -97,7 +97,7 @@ def test_a_frame_has_a_row_for_each_place_of_its_grid(name: str) -> None:
 
 def test_a_trajectory_by_name() -> None:
     run = noun("Trajectory")
-    frame, data = run.as_frame(), run.as_dataset()
+    frame, data = run.to_pandas(), run.to_xarray()
     assert frame.index.name == "t"
     assert list(frame.columns) == [s.name for s in (*run.flow.states, *run.flow.observables)]
     np.testing.assert_array_equal(frame["s"].to_numpy(), run["s"])
@@ -112,11 +112,11 @@ def test_events_lie_along_a_dimension_of_their_own() -> None:
         michaelis(),
         events=[gsp.Event(sp.Symbol("s") - level, name=f"at_{k}") for k, level in enumerate((0.8, 0.5))],
     )
-    data = run.as_dataset()
+    data = run.to_xarray()
     assert data.event.values.tolist() == ["at_0", "at_1"]
     np.testing.assert_array_equal(data.event_t.values, [run.events[n].times[0] for n in ("at_0", "at_1")])
     np.testing.assert_allclose(data.event_s.values, [0.8, 0.5], rtol=1e-8)
-    assert len(run.as_frame()) == run.t.size
+    assert len(run.to_pandas()) == run.t.size
 
 
 def test_an_ensemble_by_member_and_time() -> None:
@@ -124,7 +124,7 @@ def test_an_ensemble_by_member_and_time() -> None:
     runs = gsp.integrate_many(
         flow, {"s": [1.0, 0.5, 0.2], "c": 0.0}, span=(0.0, 1.0), epsilon=[0.01, 0.02, 0.03], at=[0.5, 1.0]
     )
-    frame, data = runs.as_frame(), runs.as_dataset()
+    frame, data = runs.to_pandas(), runs.to_xarray()
     assert frame.index.names == ["member", "t"]
     assert frame.loc[(1, 0.5), "s"] == runs["s"][1, 0]
     assert frame.loc[(2, 1.0), "epsilon"] == 0.03
@@ -135,7 +135,7 @@ def test_an_ensemble_by_member_and_time() -> None:
 
 def test_a_comparison_by_order_and_epsilon() -> None:
     found = noun("Comparison")
-    data, frame = found.as_dataset(), found.as_frame()
+    data, frame = found.to_xarray(), found.to_pandas()
     for n in found.errors:
         for i, e in enumerate(found.epsilons):
             assert data.error.sel(order=n, epsilon=e).item() == found.errors[n][i]
@@ -146,38 +146,38 @@ def test_a_comparison_by_order_and_epsilon() -> None:
 
 def test_claims_have_a_table_of_their_own() -> None:
     found = gsp.compare(gsp.models.load("chaplygin_sleigh"), orders=(0,), epsilons=(0.02, 0.01))
-    data = found.as_dataset()
+    data = found.to_xarray()
     for name, errors in found.claims.items():
         assert tuple(data.claim_error.sel(claim=name).values) == errors
-    assert "claim_error" not in found.as_frame()
+    assert "claim_error" not in found.to_pandas()
 
 
 def test_a_failure_map_by_method() -> None:
     found = noun("FailureMap")
-    data = found.as_dataset()
+    data = found.to_xarray()
     for name, claim in found.places.items():
         np.testing.assert_array_equal(data.place_measure.sel(place_method=name).values, claim.measure)
         np.testing.assert_array_equal(data.place_holds.sel(place_method=name).values, claim.holds)
-    frame = found.as_frame()
+    frame = found.to_pandas()
     assert frame.to_dict("records")[0] == pytest.approx(found.as_rows()[0], nan_ok=True)
 
 
 def test_an_orbit_and_its_family() -> None:
     orbit = noun("PeriodicOrbit")
-    data = orbit.as_dataset()
+    data = orbit.to_xarray()
     np.testing.assert_array_equal(data.multiplier_real.values, orbit.multipliers.real)
     assert data.t.values[-1] == orbit.period
     family = noun("OrbitFamily")
-    frame = family.as_frame()
+    frame = family.to_pandas()
     np.testing.assert_array_equal(frame["a"].to_numpy(), family["a"])
     np.testing.assert_array_equal(frame["period"].to_numpy(), family.period)
     np.testing.assert_array_equal(frame["maximum_x"].to_numpy(), family.maximum("x"))
-    assert float(family.as_dataset().epsilon) == hopf().epsilon
+    assert float(family.to_xarray().epsilon) == hopf().epsilon
 
 
 def test_a_choice_by_model() -> None:
     found = noun("Choice")
-    frame = found.as_frame()
+    frame = found.to_pandas()
     assert frame.index[frame["chosen"]].tolist() == [found.model.label]
     assert frame.loc[found.model.label, "predicted"] == found.predicted
     assert frame.attrs["answer"] == str(found.verdict.answer)
@@ -188,10 +188,10 @@ def test_names_that_are_taken_get_an_underscore() -> None:
     flow = gsp.VectorField(states={t: sp.Integer(1), member: -member, status: -status}, epsilon=None)
     start = {"t": 0.0, "member": 1.0, "status": 2.0}
     run = gsp.integrate(flow, start=start, span=(0.0, 1.0), at=[0.0, 1.0])
-    data = run.as_dataset()
+    data = run.to_xarray()
     assert data.t.dims == ("t_",)
-    assert run.as_frame().index.name == "t_"
-    runs = gsp.integrate_many(flow, start, span=(0.0, 1.0)).as_dataset()
+    assert run.to_pandas().index.name == "t_"
+    runs = gsp.integrate_many(flow, start, span=(0.0, 1.0)).to_xarray()
     assert runs.member.dims == ("member_", "t_")
     assert runs.status_.values.tolist() == ["SUCCESS"]
 
@@ -206,7 +206,7 @@ def test_nan_and_infinity_are_null() -> None:
     assert values[1] == runs["x"][1].tolist()
 
 
-@pytest.mark.parametrize(("verb", "library"), [("as_frame", "pandas"), ("as_dataset", "xarray")])
+@pytest.mark.parametrize(("verb", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
 def test_what_is_not_installed_is_named(verb: str, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(OutputError, match=rf"{library}, which is not installed.*gsp-toolkit\[tables\]"):
