@@ -143,7 +143,7 @@ def animate(scene: Scene, output: Path | None, seconds: float) -> None:
     default="python",
     show_default=True,
     metavar="FORMAT",
-    help="python, c, javascript, julia, latex or ode (XPPAUT).",
+    help="python, jax, casadi, c, javascript, julia, latex, ode (XPPAUT) or sbml.",
 )
 @output_option("File for the text [printed].")
 @json_option

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -21,8 +21,20 @@ WIDTH = 96
 
 
 @dataclass(frozen=True)
+class Sheet:
+    """An implicit branch: its `equations`, as many as fast variables, vanish at (x, y) = (`slow`, `fast`)."""
+
+    equations: tuple[sp.Expr, ...]
+    slow: tuple[float, ...]
+    fast: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class ReducedModel:
-    """x' = sum_k epsilon^k f_k and y = sum_k epsilon^k h_k: `rate_terms[k]` and `manifold_terms[k]`."""
+    """x' = sum_k epsilon^k f_k and y = sum_k epsilon^k h_k: `rate_terms[k]` and `manifold_terms[k]`.
+
+    With a `sheet` the branch is implicit, and fast symbols in the terms stand for the point of M0 over x.
+    """
 
     facts: tuple[str, ...]
     slow: tuple[sp.Symbol, ...]
@@ -34,6 +46,7 @@ class ReducedModel:
     span: tuple[float, float]
     rate_terms: tuple[tuple[sp.Expr, ...], ...]
     manifold_terms: tuple[tuple[sp.Expr, ...], ...]
+    sheet: Sheet | None = None
 
     @property
     def symbols(self) -> tuple[sp.Symbol, ...]:
@@ -55,9 +68,12 @@ class ReducedModel:
 
     def comment(self, names: Mapping[sp.Symbol, str]) -> list[str]:
         """Lines that say what the text is, with what `names` renames; nothing in them acts in any language."""
+        return [line for fact in self.said(names) for line in textwrap.wrap(inert(fact), WIDTH)]
+
+    def said(self, names: Mapping[sp.Symbol, str]) -> list[str]:
+        """What the text is, a sentence or two each, with what `names` renames."""
         changed = [f"{symbol.name} to {name}" for symbol, name in names.items() if symbol.name != name]
-        facts = [*self.facts, *([f"Renamed: {', '.join(changed)}."] if changed else [])]
-        return [line for fact in facts for line in textwrap.wrap(inert(fact), WIDTH)]
+        return [*self.facts, *([f"Renamed: {', '.join(changed)}."] if changed else [])]
 
 
 def inert(text: str) -> str:
@@ -68,19 +84,22 @@ def inert(text: str) -> str:
     return plain
 
 
-def reduced_model(study: Study, order: int) -> ReducedModel:
+def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> ReducedModel:
     """The reduced flow of `order` with what is known about it, its error measured.
 
-    Raises `BranchError` on an implicit branch, and what the stages before raise.
+    Raises `BranchError` on an implicit branch unless the format `to` can be `implicit`, and what the stages before
+    raise.
     """
     check_order(order)
     scene, system = study.scene, study.system
-    if not study.branch.is_explicit:
+    if not study.branch.is_explicit and not implicit:
         raise BranchError(
-            f"export writes fast variables as expressions, and the branch of {scene.name or 'this scene'} gives "
-            f"{', '.join(s.name for s in system.y)} only implicitly. Choose a slow variable along the branch in which "
-            "it is a graph, or run the reduced flow here: integrate(study(scene).reduced(order), ...)."
+            f"{to} has fast variables as expressions, and the branch of {scene.name or 'this scene'} gives "
+            f"{', '.join(s.name for s in system.y)} only implicitly. Export to c, which solves for them, choose a slow "
+            "variable along the branch in which it is a graph, or run the reduced flow here: "
+            "integrate(study(scene).reduced(order), ...)."
         )
+    sheet = None if study.branch.is_explicit else _sheet(study)
     series, fixed = _series(study, order)
     kept = {} if fixed else dict(system.parameters)
     facts = [
@@ -107,7 +126,24 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
         span=scene.span,
         rate_terms=tuple(tuple(row) for row in series.reduced_field),
         manifold_terms=tuple(tuple(row) for row in series.coefficients),
+        sheet=sheet
+        if sheet is None or not fixed
+        else replace(sheet, equations=_numbers_in(sheet, system.parameters)),
     )
+
+
+def _sheet(study: Study) -> Sheet:
+    branch = study.branch
+    if branch.seed is None:
+        raise BranchError(
+            f"{branch} is implicit, and no sheet of it is chosen, from which its points could be followed. "
+            "Give the scene a start on one sheet."
+        )
+    return Sheet(tuple(branch.equations), tuple(map(float, branch.seed[0])), tuple(map(float, branch.seed[1])))
+
+
+def _numbers_in(sheet: Sheet, parameters: Mapping[sp.Symbol, sp.Expr]) -> tuple[sp.Expr, ...]:
+    return tuple(equation.xreplace(dict(parameters)) for equation in sheet.equations)
 
 
 def _series(study: Study, order: int) -> tuple[SeriesManifold, bool]:

@@ -1,0 +1,54 @@
+"""What the functions of a text are made of: steps and results in a language, parameters, and the comment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from gsp.exports.names import fresh
+from gsp.exports.printing import Language, Printer
+from gsp.exports.reduced_model import ReducedModel
+
+
+@dataclass(frozen=True)
+class Body:
+    """Intermediate values and results of a function, and which symbols they use."""
+
+    steps: Sequence[tuple[str, str]]
+    results: Sequence[str]
+    used: frozenset[sp.Basic]
+
+
+def body_of(
+    language: Language,
+    model: ReducedModel,
+    outputs: list[sp.Expr],
+    names: Mapping[sp.Symbol, str],
+    reserved: Iterable[str],
+    *,
+    printer: type[Printer] = Printer,
+) -> Body:
+    """The outputs in `language`; what is used more than once is a step, called by none of `reserved`."""
+    taken = fresh(names.values(), reserved=set(reserved), cases=False)
+    steps, results = printer(language, names).steps(outputs, taken)
+    return Body(steps, results, frozenset(s for output in outputs for s in output.free_symbols))
+
+
+def values_of(model: ReducedModel, *, with_epsilon: bool = False) -> list[tuple[sp.Symbol, str]]:
+    """Parameters with their default values, to the last bit."""
+    first = [(model.epsilon, repr(model.value))] if with_epsilon else []
+    return first + [(symbol, repr(nearest(value))) for symbol, value in model.parameters.items()]
+
+
+def nearest(value: sp.Expr) -> float:
+    return int(value.p) / int(value.q) if isinstance(value, sp.Rational) else float(value)
+
+
+def named(what: str, symbols: Iterable[sp.Symbol], names: Mapping[sp.Symbol, str]) -> str:
+    return f"{what} {', '.join(names[s] for s in symbols)}."
+
+
+def commented(model: ReducedModel, names: Mapping[sp.Symbol, str], begin: str, end: str = "") -> str:
+    return "".join(f"{begin}{line}{end}\n" for line in model.comment(names))

@@ -1,0 +1,118 @@
+"""What each language calls the functions, and which words its texts may not take for names."""
+
+from __future__ import annotations
+
+import keyword
+
+from gsp.exports.printing import Language
+
+_SAME = (
+    "exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh",
+    "atanh",
+)  # fmt: skip
+_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+
+
+def _words(text: str) -> set[str]:
+    return set(text.split())
+
+
+PYTHON = Language(
+    "NumPy",
+    {
+        **{name: f"np.{name}" for name in _SAME},
+        **{name: f"np.arc{name[1:]}" for name in _INVERSE},
+        "Abs": "np.abs", "sign": "np.sign", "Max": "np.maximum", "Min": "np.minimum", "erf": "erf",
+    },
+    "{}**{}".format,
+)  # fmt: skip
+JAX = Language("JAX", {n: f.replace("np.", "jnp.") for n, f in PYTHON.functions.items()}, "{}**{}".format)
+CASADI = Language(
+    "CasADi",
+    {
+        **{name: f"ca.{name}" for name in _SAME},
+        "Abs": "ca.fabs", "sign": "ca.sign", "Max": "ca.fmax", "Min": "ca.fmin", "erf": "ca.erf",
+    },
+    "{}**{}".format,
+)  # fmt: skip
+C = Language(
+    "C",
+    {
+        **{name: name for name in _SAME},
+        "Abs": "fabs",
+        "sign": "sign",
+        "Max": "fmax",
+        "Min": "fmin",
+        "erf": "erf",
+    },
+    "pow({}, {})".format,
+    whole="{}.0",
+)
+JAVASCRIPT = Language(
+    "JavaScript",
+    {
+        **{name: f"Math.{name}" for name in _SAME},
+        "Abs": "Math.abs", "sign": "Math.sign", "Max": "Math.max", "Min": "Math.min",
+    },
+    "Math.pow({}, {})".format,
+)  # fmt: skip
+JULIA = Language(
+    "Julia",
+    {**{name: name for name in _SAME}, "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min"},
+    "({}^{})".format,
+)
+XPPAUT = Language(
+    "XPPAUT",
+    {
+        **{name: name for name in _SAME if name not in ("asinh", "acosh", "atanh")},
+        "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min",
+    },
+    "({}^{})".format,
+)  # fmt: skip
+
+PYTHON_WORDS = {
+    *keyword.kwlist,
+    *keyword.softkwlist,
+    *_words("np jnp ca math erf t slow rates slow_manifold"),
+}
+C_WORDS = {
+    *_words(
+        "auto break case char const continue default do double else enum extern float for goto if inline int long "
+        "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
+        "asm bool true false nullptr constexpr alignas alignof thread_local static_assert typeof typeof_unqual "
+        "SLOW_COUNT FAST_COUNT PARAMETER_COUNT fast equations jacobian solved eliminate newton memcpy "
+        "reduced_base_point slow parameters out sign reduced_rates reduced_slow_manifold reduced_parameters "
+        "class new this template "
+        "namespace private public protected operator delete try catch throw using virtual friend explicit export "
+        "mutable typename const_cast and or not xor bitand bitor compl and_eq or_eq not_eq xor_eq NAN INFINITY "
+        "HUGE_VAL linux unix main errno signgam gamma lgamma tgamma erf erfc j0 j1 jn y0 y1 yn"
+    ),
+    *_SAME, "pow", "fabs", "fmax", "fmin",
+}  # fmt: skip
+JAVASCRIPT_WORDS = _words(
+    "abstract arguments await boolean break byte case catch char class const continue debugger default delete do "
+    "double else enum eval export extends false final finally float for function goto if implements import in "
+    "instanceof int interface let long native new null package private protected public return short static super "
+    "switch synchronized this throw throws transient true try typeof undefined var void volatile while with yield "
+    "async of get set NaN Infinity Math module exports require "
+    "slow given rates slowManifold parameters globalThis"
+)
+JULIA_WORDS = {
+    *_words(
+        "baremodule begin break catch const continue do else elseif end export false finally for function global if "
+        "import let local macro module quote return struct true try using while abstract mutable primitive type where "
+        "in isa outer as public NaN Inf pi im missing nothing slow rates slow_manifold"
+    ),
+    *_SAME, "abs", "sign", "max", "min",
+}  # fmt: skip
+XPPAUT_WORDS = {
+    *_words(
+        "t pi sin cos tan atan atan2 sinh cosh tanh exp delay ln log log10 heav sign ceil flr ran normal max min erf "
+        "erfc mod if then else sum of shift del_shft hom_bcs besselj bessely besseli lgamma not poisson int abs sqrt "
+        "asin acos ishift set par param params parameter parameters number num init aux global table markov wiener "
+        "volt volterra bdry bndry solv solve special export vector include options only done p i d b dae"
+    ),
+    *(f"arg{k}" for k in range(1, 10)),
+}  # fmt: skip
+# XPPAUT keeps so many characters of a name.
+XPPAUT_NAME = 9

@@ -1,0 +1,57 @@
+"""Texts in Python: for NumPy, JAX and CasADi."""
+
+from __future__ import annotations
+
+from gsp.exports.body import body_of, commented, named, values_of
+from gsp.exports.languages import CASADI, JAX, PYTHON, PYTHON_WORDS
+from gsp.exports.names import renamed
+from gsp.exports.printing import Language
+from gsp.exports.reduced_model import ReducedModel
+
+_NUMPY_END = "return np.array(np.broadcast_arrays({}, 0.0 * slow[0])[:-1])"
+
+
+def python_text(model: ReducedModel) -> str:
+    """NumPy functions of numbers or of arrays, keyword arguments for parameters."""
+    # What is constant gets the shape of the others.
+    text = _functions(model, PYTHON, _NUMPY_END)
+    imports = "import numpy as np\n"
+    if "erf(" in text:
+        imports = f"import math\n\n{imports}\nerf = np.vectorize(math.erf, otypes=[float])\n"
+    return _joined(model, imports, text)
+
+
+def jax_text(model: ReducedModel) -> str:
+    """JAX functions of arrays, to be differentiated, mapped and compiled; doubles are the caller's to ask for."""
+    text = _functions(model, JAX, _NUMPY_END.replace("np.", "jnp."))
+    imports = "import jax.numpy as jnp\n"
+    if "erf(" in text:
+        imports += "from jax.scipy.special import erf\n"
+    note = '# JAX has single precision unless jax.config.update("jax_enable_x64", True) was called.\n'
+    return _joined(model, note + imports, text)
+
+
+def casadi_text(model: ReducedModel) -> str:
+    """CasADi functions of SX, MX or DM, columns in and out."""
+    return _joined(model, "import casadi as ca\n", _functions(model, CASADI, "return ca.vertcat({})"))
+
+
+def _functions(model: ReducedModel, language: Language, end: str) -> str:
+    names = renamed(model.symbols, reserved=PYTHON_WORDS)
+    functions = []
+    for head, outputs, says in (
+        ("rates(t, slow", model.rates, named("The rates of", model.slow, names)),
+        ("slow_manifold(slow", model.manifold, named("The slow manifold:", model.fast, names)),
+    ):
+        body = body_of(language, model, outputs, names, PYTHON_WORDS)
+        values = "".join(f", {names[s]}={v}" for s, v in values_of(model, with_epsilon=True))
+        lines = [f"{names[s]} = slow[{i}]" for i, s in enumerate(model.slow) if s in body.used]
+        lines += [f"{name} = {text}" for name, text in body.steps]
+        lines.append(end.format(", ".join(body.results)))
+        functions.append(f'def {head}{values}):\n    """{says}"""\n' + "".join(f"    {x}\n" for x in lines))
+    return "\n\n".join(functions)
+
+
+def _joined(model: ReducedModel, imports: str, text: str) -> str:
+    names = renamed(model.symbols, reserved=PYTHON_WORDS)
+    return f"{commented(model, names, '# ')}\n{imports}\n\n{text}"

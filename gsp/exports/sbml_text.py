@@ -1,0 +1,132 @@
+"""SBML, level 3 version 1 core: rate rules for the slow variables, assignment rules for the fast ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import sympy as sp
+
+from gsp.algebra.doubles import nearest_double
+from gsp.exports.body import body_of, named, values_of
+from gsp.exports.names import renamed
+from gsp.exports.printing import Language, Printer
+from gsp.exports.reduced_model import ReducedModel, inert
+
+# What MathML of this level has; the names of SymPy first.
+_FUNCTIONS = {
+    **{name: name for name in ("exp", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    **{f"a{name}": f"arc{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    "log": "ln",
+    "sqrt": "root",
+    "Abs": "abs",
+}
+SBML = Language("SBML", _FUNCTIONS, "<apply><power/>{}{}</apply>".format)
+SBML_WORDS = {"reduced", "time", "avogadro", "pi", "exponentiale", "true", "false", "notanumber", "infinity"}
+# Whole numbers of MathML are held in so many bits by its readers.
+_LARGEST_WHOLE = 2**31 - 1
+_MATH = "http://www.w3.org/1998/Math/MathML"
+
+
+class MathPrinter(Printer):
+    """Expressions as content MathML."""
+
+    def _print_Symbol(self, expr: sp.Symbol) -> str:
+        return f"<ci>{self._names[expr]}</ci>"
+
+    _print_Dummy = _print_Symbol
+
+    def _print_Integer(self, expr: Any) -> str:
+        if abs(int(expr)) <= _LARGEST_WHOLE:
+            return f'<cn type="integer">{int(expr)}</cn>'
+        return number(nearest_double(expr))
+
+    _print_Zero = _print_One = _print_NegativeOne = _print_Integer
+
+    def _print_Rational(self, expr: Any) -> str:
+        if max(abs(int(expr.p)), int(expr.q)) <= _LARGEST_WHOLE:
+            return f'<cn type="rational">{int(expr.p)}<sep/>{int(expr.q)}</cn>'
+        return number(nearest_double(expr))
+
+    _print_Half = _print_Rational
+
+    def _print_Float(self, expr: Any) -> str:
+        return number(repr(float(expr)))
+
+    _print_NumberSymbol = _print_Pi = _print_Exp1 = _print_Float
+
+    def _print_Add(self, expr: Any, order: str | None = None) -> str:
+        return self._applied("plus", expr.as_ordered_terms())
+
+    def _print_Mul(self, expr: Any) -> str:
+        return self._applied("times", expr.as_ordered_factors())
+
+    def _print_Pow(self, expr: Any, rational: bool = False) -> str:
+        base, exponent = expr.args
+        if exponent == sp.Rational(1, 2):
+            return self._call("sqrt", base)
+        if exponent.is_Rational and exponent.is_negative:
+            turned = sp.Pow(base, -exponent, evaluate=False) if exponent != -1 else base
+            return f'<apply><divide/><cn type="integer">1</cn>{self.text(turned)}</apply>'
+        return self._applied("power", expr.args)
+
+    def _call(self, name: str, argument: Any) -> str:
+        return f"<apply><{self._function(name, argument)}/>{self.text(argument)}</apply>"
+
+    def _applied(self, operator: str, arguments: Iterable[Any]) -> str:
+        return f"<apply><{operator}/>{''.join(map(self.text, arguments))}</apply>"
+
+
+def number(text: str) -> str:
+    """A real number as MathML has it, where an exponent stands by itself."""
+    mantissa, found, exponent = text.partition("e")
+    if found:
+        return f'<cn type="e-notation">{mantissa}<sep/>{int(exponent)}</cn>'
+    return f"<cn>{text}</cn>"
+
+
+def sbml_text(model: ReducedModel) -> str:
+    """A model of parameters and rules; the notes hold what comments say elsewhere."""
+    names = renamed(model.symbols, reserved=SBML_WORDS)
+    outputs = [*model.rates, *model.manifold]
+    body = body_of(SBML, model, outputs, names, SBML_WORDS, printer=MathPrinter)
+    rates, manifold = body.results[: len(model.slow)], body.results[len(model.slow) :]
+    quantities = [_quantity(names[s], value) for s, value in values_of(model, with_epsilon=True)]
+    quantities += [_quantity(names[s], repr(model.start[s.name]), varies=True) for s in model.slow]
+    quantities += [
+        _quantity(name, None, varies=True)
+        for name in (*(n for n, _ in body.steps), *(names[s] for s in model.fast))
+    ]
+    rules = [_rule("assignment", name, text) for name, text in body.steps]
+    rules += [_rule("assignment", names[s], text) for s, text in zip(model.fast, manifold)]
+    rules += [_rule("rate", names[s], text) for s, text in zip(model.slow, rates)]
+    said = "".join(f"        <p>{escape(fact)}</p>\n" for fact in _facts(model, names))
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1">\n'
+        '  <model id="reduced">\n    <notes>\n      <body xmlns="http://www.w3.org/1999/xhtml">\n'
+        f"{said}      </body>\n    </notes>\n"
+        f"    <listOfParameters>\n{''.join(quantities)}    </listOfParameters>\n"
+        f"    <listOfRules>\n{''.join(rules)}    </listOfRules>\n  </model>\n</sbml>\n"
+    )
+
+
+def _facts(model: ReducedModel, names: Mapping[sp.Symbol, str]) -> list[str]:
+    return [
+        *map(inert, model.said(names)),
+        named("The rate rules are those of", model.slow, names),
+        named("The slow manifold is given by assignment rules:", model.fast, names),
+    ]
+
+
+def _quantity(name: str, value: str | None, *, varies: bool = False) -> str:
+    given = "" if value is None else f" value={quoteattr(value)}"
+    return f'      <parameter id={quoteattr(name)}{given} constant="{str(not varies).lower()}"/>\n'
+
+
+def _rule(kind: str, name: str, text: str) -> str:
+    return (
+        f'      <{kind}Rule variable={quoteattr(name)}>\n        <math xmlns="{_MATH}">{text}</math>\n'
+        f"      </{kind}Rule>\n"
+    )

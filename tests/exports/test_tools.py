@@ -1,0 +1,322 @@
+"""Exports for JAX, CasADi and SBML run in these, and C on implicit branches, with what the package computes."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp import models
+from gsp.errors import BranchError, UnsupportedFunctionError
+from gsp.exports.languages import CASADI, JAX
+from gsp.exports.printing import Printer
+from gsp.exports.sbml_text import SBML, MathPrinter
+from tests import xppaut
+from tests.cases import sampled
+from tests.exports.test_exports import (
+    EXPLICIT,
+    FEW,
+    HARD,
+    IMPLICIT,
+    ORDER,
+    check,
+    expected,
+    hostile,
+    run_c,
+    run_python,
+    study,
+    text_of,
+)
+
+libsbml = pytest.importorskip("libsbml")
+GOLDEN = Path(__file__).parent / "michaelis_menten.jax.txt"
+x, y, k = sp.symbols("x y k")
+
+
+def jax() -> ModuleType:
+    found = pytest.importorskip("jax")
+    found.config.update("jax_enable_x64", True)
+    return found
+
+
+def test_the_jax_text_is_the_one_that_was_run() -> None:
+    assert text_of("michaelis_menten", "jax") == GOLDEN.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_jax(name: str) -> None:
+    library = jax()
+    points, *_ = expected(name)
+    names = run_python(text_of(name, "jax"))
+    check(name, names["rates"](0.0, points.T).T, names["slow_manifold"](points.T).T)
+    mapped = library.jit(library.vmap(lambda point: names["rates"](0.0, point)))(points)
+    check(name, mapped, names["slow_manifold"](points.T).T)
+
+
+def test_jax_differentiates_the_text() -> None:
+    library = jax()
+    names = run_python(text_of("michaelis_menten", "jax"))
+    slope = library.jacfwd(lambda point: names["rates"](0.0, point))(np.array([0.5]))
+    ahead, behind = (float(names["rates"](0.0, np.array([0.5 + h]))[0]) for h in (1e-5, -1e-5))
+    assert float(slope[0, 0]) == pytest.approx((ahead - behind) / 2e-5, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_casadi(name: str) -> None:
+    casadi = pytest.importorskip("casadi")
+    points, rates, manifold = expected(name)
+    names = run_python(text_of(name, "casadi"))
+    slow = casadi.SX.sym("slow", points.shape[1])
+    symbolic = casadi.Function("f", [slow], [names["rates"](0.0, slow), names["slow_manifold"](slow)])
+    found = [symbolic(point) for point in points]
+    check(name, [f.full()[:, 0] for f, _ in found], [g.full()[:, 0] for _, g in found])
+    assert found[0][0].shape == (rates.shape[1], 1)
+    assert found[0][1].shape == (manifold.shape[1], 1)
+
+
+@pytest.mark.parametrize("kind", HARD)
+def test_every_kind_of_expression_keeps_its_value_in_casadi_and_jax(kind: str) -> None:
+    casadi = pytest.importorskip("casadi")
+    expression, names = HARD[kind], {x: "x", y: "y", k: "k"}
+    points = np.random.default_rng(3).uniform(-2, 2, (8, 3))
+    wanted = [float(expression.evalf(40, subs=dict(zip((x, y, k), map(sp.Float, p))))) for p in points]
+    arguments = [casadi.SX.sym(name) for name in "xyk"]
+    text = Printer(CASADI, names).text(expression)
+    function = casadi.Function("f", arguments, [eval(text, {"ca": casadi, **dict(zip("xyk", arguments))})])
+    np.testing.assert_allclose([float(function(*p)) for p in points], wanted, rtol=1e-13)
+    jnp = jax().numpy
+    text = Printer(JAX, names).text(expression)
+    values = [eval(text, {"jnp": jnp, **dict(zip("xyk", map(jnp.float64, p)))}) for p in points]
+    np.testing.assert_allclose(values, wanted, rtol=1e-13)
+
+
+# What libSBML's own tree of an expression means, by its functions.
+MEANING = {
+    libsbml.AST_PLUS: lambda *a: math.fsum(a),
+    libsbml.AST_TIMES: lambda *a: math.prod(a),
+    libsbml.AST_MINUS: lambda *a: -a[0] if len(a) == 1 else a[0] - a[1],
+    libsbml.AST_DIVIDE: lambda a, b: a / b,
+    libsbml.AST_POWER: lambda a, b: a**b,
+    libsbml.AST_FUNCTION_POWER: lambda a, b: a**b,
+    libsbml.AST_FUNCTION_ROOT: lambda *a: a[-1] ** (1 / (a[0] if len(a) == 2 else 2)),
+    libsbml.AST_FUNCTION_EXP: math.exp,
+    libsbml.AST_FUNCTION_LN: math.log,
+    libsbml.AST_FUNCTION_ABS: abs,
+    libsbml.AST_FUNCTION_SIN: math.sin,
+    libsbml.AST_FUNCTION_COS: math.cos,
+    libsbml.AST_FUNCTION_TAN: math.tan,
+    libsbml.AST_FUNCTION_SINH: math.sinh,
+    libsbml.AST_FUNCTION_COSH: math.cosh,
+    libsbml.AST_FUNCTION_TANH: math.tanh,
+    libsbml.AST_FUNCTION_ARCSIN: math.asin,
+    libsbml.AST_FUNCTION_ARCCOS: math.acos,
+    libsbml.AST_FUNCTION_ARCTAN: math.atan,
+}
+
+
+def value_of(node: object, names: dict[str, float]) -> float:
+    if node.isName():
+        return names[node.getName()]
+    if node.isNumber():
+        return node.getValue()
+    children = [value_of(node.getChild(i), names) for i in range(node.getNumChildren())]
+    return MEANING[node.getType()](*children)
+
+
+def sbml_model(text: str) -> object:
+    document = libsbml.readSBMLFromString(text)
+    document.checkConsistency()
+    errors = [document.getError(i) for i in range(document.getNumErrors())]
+    assert [e.getMessage() for e in errors if e.getSeverity() >= libsbml.LIBSBML_SEV_ERROR] == []
+    return document
+
+
+def run_sbml(text: str, points: np.ndarray, counts: tuple[int, int]) -> tuple[list, list]:
+    """Rates and slow manifold by libSBML's trees, rules worked out in the order of the file."""
+    document = sbml_model(text)
+    model = document.getModel()
+    rules = [model.getRule(i) for i in range(model.getNumRules())]
+    slow = [rule.getVariable() for rule in rules if rule.isRate()]
+    fast = [rule.getVariable() for rule in rules if rule.isAssignment()][-counts[1] :]
+    assert len(slow) == counts[0]
+    given = {p.getId(): p.getValue() for p in model.getListOfParameters() if p.getConstant()}
+    rates, manifold = [], []
+    for point in points:
+        names = {**given, **dict(zip(slow, point))}
+        for rule in rules:
+            if rule.isAssignment():
+                names[rule.getVariable()] = value_of(rule.getMath(), names)
+        rates.append([value_of(rule.getMath(), names) for rule in rules if rule.isRate()])
+        manifold.append([names[name] for name in fast])
+    return rates, manifold
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_sbml(name: str) -> None:
+    points, rates, manifold = expected(name)
+    check(name, *run_sbml(text_of(name, "sbml"), points, (rates.shape[1], manifold.shape[1])))
+
+
+def test_sbml_starts_where_the_scene_does_and_names_every_quantity() -> None:
+    document = sbml_model(text_of("michaelis_menten", "sbml"))
+    found = {p.getId(): p for p in document.getModel().getListOfParameters()}
+    scene = study("michaelis_menten").scene
+    assert found["s"].getValue() == scene.start["s"]
+    assert found["epsilon"].getValue() == scene.epsilon
+    assert found["lambda"].getConstant()
+    assert not found["c"].getConstant()
+
+
+@pytest.mark.parametrize("kind", [kind for kind in HARD if kind not in ("extremes", "signs")])
+def test_every_kind_of_expression_keeps_its_value_in_sbml(kind: str) -> None:
+    expression = HARD[kind]
+    text = MathPrinter(SBML, {x: "x", y: "y", k: "k"}).text(expression)
+    tree = libsbml.readMathMLFromString(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{text}</math>')
+    for point in np.random.default_rng(3).uniform(-2, 2, (8, 3)):
+        wanted = float(expression.evalf(40, subs=dict(zip((x, y, k), map(sp.Float, point)))))
+        assert value_of(tree, dict(zip("xyk", point.tolist()))) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_numbers_of_any_size_pass_through_sbml() -> None:
+    for number in (
+        sp.Integer(2) ** 40,
+        sp.Rational(1, 3**60),
+        sp.Float("1.5e-300"),
+        sp.Integer(-7),
+        sp.Rational(-2, 3),
+    ):
+        text = MathPrinter(SBML, {}).text(number)
+        tree = libsbml.readMathMLFromString(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{text}</math>')
+        assert value_of(tree, {}) == pytest.approx(float(number), rel=4e-16, abs=0)
+
+
+def test_what_sbml_lacks_is_refused_by_name() -> None:
+    for expression in (sp.sign(x), sp.Max(x, y), sp.erf(x)):
+        with pytest.raises(
+            UnsupportedFunctionError, match=f"{type(expression).__name__} has no counterpart in SBML"
+        ):
+            MathPrinter(SBML, {x: "x", y: "y"}).text(expression)
+
+
+def test_hostile_names_and_texts_make_a_model_of_sbml_and_of_casadi() -> None:
+    made = gsp.study(hostile())
+    flow, places = made.reduced(1), np.array([[0.3], [1.7]])
+    wanted = made.series(1).evaluate(places, 0.01)
+    _, manifold = run_sbml(gsp.export(made, order=1, to="sbml"), places, (1, 1))
+    np.testing.assert_allclose(manifold, wanted, rtol=1e-13)
+    casadi = pytest.importorskip("casadi")
+    names = run_python(gsp.export(made, order=1, to="casadi"))
+    found = [float(names["slow_manifold"](casadi.DM(place))) for place in places]
+    np.testing.assert_allclose(found, wanted[:, 0], rtol=1e-13)
+    assert len(flow.states) == 1
+
+
+# -- implicit branches in C ------------------------------------------------------------------------
+
+
+def on_sheet(made: gsp.Study) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slow points of the region below the fold, the package's rates and its slow manifold there."""
+    system, series = made.system, made.series(ORDER)
+    random = np.random.default_rng(5)
+    candidates = np.column_stack([random.uniform(*made.region[s.name], 60) for s in system.x])
+    fast, good = made.branch.follow(candidates)
+    inside = good.copy()
+    for i, (low, high) in enumerate(made.region[s.name] for s in system.y):
+        inside &= (fast[:, i] >= low) & (fast[:, i] <= high)
+    points, fast = candidates[inside][:20], fast[inside][:20]
+    assert len(points) >= 10
+    values = dict(system.parameters)
+    outputs = []
+    for rows in (series.reduced_field, series.coefficients):
+        power = sp.Float(made.scene.epsilon, 40)
+        sums = [sum(row[i] * power**k for k, row in enumerate(rows)) for i in range(len(rows[0]))]
+        found = [
+            [
+                float(
+                    e.xreplace(values).evalf(
+                        40, subs=dict(zip((*system.x, *system.y), map(sp.Float, (*p, *base))))
+                    )
+                )
+                for e in sums
+            ]
+            for p, base in zip(points, fast)
+        ]
+        outputs.append(np.array(found))
+    return points, *outputs
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_an_implicit_branch_is_solved_for_in_c(name: str, tmp_path: Path) -> None:
+    made = study(name)
+    points, rates, manifold = on_sheet(made)
+    counts = rates.shape[1], manifold.shape[1]
+    found = run_c(text_of(name, "c"), tmp_path, points, made.scene.epsilon, counts)
+    for values, wanted in zip(found, (rates, manifold)):
+        size = np.abs(wanted).max(axis=0)
+        assert (np.abs(values - wanted) <= 1e-12 * np.maximum(np.abs(wanted), size)).all()
+
+
+def test_beyond_a_fold_there_is_nothing_in_c(tmp_path: Path) -> None:
+    # The sheet x > 1 of y = x^3/3 - x ends at y = -2/3; another one goes on.
+    places = np.array([[-0.5], [-0.666], [-0.667], [-0.7], [-5.0], [-1e300], [1e3]])
+    reached = places[:, 0] > -2 / 3
+    for values in run_c(text_of("van_der_pol", "c"), tmp_path, places, 0.01, (1, 1)):
+        assert np.isfinite(values[:, 0]).tolist() == reached.tolist()
+
+
+def test_a_sheet_in_two_fast_variables_moves_with_its_parameters(tmp_path: Path) -> None:
+    u, v, s, a, eps = sp.symbols("u v s a epsilon")
+    system = gsp.SlowFastSystem(
+        slow={s: -u * v}, fast={u: s - u - sp.exp(u - 1) + v / 4, v: a * u - v - v**3}, epsilon=eps, parameters={a: 1}
+    )  # fmt: skip
+    scene = gsp.Scene(
+        system, {"s": (0.5, 2.0)}, {"s": 1.0, "u": 0.5, "v": 0.4}, (0, 1), 0.01, (0.02, 0.01), 1e-6
+    )
+    text = gsp.export(scene, order=1, to="c").replace(
+        "reduced_parameters[1] = {1.0}", "reduced_parameters[1] = {1.0}"
+    )
+    moved = gsp.study(
+        gsp.Scene(
+            system.with_parameters(a=1.5), scene.region, scene.start, scene.span, 0.01, (0.02, 0.01), 1e-6
+        )
+    )
+    points = np.linspace(0.5, 2.0, 9)[:, None]
+    wanted = moved.series(1).evaluate(points, 0.01)
+    other = "static const double other[1] = {1.5};\n#define reduced_parameters other\n"
+    _, found = run_c(text + other, tmp_path, points, 0.01, (1, 2))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+def test_an_implicit_branch_without_a_sheet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = gsp.study(models.load("van_der_pol"))
+    bare = gsp.Branch(made.branch.system, made.branch.equations, None)
+    monkeypatch.setattr(type(made), "branch", property(lambda self: bare))
+    with pytest.raises(BranchError, match="no sheet of it is chosen"):
+        gsp.export(made, order=1, to="c")
+
+
+# -- XPPAUT ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+def test_every_scene_computes_the_same_in_xppaut(name: str) -> None:
+    points, rates, manifold = expected(name)
+    text = text_of(name, "ode")
+    slow = re.findall(r"(?m)^init (\w+)=", text)
+    body = dict(re.findall(r"(?m)^(\w+)'=(.*)$", text))
+    expressions = [*(body[s] for s in slow), *re.findall(r"(?m)^aux \w+=(.*)$", text)]
+    wanted = np.hstack([rates, manifold])
+    found = []
+    for point, row in zip(points[:4].tolist(), wanted):
+        there = text
+        for s, value in zip(slow, point):
+            there = re.sub(rf"(?m)^init {s}=.*$", f"init {s}={value!r}", there)
+        found.append(xppaut.values(there, expressions, np.abs(row).tolist()))
+    size = np.abs(wanted).max(axis=0)
+    assert (np.abs(np.array(found) - wanted[:4]) <= 1e-12 * np.maximum(np.abs(wanted[:4]), size)).all()
