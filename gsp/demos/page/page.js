@@ -439,7 +439,9 @@ const ENDINGS = {
 function notes() {
   const { s, result } = current;
   const found = [];
-  const time = (t) => Number(t.toPrecision(4));
+  // A quick run knows its times to two digits; the finer one that follows in the pause, to more.
+  const quick = current.rtol > MEASUREMENT.rtol;
+  const time = (t) => (quick ? `about ${Number(t.toPrecision(2))}` : Number(t.toPrecision(4)));
   const fullEnd = result.full.times[result.full.times.length - 1];
   if (result.full.status !== "reached") {
     found.push(`The full run ends at t = ${time(fullEnd)}: ${ENDINGS[result.full.status]}.`);

@@ -2,8 +2,8 @@
 // there, and how far apart the two are. A setting is {epsilon, parameters, start, span}, start in the states as declared
 // and what is reconstructed.
 
-// Steps of a run, for a picture and for a measurement; the tolerances of both.
-const PICTURE = { rtol: 1e-6, atol: 1e-8, maxSteps: 6000, reducedSteps: 300 };
+// Steps of a run, for a picture while something moves and for a measurement; the tolerances of both.
+const PICTURE = { rtol: 1e-4, atol: 1e-6, maxSteps: 3000, reducedSteps: 200 };
 const MEASUREMENT = { rtol: 1e-11, atol: 1e-13, maxSteps: 20000, reducedSteps: 4000 };
 // A run in fixed steps has blown up when it is so many times as large as its start.
 const BLOWN = 1e4;
@@ -162,10 +162,11 @@ function makeModel(data, program) {
   }
 
   // The slowest rate of attraction, in fast time, at (x, y); negative where a direction repels.
+  const fastBlock = new Float64Array(nFast * nFast);
+
   function gapAt(u, p) {
-    const J = new Float64Array(nFast * nFast);
-    program.fastJacobian(u, p, J);
-    return allFinite(J) ? -spectralAbscissa(J, nFast) : NaN;
+    program.fastJacobian(u, p, fastBlock);
+    return allFinite(fastBlock) ? -spectralAbscissa(fastBlock, nFast) : NaN;
   }
 
   function toNew(z, p) {
@@ -179,8 +180,10 @@ function makeModel(data, program) {
     const p = constants(s);
     let folds = 0;
     let before = NaN;
+    const u = new Float64Array(nSlow + nFast);
     for (let i = from; i < run.times.length; i++) {
-      const gap = gapAt(toNew(run.states[i], p), p);
+      program.toNew(run.states[i], p, u);
+      const gap = gapAt(u, p);
       if (i > from) {
         const rate = (0.5 * (gap + before)) / s.epsilon;
         folds = rate > 0 ? folds + rate * (run.times[i] - run.times[i - 1]) : 0;
@@ -256,7 +259,6 @@ function makeModel(data, program) {
     const point = new Float64Array(n);
     const rate = new Float64Array(n);
     const uPoint = new Float64Array(nSlow + nFast);
-    const J = new Float64Array(nFast * nFast);
     const slow = new Float64Array(nSlow);
     const near = Float64Array.from(y0);
     const { label, coordinates } = seriesAt(s);
@@ -301,15 +303,16 @@ function makeModel(data, program) {
 
     // After each step: the sheet is followed, and the run ends where it no longer attracts.
     let lost = false;
+    let sheets = null;
     function stop(t, state) {
       const xNow = state.subarray(0, nSlow);
       seen.set(near);
       if (!onSheet(xNow, seen, p)) return (lost = true);
       near.set(seen);
+      if (sheets) sheets.push(near.slice());
       uPoint.set(xNow);
       uPoint.set(near, nSlow);
-      program.fastJacobian(uPoint, p, J);
-      return (lost = !(spectralAbscissa(J, nFast) < -FADED * firstGap));
+      return (lost = !(gapAt(uPoint, p) > FADED * firstGap));
     }
 
     const firstGap = gapAt(Float64Array.of(...x, ...y0), p);
@@ -317,13 +320,19 @@ function makeModel(data, program) {
     start.set(x);
     for (let i = 0; i < nDriven; i++) start[nSlow + i] = run.states[at][nRaw + i];
     const limits = { ...accuracy, maxSteps: accuracy.reducedSteps, stop };
-    const forward = integrateExplicit(field, start, begun, end, limits);
+    // A run and its sheet at every node, for the values between them.
+    function along(to) {
+      near.set(y0);
+      sheets = reduction.explicit ? null : [y0];
+      const part = integrateExplicit(field, start, begun, to, limits);
+      part.sheets = sheets;
+      return part;
+    }
+    const forward = along(end);
     const parts = [forward];
     const last = near.slice();
-    if (back && begun > s.span[0]) {
-      near.set(y0);
-      parts.unshift(integrateExplicit(field, start, begun, s.span[0], limits));
-    }
+    if (back && begun > s.span[0]) parts.unshift(along(s.span[0]));
+    sheets = null;
     const ended = forward.times[forward.times.length - 1];
     // Towards a fold the rate of attraction falls to nothing, whatever stops the run first.
     uPoint.set(forward.states[forward.states.length - 1].subarray(0, nSlow));
@@ -337,7 +346,7 @@ function makeModel(data, program) {
       // The same flow from this run's own beginning to `to`, at another accuracy; its states are x and what is reconstructed.
       again(to, wanted) {
         const begins = parts[0].states[parts.length > 1 ? parts[0].states.length - 1 : 0];
-        near.set(parts.length > 1 ? nearest(parts[0], reachedBack, begins, y0) : y0);
+        near.set(nearest(parts[0], reachedBack));
         return integrateExplicit(field, begins, reachedBack, to, wanted);
       },
       // z at time t, on the sheet near y0.
@@ -345,14 +354,13 @@ function makeModel(data, program) {
         const part = parts.length > 1 && t < begun ? parts[0] : forward;
         stateAt(part, t, state);
         // The sheet is found from the one nearest in time that is known.
-        near.set(nearest(part, t, state, y0, begun));
+        near.set(nearest(part, t));
         return lift(state, out);
       },
     };
 
-    function nearest(part, t, now, from) {
-      if (reduction.explicit) return from;
-      if (!part.sheets) part.sheets = followed(part, from);
+    function nearest(part, t) {
+      if (!part.sheets || part.sheets.length === 1) return y0;
       let low = 0;
       let high = part.times.length - 1;
       const sign = part.times[high] >= part.times[0] ? 1 : -1;
@@ -361,16 +369,7 @@ function makeModel(data, program) {
         if (sign * part.times[middle] <= sign * t) low = middle;
         else high = middle;
       }
-      return part.sheets[low];
-    }
-
-    function followed(part, from) {
-      const known = Float64Array.from(from);
-      return part.states.map((node) => {
-        const trial = Float64Array.from(known);
-        if (onSheet(node.subarray(0, nSlow), trial, p)) known.set(trial);
-        return Float64Array.from(known);
-      });
+      return part.sheets[Math.min(low, part.sheets.length - 1)];
     }
   }
 

@@ -1,7 +1,9 @@
 // The pictures: curves sampled from runs, and views that draw them on plain canvas.
 
 // Points of a drawn run: more than a view is wide helps nobody.
-const DRAWN = 900;
+const DRAWN = 600;
+// Lines of the net of a surface in each direction.
+const NET = 22;
 // Nodes of a run in fixed steps are shown where there are no more than this; where it grows, this part of it is in the picture.
 const DOTTED = 200;
 const ROOM = 1.5;
@@ -488,55 +490,76 @@ function drawPath(view, model, curves, places, body, now, colours) {
   });
 }
 
+// The net of M0 over the box: {rows, attracts}, the points of row i one behind the other. It changes with the setting and not
+// with the angles, so that it is kept while the picture is turned.
+let net = { key: "" };
+
+function netOf(model, s, places, box) {
+  const p = model.constants(s);
+  const key = [...p, ...places].join();
+  if (net.key === key) return net;
+  const surface = model.manifoldSurface(s, box, NET) ?? [];
+  const side = surface.length;
+  const at = new Float64Array(3 * side * side);
+  const attracts = new Uint8Array(side * side);
+  const values = new Float64Array(model.quantities.length);
+  surface.flat().forEach((point, k) => {
+    model.quantitiesAt(point.z, p, values);
+    for (let axis = 0; axis < 3; axis++) at[3 * k + axis] = values[places[axis]];
+    attracts[k] = point.attracts ? 1 : 0;
+  });
+  const along = [0, 1, 2].map((axis) => at.filter((_, k) => k % 3 === axis));
+  net = { key, side, along, attracts };
+  return net;
+}
+
 // Three quantities in space, turned by two angles: M0 as a net, the runs, and the start.
 function drawSpace(view, model, s, curves, places, angles, box, now, colours) {
   view.begin(colours);
-  const p = model.constants(s);
-  const values = new Float64Array(model.quantities.length);
-  const surface = model.manifoldSurface(s, box, 22);
-  const net = (surface ?? []).map((row) =>
-    row.map((point) => {
-      model.quantitiesAt(point.z, p, values);
-      return { at: places.map((place) => values[place]), attracts: point.attracts };
-    }),
-  );
-  const spans = places.map((place, k) => extent([curves.full.q[place], ...net.map((row) => row.map((point) => point.at[k]))]));
+  const { side, along, attracts } = netOf(model, s, places, box);
+  const spans = places.map((place, k) => extent([curves.full.q[place], along[k]]));
   const [turn, tilt] = angles;
   const [ct, st, ci, si] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const unit = 0.56 * Math.min(view.width, view.height * 1.15);
+  const scaled = (value, k) => (value - spans[k][0]) / (spans[k][1] - spans[k][0]) - 0.5;
   const project = (q) => {
-    const [x, y, z] = q.map((value, k) => (value - spans[k][0]) / (spans[k][1] - spans[k][0]) - 0.5);
-    const [across, deep] = [x * ct - y * st, x * st + y * ct];
-    return [view.width / 2 + unit * across, view.height / 2 - unit * (z * ci + deep * si)];
+    const [x, y, z] = [scaled(q[0], 0), scaled(q[1], 1), scaled(q[2], 2)];
+    return [view.width / 2 + unit * (x * ct - y * st), view.height / 2 - unit * (z * ci + (x * st + y * ct) * si)];
   };
   view.X = (value) => value;
   view.Y = (value) => value;
-  const polyline = (points, colour, width, dash = []) => {
-    const drawn = points.map(project);
-    view.curve(drawn.map((q) => q[0]), drawn.map((q) => q[1]), colour, width, dash);
+  // A curve of `count` points, `from` on and every `stride`-th of three arrays.
+  const polyline = ([a, b, c], colour, width, dash = [], from = 0, stride = 1, count = a.length, shown = null) => {
+    const x = new Float64Array(count);
+    const y = new Float64Array(count);
+    for (let i = 0; i < count; i++) {
+      const k = from + i * stride;
+      [x[i], y[i]] = shown === null || attracts[k] === shown ? project([a[k], b[k], c[k]]) : [NaN, NaN];
+    }
+    view.curve(x, y, colour, width, dash);
   };
   const c = view.context;
   // Lines of the net, in pieces that attract and pieces that do not.
-  const lines = [...net, ...(net[0] ?? []).map((_, j) => net.map((row) => row[j]))];
-  for (const attracts of [true, false]) {
-    c.globalAlpha = attracts ? 0.75 : 0.3;
-    for (const line of lines) {
-      polyline(line.map((point) => (point.attracts === attracts ? point.at : [NaN, NaN, NaN])), colours.manifold, 1);
+  for (const shown of [1, 0]) {
+    c.globalAlpha = shown ? 0.75 : 0.3;
+    for (let line = 0; line < side; line++) {
+      polyline(along, colours.manifold, 1, [], line * side, 1, side, shown);
+      polyline(along, colours.manifold, 1, [], line, side, side, shown);
     }
   }
   c.globalAlpha = 1;
   const corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map((corner) => corner.map((k, i) => spans[i][k]));
   corners.slice(1).forEach((corner, k) => {
-    polyline([corners[0], corner], colours.faint, 1);
+    polyline(corner.map((value, i) => [corners[0][i], value]), colours.faint, 1);
     const [px, py] = project(corner);
     c.fillStyle = colours.ink;
     c.textAlign = "center";
     c.textBaseline = "middle";
     c.fillText(model.quantities[places[k]], Math.min(view.width - 14, Math.max(14, px)), Math.min(view.height - 10, Math.max(10, py - 9)));
   });
-  const along = (curve) => Array.from(curve.t, (_, i) => places.map((place) => curve.q[place][i]));
-  polyline(along(curves.full), colours.ink, 2.4);
-  for (const run of curves.reduced) polyline(along(run), colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
+  const inSpace = (curve) => places.map((place) => curve.q[place]);
+  polyline(inSpace(curves.full), colours.ink, 2.4);
+  for (const run of curves.reduced) polyline(inSpace(run), colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
   const at = now === null ? curves.full.t[0] : now;
   const [px, py] = project(places.map((place) => valueAt(curves.full, place, at)));
   view.dot(px, py, now === null ? colours.rivals[1] : colours.ink);
