@@ -18,7 +18,13 @@ from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.kernels.taylor import taylor
-from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, ROSENBROCK_LOOPS, CompiledFlow, Loops
+from gsp.lowering.compiled_flow import (
+    COLLOCATION_LOOPS,
+    EXPLICIT_LOOPS,
+    ROSENBROCK_LOOPS,
+    CompiledFlow,
+    Loops,
+)
 from gsp.lowering.steps.taylor import dense_rows
 from gsp.systems.arguments import shown
 
@@ -101,7 +107,7 @@ _SOLVERS = {
         )
     },
     Method.DOP853: Solver(
-        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), grid.CHECKS_EXPLICIT
+        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), grid.CHECKS_EXPLICIT, EXPLICIT_LOOPS
     ),
 }
 # Orders of Taylor series, each from a tolerance on. On nine problems, at errors from 1e-3 to 1e-11 on a grid, these

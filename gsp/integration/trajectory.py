@@ -237,22 +237,22 @@ def integrate(
     >>> integrate(decay, start={"x": 1}, span=(0, 1), at=[0.5, 1.0])["x"].round(8)
     array([0.60653066, 0.36787944])
     """
-    if isinstance(flow, Question):
-        # A scene says all of it; what the call says as well stands in its place.
-        flow, start, span, epsilon = flow.asked(start, span, epsilon)
-    check_noun(flow, Flow, verb="integrate")
+    if not isinstance(flow, Flow):
+        if isinstance(flow, Question):
+            # A scene says all of it; what the call says as well stands in its place.
+            flow, start, span, epsilon = flow.asked(start, span, epsilon)
+        check_noun(flow, Flow, verb="integrate")
     if start is None or span is None:
         missing = "start" if start is None else "span"
         raise DeclarationError(f"{missing} is missing. Got None. Only a Scene has one of its own.")
+    # By their places, which takes half the time that their names do.
     return trajectory_of(
-        flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=method, dense=dense,
-        max_steps=max_steps, events=events, progress=progress, keeps=True,
-    )  # fmt: skip
+        flow, start, span, epsilon, rtol, atol, at, method, dense, max_steps, events, progress, True
+    )
 
 
 def trajectory_of(
     flow: Flow,
-    *,
     start: Point,
     span: tuple[float, float],
     epsilon: float | None = None,
@@ -277,10 +277,11 @@ def trajectory_of(
     y = _start(flow, start) if state is None else state
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
-    check_flag(dense, what="dense")
-    check_progress(progress)
+    dense = dense is True or check_flag(dense, what="dense")
+    if progress is not None:
+        check_progress(progress)
     grid = None if at is None else check_grid(at, first, last)
-    chosen = check_method(method)
+    chosen = None if method is None else check_method(method)
     limit = check_step_limit(max_steps)
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
@@ -304,12 +305,15 @@ def trajectory_of(
     record = None
     if flow.is_reduced and asked is None and progress is None:
         # Most runs keep clear of every loss; what is seen of one that does not is made and told again below.
-        quick = Run(
-            compiled, p, y, first, stops, chosen, rtol, atol, limit,
-            rows_kept=LOOK, keeps=keeps, tests=cast("ReducedFlow", flow).tests,
+        # By place, at a third of what so many names cost.
+        tests = cast("ReducedFlow", flow).tests
+        record = run(
+            Run._make(
+                (compiled, p, y, first, stops, chosen, rtol, atol, limit, True, None, None, LOOK, 0.0, keeps, tests)
+            )
         )  # fmt: skip
-        record = run(quick)
-    if record is not None and record.status is Status.SUCCESS:
+    status = None if record is None else record.status
+    if status is Status.SUCCESS:
         pass
     elif asked is not None or flow.is_reduced:
         chosen = chosen or choose_method(compiled, rtol)
@@ -321,14 +325,15 @@ def trajectory_of(
         search = _search(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
     if begun is not None:
         record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
-    elif record is None or record.status not in (Status.SUCCESS, Status.INTERRUPTED):
+    elif record is None or (status is not Status.SUCCESS and status is not Status.INTERRUPTED):
         rows = LOOK if search is not None and search.can_end else RECORD
         keeps_dense = dense or reads or search is not None
-        asked_run = Run(
-            compiled, p, y, first, stops, chosen, rtol, atol, limit, keeps_dense, progress, search, rows,
-            keeps=keeps,
+        record = run(
+            Run._make(
+                (compiled, p, y, first, stops, chosen, rtol, atol, limit, keeps_dense, progress, search, rows, 0.0,
+                 keeps, None)
+            )
         )  # fmt: skip
-        record = run(asked_run)
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: Mapping[str, Crossings] = _NO_EVENTS
     if search is not None:
@@ -409,9 +414,10 @@ def _trajectory(
     note: str,
     remedy: str,
 ) -> Trajectory:
-    times, states = frozen(record.times), frozen(record.states)
-    frozen(record.dense)
-    t, y = times, states.T
+    t, states = record.times, record.states
+    for array in (t, states, record.dense):
+        array.setflags(write=False)
+    y = states.T
     if grid is not None and output is not None:
         # What was not reached is left out.
         t, y = frozen(grid[: output.reached]), frozen(output.states.T)

@@ -34,6 +34,11 @@ COLLOCATION_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
 )  # fmt: skip
 """That of `radau_loops.attempt_by_loops`."""
 
+EXPLICIT_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL))(
+    _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _TRUTH, _REALS, _REALS, _ROWS, _WHOLES
+)  # fmt: skip
+"""That of `dop853_loops.explicit_by_loops`."""
+
 
 @cache
 def address_of(kernel: Any, signature: Signature) -> int:
@@ -91,7 +96,14 @@ def _call_collocation_loops(
     return _at(address, COLLOCATION_LOOPS)
 
 
+def _call_explicit_loops(
+    context, address, field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, rows, counters
+):
+    return _at(address, EXPLICIT_LOOPS)
+
+
 # Typed as Any because kernels see them without the typing context.
 call_method: Any = intrinsic(_call_method)
 call_rosenbrock_loops: Any = intrinsic(_call_rosenbrock_loops)
 call_collocation_loops: Any = intrinsic(_call_collocation_loops)
+call_explicit_loops: Any = intrinsic(_call_explicit_loops)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from threading import RLock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.kernels import addresses
 from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
+from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.radau import radau
@@ -32,6 +33,7 @@ from gsp.kernels.taylor import taylor
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
+from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
 from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
 from gsp.lowering.steps.sparse_pattern import write_pattern
@@ -46,6 +48,7 @@ Loops = tuple[Callable[..., Any], addresses.Signature]
 """A method's step for any flow, a kernel, and its signature."""
 ROSENBROCK_LOOPS: Loops = (step_by_loops, addresses.ROSENBROCK_LOOPS)
 COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)
+EXPLICIT_LOOPS: Loops = (explicit_by_loops, addresses.EXPLICIT_LOOPS)
 
 # One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
 _MAKING = RLock()
@@ -284,7 +287,14 @@ class CompiledFlow:
     @_made_once
     def explicit_program(self) -> np.ndarray:
         """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
-        return np.array([self.field, 0, address_of(dop853, addresses.METHOD), 0, 0])
+        head = self.field, 0, address_of(dop853, addresses.METHOD)
+        code = self.explicit
+        return np.array([*head, address_of(*EXPLICIT_LOOPS), 0] if code is None else [*head, 0, *code.program])
+
+    @_made_once
+    def explicit(self) -> CompiledStep | None:
+        """A step of DOP853 for flows of this size, or None where loops are as good."""
+        return _explicit(self.size) if self.size <= MOST_STATES else None
 
     @_made_once
     def derivatives_program(self) -> np.ndarray:
@@ -437,6 +447,11 @@ def _compiled_again(
 @lru_cache(maxsize=MOST_KEPT // 3)
 def _rosenbrock(code: FlowCode) -> CompiledStep:
     return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
+
+
+@cache
+def _explicit(n: int) -> CompiledStep:
+    return _step(write_explicit(n), NAMES)
 
 
 @lru_cache(maxsize=MOST_KEPT // 3)
