@@ -1,5 +1,6 @@
 """Draw the pictures of the documents again: `python docs/images/make.py`."""
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import sympy as sp
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from PIL import Image, ImageOps
 
 import gsp
 from gsp import charts
@@ -37,6 +39,39 @@ def sleigh() -> None:
         charts.error_against_epsilon(analysis.comparison, right)
         figure.savefig(FOLDER / "sleigh.png", dpi=140)
     gsp.animate(gsp.models.load("chaplygin_sleigh"), FOLDER / "sleigh.gif", seconds=5)
+
+
+def enzyme() -> None:
+    """The picture that the Python of README.md draws."""
+    readme = (FOLDER.parent.parent / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
+    names: dict = {}
+    exec(compile(code, "README.md", "exec"), names)
+    names["axes"].figure.savefig(FOLDER / "enzyme.png", dpi=90)
+
+
+# Part of a picture, as shares of its width and height from the left and from the top.
+THUMBNAILS = {
+    "sleigh": ("sleigh.png", (0.0, 0.0, 0.4, 1.0)),
+    "canard": ("canard_explosion.png", (0.5, 0.0, 1.0, 1.0)),
+    "relaxation": ("relaxation.png", (0.0, 0.0, 0.5, 1.0)),
+    "folded-node": ("folded_node.png", (0.53, 0.0, 1.0, 1.0)),
+    "buffer": ("demo-shishkova.png", (0.01, 0.39, 0.345, 0.97)),
+    "failures": ("failures.png", (0.0, 0.2, 0.525, 1.0)),
+}
+THUMBNAIL = (280, 220)
+
+
+def thumbnails() -> None:
+    """The gallery of README.md, from the other pictures of this folder."""
+    for name, (source, (left, top, right, bottom)) in THUMBNAILS.items():
+        picture = Image.open(FOLDER / source).convert("RGB")
+        w, h = picture.size
+        part = ImageOps.contain(
+            picture.crop((int(left * w), int(top * h), int(right * w), int(bottom * h))), THUMBNAIL
+        )
+        framed = ImageOps.pad(part, THUMBNAIL, color="white")
+        framed.quantize(128).save(FOLDER / f"thumbnail-{name}.png", optimize=True)
 
 
 def work_precision() -> None:
@@ -170,9 +205,20 @@ def relaxation() -> None:
 
 def main() -> None:
     """Write the pictures beside this file."""
-    drawn = (sleigh, ensemble, work_precision, failure_map, switches, canard_explosion, folded_node, relaxation)
+    drawn = (
+        sleigh,
+        enzyme,
+        ensemble,
+        work_precision,
+        failure_map,
+        switches,
+        canard_explosion,
+        folded_node,
+        relaxation,
+    )
     for draw in drawn:
         draw()
+    thumbnails()
 
 
 if __name__ == "__main__":
