@@ -1,7 +1,7 @@
 """XPPAUT's `.ode` files: their lines become a model file in TOML, which is read, with all its limits, like any other.
 
-Everything in an .ode file is lower case for XPPAUT. What this package has no place for (tables, delays, `global`
-events, noise, arrays, difference and integral equations, conditions) is refused by name with the number of its line.
+Everything in an .ode file is lower case for XPPAUT. Arrays are written out first. What this package has no place for
+(tables, delays, `global` events, noise, difference and integral equations) is refused by name with its line's number.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from gsp.errors import ModelFileError, nearest
 from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
+from gsp.readers.xppaut_arrays import without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
+from gsp.readers.xppaut_order import check_order_of_quantities
 
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"
@@ -58,7 +60,7 @@ _NO_FUNCTIONS = {
     **dict.fromkeys(("delay", "del_shft"), "a delay"),
     **dict.fromkeys(("ran", "normal"), "noise"),
     **dict.fromkeys(("mod", "flr", "atan2"), "a jump"),
-    **dict.fromkeys(("shift", "ishift", "sum"), "an array"),
+    "ishift": "an array of tables",
     **dict.fromkeys(("besselj", "bessely", "lgamma"), "a special function"),
     "int": "an integral",
     "hom_bcs": "a boundary condition",
@@ -72,6 +74,7 @@ class _File:
     states: dict[str, tuple[int, str]] = field(default_factory=dict)
     parameters: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, tuple[int, tuple[str, ...], str]] = field(default_factory=dict)
+    derived: set[str] = field(default_factory=set)
     observables: dict[str, tuple[int, str]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
@@ -88,6 +91,7 @@ def read_ode(text: str) -> ForeignModel:
         raise ModelFileError(
             f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
         )
+    check_order_of_quantities(file.definitions, file.derived, {*file.states, "t"})
     model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
     model.starts = {name: file.starts.get(name, "0") for name in file.states}
 
@@ -100,15 +104,18 @@ def read_ode(text: str) -> ForeignModel:
         return positive[0]
 
     positive: list[str] = []
-    model.states = {name: _expression(*rate, step) for name, rate in file.states.items()}
+    order = tuple(file.states)
+    model.states = {name: _expression(*rate, step, order) for name, rate in file.states.items()}
     for name, (number, arguments, text) in file.definitions.items():
         renamed = {word: fresh_name(word, taken) for word in arguments if word in taken}
-        body = _expression(number, text, step)
+        body = _expression(number, text, step, order)
         body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
         head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
         model.definitions[head] = body
     for name, (number, text) in file.observables.items():
-        model.observables[fresh_name(name, taken) if name in own else name] = _expression(number, text, step)
+        model.observables[fresh_name(name, taken) if name in own else name] = _expression(
+            number, text, step, order
+        )
     used = {
         word
         for text in (*model.states.values(), *model.definitions.values(), *model.observables.values())
@@ -153,7 +160,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def _read(text: str) -> _File:
     file = _File()
-    for number, line in _lines(text):
+    for number, line in written_out(_lines(text)):
         if line in ("done", "d"):
             break
         _take(file, number, line)
@@ -173,8 +180,6 @@ def _take(file: _File, number: int, line: str) -> None:
         _fail(number, f"{first} is {_REFUSED[first]}, which no model here has", "Remove it.")
     elif first in _LEFT_OUT and plain:
         file.left_out.append(f"{first} (line {number})")
-    elif line[0] == "%" or "[" in line:
-        _fail(number, "arrays and blocks are not read", "Write their members out.")
     elif line[0] in "0123456789":
         _fail(number, "an equation without a name is not read", "Write x' = ... for a state.")
     elif found := _PARAMETERS.fullmatch(line) if plain else None:
@@ -196,6 +201,7 @@ def _take(file: _File, number: int, line: str) -> None:
         _define(file, number, found[1], tuple(word.strip() for word in found[2].split(",")), found[3])
     elif found := _FIXED.fullmatch(line):
         _define(file, number, found[1], (), found[2])
+        file.derived |= {found[1]} if line[0] == "!" else set()
     else:
         _fail(number, f"{line[:60]!r} is not understood", "Correct it, or remove it.")
 
@@ -229,8 +235,12 @@ def _take_windows(file: _File, model: ForeignModel) -> None:
                 model.windows[name] = ends
 
 
-def _expression(number: int, text: str, positive: Callable[[], str]) -> str:
+def _expression(number: int, text: str, positive: Callable[[], str], order: tuple[str, ...]) -> str:
     """An expression in the grammar of model files, which is checked when the result is read."""
+    try:
+        text = without_sums(text, order)
+    except ModelFileError as error:
+        raise ModelFileError(f"line {number}: {error}") from None
     if len(text) > CHARACTERS:
         _fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
     for word in _WORDS.findall(text):
