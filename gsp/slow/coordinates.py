@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative, jacobian
-from gsp.algebra.factorisation import numerator, quotient
+from gsp.algebra.factorisation import quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
 from gsp.algebra.ring import Element, LocalisedRing, read
@@ -144,7 +144,7 @@ def _eliminated(branch: Branch) -> dict[sp.Symbol, sp.Expr]:
         return dict(branch.graph)
     system = branch.system
     variables = [*system.y, *system.x]
-    equations = [numerator(e) for e in branch.equations]
+    equations = [sp.numer(sp.together(e)) for e in branch.equations]
     graph: dict[sp.Symbol, sp.Expr] = {}
     while equations:
         found = next(_eliminations(equations, variables, graph), None)
@@ -173,4 +173,4 @@ def _eliminations(
             values = {s: v.subs(symbol, value) for s, v in graph.items()}
             if all(quotient(e) is not None for e in (value, *rest, *values.values())):
                 expanded = {s: sp.expand(v) for s, v in values.items()}
-                yield symbol, [numerator(e) for e in rest], {**expanded, symbol: sp.expand(value)}
+                yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}
