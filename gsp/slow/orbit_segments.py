@@ -15,7 +15,6 @@ import numpy as np
 
 from gsp.collocation.bordered import Conditions, Equations, Step, linearise
 from gsp.collocation.gauss import gauss
-from gsp.collocation.newton import Rules, newton
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
 from gsp.kernels.zero_derivative import CONVERGED
@@ -23,6 +22,7 @@ from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.tape import Tape, write_tape
 from gsp.slow.slow_points import climb
 from gsp.slow.slow_track import LEFT, Track, follow_slow_flow
+from gsp.tracing.newton import Rules, newton
 
 # Gauss points an element: order 12, which rounding meets on elements of `slow_track.DECAY`.
 STAGES = 6

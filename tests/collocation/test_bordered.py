@@ -8,10 +8,10 @@ import sympy as sp
 
 from gsp.collocation.bordered import Conditions, Equations, linearise
 from gsp.collocation.gauss import gauss
-from gsp.collocation.newton import Rules, newton
 from gsp.errors import Status
 from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
 from gsp.systems.system import VectorField
+from gsp.tracing.newton import Rules, newton
 
 x, y, k = sp.symbols("x y k")
 # A saddle: one direction grows by e^20 over the orbit, the other decays by as much.

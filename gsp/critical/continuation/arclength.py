@@ -1,21 +1,22 @@
-"""Pseudo-arclength continuation of a curve {F(u) = 0}, F: R^N -> R^(N-1), through its folds (Keller 1977).
+"""A curve {F(u) = 0}, F: R^N -> R^(N-1), by pseudo-arclength: its corrector, bounds, branch points and closing.
 
-Predictor along the tangent, corrector by Newton's method in the plane across it, steps chosen by the number of
-corrections and the angle between tangents. Lengths and angles are measured in u/scale, so that the units of a
-variable do not matter. A step that would jump to another branch changes the sign of det[F_u; tangent] without a
-branch point in between; it is refused.
+Lengths and angles are measured in u/scale, so that the units of a variable do not matter. A step that would jump to
+another branch changes the sign of det[F_u; tangent] without a branch point in between; it is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from gsp.errors import Status
 from gsp.roots import root
+from gsp.tracing import arclength
+from gsp.tracing.arclength import Arrival, Pace, Stride
+from gsp.tracing.newton import Rules, newton
 
 # Corrections of a step: at most this many, and this many aimed at.
 CORRECTIONS = 8
@@ -23,6 +24,8 @@ AIM = 3
 # Largest angle between neighbouring tangents, and the one aimed at, in radians; no pedigree but many curves tried.
 LARGEST_ANGLE = 0.3
 AIM_ANGLE = 0.12
+# A correction of so many scales leads nowhere.
+LOST = 1e3
 # A correction longer than this share of the step may have landed on another branch.
 LONGEST_CORRECTION = 0.3
 # The step fails below this share of the largest one.
@@ -80,11 +83,19 @@ class Trace:
     crossings: dict[int, object] = field(default_factory=dict)
 
 
+class Place(NamedTuple):
+    """A point of a curve, its unit tangent in scaled units, and the sign of det[F_u; tangent]."""
+
+    u: np.ndarray
+    tangent: np.ndarray
+    sign: int
+
+
 # (before, after, tangent, short) -> (u, finding) of a branch point between two points, or None when there is none.
 Finder = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], tuple[np.ndarray, object] | None]
 
 
-class Tracer:
+class PointTracer(arclength.Tracer[Place]):
     """Continues one curve; holds its scales, bounds and counters.
 
     `find` decides about a change of orientation within a step; `refresh` exchanges what F keeps fixed, such as
@@ -108,6 +119,10 @@ class Tracer:
         self.bounds = bounds
         self.names = names
         self.controls = controls
+        self.most = controls.max_points
+        self.pace = Pace(
+            controls.step, controls.max_step, SMALLEST * controls.max_step, AIM, AIM_ANGLE, LARGEST_ANGLE
+        )
         self.refresh = refresh
         self.find = find
         self.progress = progress
@@ -115,6 +130,8 @@ class Tracer:
         self._first_scales = scales.copy()
         self._bounded = np.isfinite(bounds).all(axis=1)
         self._saw_non_finite = False
+        self._at_crossing = False
+        self._trace = Trace([], [], [])
 
     # -- one point ---------------------------------------------------------------------------------
 
@@ -126,28 +143,31 @@ class Tracer:
 
     def correct(self, u: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, int] | None:
         """The point of the curve in the plane through u across `normal` (in scaled units), and the corrections."""
-        anchor, u = u, u.copy()
-        for k in range(CORRECTIONS):
+        anchor = u
+
+        def step_of(u: np.ndarray) -> np.ndarray:
             value, slope = self.equations.residual(u), self.equations.jacobian(u) * self.scales
             if not (np.isfinite(value).all() and np.isfinite(slope).all()):
                 self._saw_non_finite = True
-                return None
+                raise np.linalg.LinAlgError("not finite")
             size = np.linalg.norm(slope, axis=1)
             size[size == 0.0] = 1.0
             matrix = np.vstack([slope / size[:, None], normal])
-            right = np.append(value / size, normal @ ((u - anchor) / self.scales))
-            try:
-                step = np.linalg.solve(matrix, right)
-            except np.linalg.LinAlgError:
+            return np.linalg.solve(matrix, np.append(value / size, normal @ ((u - anchor) / self.scales)))
+
+        def moved(u: np.ndarray, step: np.ndarray, _: float) -> np.ndarray | None:
+            if not float(np.abs(step).max()) < LOST:
                 return None
-            length = float(np.abs(step).max())
-            if not length < 1e3:
-                return None
-            u = u - self.scales * step
             self.counters.corrections += 1
-            if length <= self.controls.tolerance * (1.0 + float(np.abs(u / self.scales).max())):
-                return u, k + 1
-        return None
+            return u - self.scales * step
+
+        def length(step: np.ndarray, u: np.ndarray) -> float:
+            return float(np.abs(step).max()) / (1.0 + float(np.abs(u / self.scales - step).max()))
+
+        found = newton(
+            u, step_of, length=length, moved=moved, rules=Rules(CORRECTIONS, self.controls.tolerance)
+        )
+        return (found.point, found.iterations) if found.status.ok else None
 
     def tangent(self, u: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Unit tangent in scaled units with a positive product with `along`; `along` itself at a branch point."""
@@ -197,96 +217,95 @@ class Tracer:
     def run(self, start: np.ndarray, tangent: np.ndarray, *, at_crossing: bool = False) -> Trace:
         """Continue from `start` along `tangent`; `at_crossing` says that start is a branch point."""
         trace = Trace([start], [tangent], [self.scales.copy()])
+        self._trace, self._at_crossing, self._saw_non_finite = trace, at_crossing, False
+        outside = self._outside(start + 1e-3 * self.controls.step * self.scales * tangent)
+        if outside is not None and self._on_bound(start, outside):
+            trace.ending, trace.bound = Status.BOUND_REACHED, self.names[outside]
+            return trace
+        sign = 0 if at_crossing else self.orientation(start, tangent)
+        followed = arclength.Trace([Place(start, tangent, sign)])
         try:
-            self._run(trace, at_crossing)
+            self.follow(followed, progress=self.progress)
         except KeyboardInterrupt:
-            trace.ending = Status.INTERRUPTED
+            followed.ending = Status.INTERRUPTED
+        assert isinstance(followed.ending, Status)
+        trace.ending = followed.ending
+        self.counters.rejected += followed.rejected
         return trace
 
-    def _run(self, trace: Trace, at_crossing: bool) -> None:
-        controls = self.controls
-        u, t = trace.points[0], trace.tangents[0]
-        sign = 0 if at_crossing else self.orientation(u, t)
-        outside = self._outside(u + 1e-3 * controls.step * self.scales * t)
-        if outside is not None and self._on_bound(u, outside):
-            trace.ending, trace.bound = Status.BOUND_REACHED, self.names[outside]
-            return
-        h = min(controls.step, controls.max_step)
-        while len(trace.points) < controls.max_points:
-            if h < SMALLEST * controls.max_step:
-                trace.ending = Status.NON_FINITE if self._saw_non_finite else Status.STEP_TOO_SMALL
-                return
-            self._saw_non_finite = False
-            step = self._step(u, t, h)
-            if step is None:
-                self.counters.rejected += 1
-                h *= 0.5
-                continue
-            reached, along, corrections, angle = step
-            stop = self._bound_between(u, reached)
-            if stop is not None:
-                reached, place = stop
-                if np.abs((reached - u) / self.scales).max() < 1e-9:
-                    # The last point was on the bound by itself.
-                    trace.ending, trace.bound, trace.points[-1] = (
-                        Status.BOUND_REACHED,
-                        self.names[place],
-                        reached,
-                    )
-                    return
-                along = self.tangent(reached, t)
-            now = self.orientation(reached, along)
-            if sign * now < 0 and self.find is not None:
-                crossing = self.find(u, reached, t, h < UNRESOLVED * controls.max_step)
-                if crossing is None:
-                    self.counters.rejected += 1
-                    h *= 0.5
-                    continue
-                if at_crossing and self._is_start(trace, crossing[0], t):
-                    self._append(trace, trace.points[0], trace.tangents[0])
-                    trace.ending = Status.CLOSED
-                    return
-                trace.crossings[len(trace.points)] = crossing[1]
-                self._append(trace, crossing[0], t)
-            if len(trace.points) > 3 and self._closes(trace, u, reached, along):
-                self._append(trace, trace.points[0], trace.tangents[0])
-                trace.ending = Status.CLOSED
-                return
-            self._append(trace, reached, along)
-            self.counters.steps += 1
-            if self.progress is not None:
-                self.progress(len(trace.points) / controls.max_points)
-            if stop is not None:
-                trace.ending, trace.bound = Status.BOUND_REACHED, self.names[place]
-                return
-            if np.abs(reached / self._first_scales).max() > FAR:
-                trace.ending = Status.RUNS_AWAY
-                return
-            u, t, sign = reached, along, now or sign
-            growth = min(2.0 ** ((AIM - corrections) / 2.0), AIM_ANGLE / max(angle, 1e-3))
-            h = min(h * float(np.clip(growth, 0.5, 2.0)), controls.max_step)
-            t = self._rescaled(u, t)
-            if self.refresh is not None:
-                self.equations = self.refresh(self.equations, u)
-                sign = self.orientation(u, t)
-        trace.ending = Status.TOO_MANY_POINTS
+    def stuck(self) -> Status:
+        """Non-finite where the last point tried was."""
+        return Status.NON_FINITE if self._saw_non_finite else Status.STEP_TOO_SMALL
 
-    def _append(self, trace: Trace, u: np.ndarray, t: np.ndarray) -> None:
+    def predicted(self, here: Place, length: float) -> tuple[np.ndarray, np.ndarray]:
+        """The point along the tangent, and the tangent."""
+        self._saw_non_finite = False
+        return here.u + length * self.scales * here.tangent, here.tangent
+
+    def corrected(self, guess: tuple[np.ndarray, np.ndarray], length: float) -> tuple[np.ndarray, int] | None:
+        """The point across the tangent, unless it is so far from the guess that it may be on another branch."""
+        found = self.correct(*guess)
+        if found is None or np.linalg.norm((found[0] - guess[0]) / self.scales) > LONGEST_CORRECTION * length:
+            return None
+        return found
+
+    def oriented(
+        self, here: Place, guess: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, int]
+    ) -> Stride[Place]:
+        """The point with its tangent; its sign is found on arrival."""
+        along = self.tangent(found[0], here.tangent)
+        turn = float(np.arccos(np.clip(along @ here.tangent, -1.0, 1.0)))
+        return Stride(Place(found[0], along, 0), found[1], turn)
+
+    def arrived(
+        self, _: arclength.Trace[Place], here: Place, stride: Stride[Place], length: float
+    ) -> Arrival[Place] | None:
+        """The point, or the bound before it, with the branch point on the way; where the curve closes its start."""
+        trace, (u, t, sign) = self._trace, here
+        reached, along, place = stride.node
+        nodes: list[tuple[Place, float]] = []
+        stop = self._bound_between(u, reached)
+        if stop is not None:
+            reached, place = stop
+            if np.abs((reached - u) / self.scales).max() < 1e-9:
+                # The last point was on the bound by itself.
+                trace.points[-1], trace.bound = reached, self.names[place]
+                return Arrival([], Status.BOUND_REACHED)
+            along = self.tangent(reached, t)
+        now = self.orientation(reached, along)
+        if sign * now < 0 and self.find is not None:
+            crossing = self.find(u, reached, t, length < UNRESOLVED * self.controls.max_step)
+            if crossing is None:
+                return None
+            if self._at_crossing and self._is_start(trace, crossing[0], t):
+                return self._closed(nodes)
+            trace.crossings[len(trace.points)] = crossing[1]
+            nodes.append((self._append(trace, crossing[0], t), 0.0))
+        if len(trace.points) > 3 and self._closes(trace, u, reached, along):
+            return self._closed(nodes)
+        nodes.append((self._append(trace, reached, along), length))
+        self.counters.steps += 1
+        if stop is not None:
+            trace.bound = self.names[place]
+            return Arrival(nodes, Status.BOUND_REACHED)
+        if np.abs(reached / self._first_scales).max() > FAR:
+            return Arrival(nodes, Status.RUNS_AWAY)
+        sign = now or sign
+        along = self._rescaled(reached, along)
+        if self.refresh is not None:
+            self.equations = self.refresh(self.equations, reached)
+            sign = self.orientation(reached, along)
+        return Arrival(nodes, onward=Place(reached, along, sign))
+
+    def _closed(self, nodes: list[tuple[Place, float]]) -> Arrival[Place]:
+        trace = self._trace
+        return Arrival([*nodes, (self._append(trace, trace.points[0], trace.tangents[0]), 0.0)], Status.CLOSED)
+
+    def _append(self, trace: Trace, u: np.ndarray, t: np.ndarray) -> Place:
         trace.points.append(u)
         trace.tangents.append(t)
         trace.scales.append(self.scales.copy())
-
-    def _step(self, u: np.ndarray, t: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray, int, float] | None:
-        predicted = u + h * self.scales * t
-        found = self.correct(predicted, t)
-        if found is None:
-            return None
-        reached, corrections = found
-        if np.linalg.norm((reached - predicted) / self.scales) > LONGEST_CORRECTION * h:
-            return None
-        along = self.tangent(reached, t)
-        angle = float(np.arccos(np.clip(along @ t, -1.0, 1.0)))
-        return None if angle > LARGEST_ANGLE else (reached, along, corrections, angle)
+        return Place(u, t, 0)
 
     def _rescaled(self, u: np.ndarray, t: np.ndarray) -> np.ndarray:
         grown = ~self._bounded & (np.abs(u) > OUTGROWN * self.scales)

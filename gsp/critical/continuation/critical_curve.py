@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.arclength import Controls, Trace, Tracer
+from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
 from gsp.critical.continuation.curve import CriticalCurve, Options, closing, frozen, oriented, stability
 from gsp.critical.continuation.location import locate
 from gsp.critical.continuation.special_points import VERTICAL, BranchPoints, SpecialPoint
@@ -195,8 +195,8 @@ def box_of(problem: LayerProblem, bounds: Mapping[str, Interval]) -> np.ndarray:
 
 def _tracer(
     problem: LayerProblem, options: Options, scales: np.ndarray, progress: Callable[[float], None] | None
-) -> Tracer:
-    tracer = Tracer(
+) -> PointTracer:
+    tracer = PointTracer(
         problem,
         scales=scales,
         bounds=box_of(problem, options.bounds),
@@ -208,7 +208,9 @@ def _tracer(
     return tracer
 
 
-def traced(tracer: Tracer, u: np.ndarray, tangent: np.ndarray, *, both: bool, at_crossing: bool) -> list[Trace]:
+def traced(
+    tracer: PointTracer, u: np.ndarray, tangent: np.ndarray, *, both: bool, at_crossing: bool
+) -> list[Trace]:
     """The traces, forward or backward and forward; only forward when the curve closes."""
     scales = tracer.scales.copy()
     forward = tracer.run(u, tangent, at_crossing=at_crossing)
@@ -241,7 +243,7 @@ def joined(traces: list[Trace]) -> Trace:
 def _continued(
     problem: LayerProblem,
     options: Options,
-    tracer: Tracer,
+    tracer: PointTracer,
     u: np.ndarray,
     tangent: np.ndarray,
     *,

@@ -8,7 +8,7 @@ from typing import ClassVar, TypedDict
 
 import numpy as np
 
-from gsp.critical.continuation.arclength import Controls, Trace, Tracer
+from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status, nearest
@@ -225,7 +225,7 @@ class Closing(TypedDict):
 def closing(
     problem: LayerProblem,
     options: Options,
-    tracer: Tracer,
+    tracer: PointTracer,
     traces: Sequence[Trace],
     located: tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray],
 ) -> Closing:

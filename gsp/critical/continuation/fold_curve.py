@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.arclength import Trace, Tracer
+from gsp.critical.continuation.arclength import PointTracer, Trace
 from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
 from gsp.critical.continuation.curve import (
     ContinuationStats,
@@ -153,7 +153,7 @@ def fold_curve(
 ) -> FoldCurve:
     """The curve of folds through the fold u (N,)."""
     with np.errstate(all="ignore"):
-        tracer = Tracer(
+        tracer = PointTracer(
             singular_near(problem, identity, u),
             scales=scales,
             bounds=box_of(problem, options.bounds),
@@ -222,7 +222,7 @@ def _tests(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _special(
-    problem: LayerProblem, tracer: Tracer, trace: Trace
+    problem: LayerProblem, tracer: PointTracer, trace: Trace
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
     points, scales = np.array(trace.points), np.array(trace.scales)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsp import roots
-from gsp.critical.continuation.arclength import Trace, Tracer
+from gsp.critical.continuation.arclength import PointTracer, Trace
 from gsp.critical.continuation.special_points import (
     NONE,
     VERTICAL,
@@ -81,7 +81,7 @@ def touches(values: np.ndarray, slopes: np.ndarray, lengths: np.ndarray) -> Iter
 
 
 def locate(
-    problem: LayerProblem, tracer: Tracer, trace: Trace, known: tuple[SpecialPoint, ...] = ()
+    problem: LayerProblem, tracer: PointTracer, trace: Trace, known: tuple[SpecialPoint, ...] = ()
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """Points (m, N) of a trace with its special points among them, these, and the arclength (m,).
 
@@ -129,7 +129,7 @@ def inserted(
 
 
 class _Search:
-    def __init__(self, problem: LayerProblem, tracer: Tracer, trace: Trace) -> None:
+    def __init__(self, problem: LayerProblem, tracer: PointTracer, trace: Trace) -> None:
         self.problem = problem
         self.tracer = tracer
         self.points, self.tangents, self.scales = map(np.array, (trace.points, trace.tangents, trace.scales))

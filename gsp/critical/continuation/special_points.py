@@ -12,7 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gsp.critical.continuation.arclength import Tracer
+from gsp.critical.continuation.arclength import PointTracer
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.critical.singularity import MatrixMap, Singular, singular_near
@@ -118,7 +118,7 @@ def pair_test(eigenvalues: np.ndarray) -> np.ndarray:
     return np.prod(sums, axis=1).real
 
 
-def polished(tracer: Tracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
+def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.ndarray) -> np.ndarray:
     """The point next to u where `of`(g_y) is singular, by Newton's method; u itself when that leads away."""
     try:
         system = singular_near(problem, of, u)
@@ -243,7 +243,7 @@ class BranchPoints:
     curves only come near one another it converges to a point with alpha != 0, off M0.
     """
 
-    def __init__(self, problem: LayerProblem, tracer: Tracer) -> None:
+    def __init__(self, problem: LayerProblem, tracer: PointTracer) -> None:
         self.problem = problem
         self.tracer = tracer
 

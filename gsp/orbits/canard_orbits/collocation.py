@@ -11,10 +11,10 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.collocation.bordered import Conditions, Equations, Step, linearise
 from gsp.collocation.gauss import gauss
-from gsp.collocation.newton import Rules, newton
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
 from gsp.systems.system import SlowFastSystem
+from gsp.tracing.newton import Rules, newton
 
 # Gauss points an element: order 10 at the elements' ends. No pedigree; 4 and 6 cost about the same.
 STAGES = 5

@@ -6,8 +6,9 @@ epsilon among the unknowns it has a curve of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from enum import Enum, StrEnum
 
 import numpy as np
 
@@ -23,17 +24,18 @@ from gsp.orbits.canard_orbits.canard import (
 )
 from gsp.orbits.canard_orbits.collocation import OrbitSegment
 from gsp.results.card import Card
-from gsp.roots import root
 from gsp.systems.arguments import check_each, check_noun, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem
+from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 
 # Arclength, in units of the orbit's extents, the relative time and log epsilon: first, longest and shortest step.
 FIRST, LONGEST, SHORTEST = 0.02, 0.4, 1e-7
 # How much the orbit between its ends counts in arclength; where it grows an excursion nothing else changes.
 INSIDE = 4.0
-# Largest angle between tangents, and Newton steps above which the next step is shorter.
-LARGEST_ANGLE, MANY = 0.4, 5
+# Largest angle between tangents, Newton steps aimed at on the mesh of the guess, and how much longer a step may get.
+LARGEST_ANGLE, AIM, GROWTH = 0.4, 6, 1.4
+PACE = Pace(FIRST, LONGEST, SHORTEST, AIM, largest_turn=LARGEST_ANGLE, growth=GROWTH)
 # Longest step across a fold in epsilon, and the share of it to which the fold is located there.
 ACROSS, LOCATED = 0.05, 1e-6
 
@@ -54,6 +56,10 @@ class FamilyEnd(StrEnum):
             FamilyEnd.STEPS: Status.STEP_TOO_SMALL,
             FamilyEnd.MESH: Status.NOT_CONVERGED,
         }.get(self, Status.SUCCESS)
+
+
+# How a tracer's own endings are told of a family.
+ENDS: dict[Enum, FamilyEnd] = {Status.TOO_MANY_POINTS: FamilyEnd.POINTS, Status.STEP_TOO_SMALL: FamilyEnd.STEPS}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,8 +133,9 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
         )
     follower = _Follower(canard, (low, high), max_points)
     down, up = follower.trace(-1), follower.trace(1)
-    orbits = (*down.orbits[:0:-1], *up.orbits)
-    points = np.array([*down.points[:0:-1], *up.points])
+    (lower, below, folds_below, first), (upper, above, folds_above, last) = down, up
+    orbits = (*lower[:0:-1], *upper)
+    points = np.array([*below[:0:-1], *above])
     return CanardFamily(
         system=canard.frame.system,
         name=canard.name,
@@ -136,17 +143,9 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
         time=np.array([orbit.time for orbit in orbits]),
         points=points,
         orbits=orbits,
-        folds=(*down.folds[::-1], *up.folds),
-        ends=(down.end, up.end),
+        folds=(*folds_below[::-1], *folds_above),
+        ends=(first, last),
     )
-
-
-@dataclass
-class _Trace:
-    orbits: list[OrbitSegment]
-    points: list[np.ndarray]
-    folds: list[float]
-    end: FamilyEnd = FamilyEnd.POINTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,61 +157,103 @@ class _Direction:
     step: Step
 
 
-class _Follower:
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """An orbit of the family, its tangent, and its place in the section (3,), NaN where it does not come there."""
+
+    orbit: OrbitSegment
+    along: _Direction
+    point: np.ndarray
+
+
+class _Follower(Tracer[_Node]):
     """Pseudo-arclength in the whole orbit, its time, and log epsilon."""
 
+    pace = PACE
+
     def __init__(self, canard: Canard, bounds: tuple[float, float], max_points: int) -> None:
-        self.canard, self.bounds, self.max_points = canard, bounds, max_points
+        self.canard, self.bounds, self.most = canard, bounds, max_points
         self.problem = CanardSolver(
             canard.frame, (canard.attracting_line, canard.repelling_line), epsilon_free=True
         )
         self.solver = self.problem.solver
         self.extent = np.maximum(np.ptp(canard.orbit.states, axis=0), 1e-8)
+        self.folds: list[float] = []
+        self._share = 0.0
 
-    def trace(self, direction: int) -> _Trace:
-        """One direction: -1 with falling epsilon at first, 1 with growing."""
+    def trace(self, direction: int) -> tuple[list[OrbitSegment], list[np.ndarray], list[float], FamilyEnd]:
+        """One direction: -1 with falling epsilon at first, 1 with growing. Orbits, points, folds and the end."""
         first = self.canard.orbit
         start = np.array([self.canard.point[s.name] for s in self.canard.frame.system.states])
-        trace = _Trace([first], [start], [])
-        share = self.canard.time_before / first.time
+        self._share, self.folds = self.canard.time_before / first.time, []
         along = self._tangent(first, None)
-        if along is not None and along.ends[7] * direction < 0.0:
-            along = self._scaled(along, -1.0)
-        step = FIRST
-        while along is not None and len(trace.orbits) < self.max_points:
-            here = trace.orbits[-1]
-            found, steps = self._advance(here, along, step)
-            new = None if found is None else self._tangent(found, along)
-            if found is None or new is None or self._product(new, along, found.mesh) < np.cos(LARGEST_ANGLE):
-                step *= 0.5
-                if step < SHORTEST:
-                    trace.end = FamilyEnd.STEPS
-                    return trace
-                continue
-            turns = along.ends[7] * new.ends[7] < 0.0
-            if turns and step > ACROSS:
-                step *= 0.5
-                continue
-            if turns:
-                trace.folds.append(self._fold(here, along, new, step))
-            low, high = self.bounds
-            if not low < found.epsilon < high:
-                found = self._at(here, found, low if found.epsilon <= low else high) or found
-                trace.end = FamilyEnd.BOUND
-            met = section_crossing(found, self.canard.section, share)
-            share = share if met is None else met[0]
-            trace.orbits.append(found)
-            trace.points.append(np.full(3, np.nan) if met is None else met[1])
-            if trace.end is FamilyEnd.BOUND:
-                return trace
-            if found.elements_for(PRECISION) > MOST:
-                trace.end = FamilyEnd.MESH
-                return trace
-            along = new
-            step = min(LONGEST, step * (1.4 if steps <= MANY else 0.7))
         if along is None:
-            trace.end = FamilyEnd.STEPS
-        return trace
+            return [first], [start], [], FamilyEnd.STEPS
+        trace = Trace([_Node(first, self._scaled(along, np.sign(along.ends[7] * direction) or 1.0), start)])
+        self.follow(trace)
+        end = ENDS.get(trace.ending, trace.ending)
+        assert isinstance(end, FamilyEnd)
+        return [node.orbit for node in trace.nodes], [node.point for node in trace.nodes], self.folds, end
+
+    def predicted(self, here: _Node, length: float) -> tuple[OrbitSegment, _Node] | None:
+        """The orbit moved along the tangent, and where from."""
+        guess = here.orbit.moved(here.along.step, length)
+        return (guess, here) if min(guess.time, guess.epsilon) > 0.0 else None
+
+    def corrected(self, guess: tuple[OrbitSegment, _Node], length: float) -> tuple[OrbitSegment, int] | None:
+        """The orbit across the tangent, on the mesh of the guess and then on its own."""
+        orbit, here = guess
+        anchor, along = self._coordinates(here.orbit), here.along
+
+        def problem(orbit: OrbitSegment) -> Conditions:
+            conditions = self._conditions(orbit, along, 0.0)
+            moved = orbit.states - here.orbit.at(orbit.mesh)
+            inside = (along.profile.at(orbit.mesh) * moved / self.extent**2).sum(axis=1)
+            gone = along.ends @ (self._coordinates(orbit) - anchor) + self._weights(orbit.mesh) @ inside
+            conditions.wanted[4] = length - gone
+            return conditions
+
+        before = self.solver.iterations
+        found = self.solver.solve(orbit, problem, limit=10)
+        corrections = self.solver.iterations - before
+        found = self._remeshed(found, problem)
+        return None if found is None else (found, corrections)
+
+    def oriented(
+        self, here: _Node, guess: tuple[OrbitSegment, _Node], found: tuple[OrbitSegment, int]
+    ) -> Stride[_Node] | None:
+        """The orbit with its tangent; where it passes the section is found on arrival."""
+        along = self._tangent(found[0], here.along)
+        if along is None:
+            return None
+        cosine = self._product(along, here.along, found[0].mesh)
+        return Stride(
+            _Node(found[0], along, here.point), found[1], float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        )
+
+    def arrived(
+        self, trace: Trace[_Node], here: _Node, stride: Stride[_Node], length: float
+    ) -> Arrival[_Node] | None:
+        """The orbit, or the one on the bound of epsilon before it; a fold on the way is located."""
+        found, new = stride.node.orbit, stride.node.along
+        ends = float(here.along.ends[7]), float(new.ends[7])
+        turns = ends[0] * ends[1] < 0.0
+        if turns and length > ACROSS:
+            return None
+        if turns:
+            fold = self.located(
+                here, length, lambda node: float(node.along.ends[7]), ends, apart=LOCATED * length
+            )
+            self.folds.append(float((here if fold is None else fold[0]).orbit.epsilon))
+        low, high = self.bounds
+        beyond = not low < found.epsilon < high
+        if beyond:
+            found = self._at(here.orbit, found, low if found.epsilon <= low else high) or found
+        met = section_crossing(found, self.canard.section, self._share)
+        self._share = self._share if met is None else met[0]
+        node = _Node(found, new, np.full(3, np.nan) if met is None else met[1])
+        ending = FamilyEnd.BOUND if beyond else FamilyEnd.MESH if found.elements_for(PRECISION) > MOST else None
+        return Arrival([(node, length)], ending)
 
     # -- one step ----------------------------------------------------------------------------------
 
@@ -270,26 +311,13 @@ class _Follower:
             factor * along.ends, replace(along.profile, states=step.states, stages=step.stages), step
         )
 
-    def _advance(self, here: OrbitSegment, along: _Direction, step: float) -> tuple[OrbitSegment | None, int]:
-        anchor = self._coordinates(here)
-
-        def problem(orbit: OrbitSegment) -> Conditions:
-            conditions = self._conditions(orbit, along, 0.0)
-            inside = (along.profile.at(orbit.mesh) * (orbit.states - here.at(orbit.mesh)) / self.extent**2).sum(
-                axis=1
-            )
-            gone = along.ends @ (self._coordinates(orbit) - anchor) + self._weights(orbit.mesh) @ inside
-            conditions.wanted[4] = step - gone
-            return conditions
-
-        before = self.solver.iterations
-        guess = here.moved(along.step, step)
-        found = self.solver.solve(guess, problem, limit=10) if min(guess.time, guess.epsilon) > 0.0 else None
-        steps = self.solver.iterations - before
+    def _remeshed(
+        self, found: OrbitSegment | None, problem: Callable[[OrbitSegment], Conditions]
+    ) -> OrbitSegment | None:
         if found is None:
-            return None, steps
+            return None
         elements = int(np.clip(found.elements_for(PRECISION), FEWEST, MOST))
-        return self.solver.solve(found.adapted(elements), problem, limit=10), steps
+        return self.solver.solve(found.adapted(elements), problem, limit=10)
 
     def _at(self, here: OrbitSegment, there: OrbitSegment, value: float) -> OrbitSegment | None:
         """The orbit between two at a value of epsilon."""
@@ -306,28 +334,4 @@ class _Follower:
             time=(1 - share) * here.time + share * there.time,
             epsilon=value,
         )
-        found = self.solver.solve(guess, problem)
-        if found is None:
-            return None
-        elements = int(np.clip(found.elements_for(PRECISION), FEWEST, MOST))
-        return self.solver.solve(found.adapted(elements), problem)
-
-    def _fold(self, here: OrbitSegment, along: _Direction, new: _Direction, step: float) -> float:
-        """Epsilon where it turns, on the curve between `here` and one step on: its tangent's component is 0.
-
-        Where the curve cannot be followed in between, the last epsilon that was reached on the way.
-        """
-        best = float(here.epsilon)
-
-        def component(length: float) -> float:
-            nonlocal best
-            found, _ = self._advance(here, along, length)
-            tangent = None if found is None else self._tangent(found, along)
-            if found is None or tangent is None:
-                return float("nan")
-            best = float(found.epsilon)
-            return float(tangent.ends[7])
-
-        ends = float(along.ends[7]), float(new.ends[7])
-        root(component, 0.0, step, ends=ends, apart=LOCATED * step)
-        return best
+        return self._remeshed(self.solver.solve(guess, problem), problem)

@@ -8,18 +8,19 @@ strong canard their beginnings differ by exp(-c/epsilon) only, and their ends by
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum
 
 import numpy as np
 
-from gsp.collocation.bordered import Conditions
+from gsp.collocation.bordered import Conditions, Step
 from gsp.errors import Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
 from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, sampled
 from gsp.orbits.canard_orbits.frame import Frame, Plane
 from gsp.orbits.canard_orbits.line import Line, SheetNotFound, crossing_times
+from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 
 # Elements of a segment to begin with, and at most.
 ELEMENTS, MOST_ELEMENTS = 40, 480
@@ -43,6 +44,10 @@ SHARPER, FINEST = 10.0, 0.1
 SHRUNK = 0.05
 # A first segment is good when it comes this near the node, in local units, and not taken beyond FURTHEST.
 NEAR, FURTHEST = 0.3, 1.5
+
+
+# A direction of a singular problem.
+NOWHERE = np.zeros(0)
 
 
 class SheetEnd(StrEnum):
@@ -124,15 +129,26 @@ class Sheet:
         return f"Sheet({kind}, {len(self.segments)} segments, {self.status.name})"
 
 
-@dataclass
-class _Trace:
-    segments: list[OrbitSegment]
-    steps: list[float] = field(default_factory=list)
-    slopes: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
-    ending: SheetEnd = SheetEnd.SEGMENTS
+# How a tracer's own endings are told of a sheet.
+ENDS: dict[Enum, SheetEnd] = {Status.TOO_MANY_POINTS: SheetEnd.SEGMENTS, Status.STEP_TOO_SMALL: SheetEnd.STEPS}
 
 
-class SheetBuilder:
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """A segment with its tangent: `normal` (7,) of its beginning, its end and its time, `tangent` the whole change.
+
+    `before` is the slope of the curve in the section at the segment before, by the arclength of the step from there,
+    and `after` its slope here.
+    """
+
+    segment: OrbitSegment
+    normal: np.ndarray
+    tangent: Step
+    before: np.ndarray
+    after: np.ndarray
+
+
+class SheetBuilder(Tracer[_Node]):
     """Builds one sheet: `attracting` from its line forward in time to the section, else backward."""
 
     def __init__(self, frame: Frame, section: Plane, *, attracting: bool, line: Plane | None) -> None:
@@ -145,7 +161,17 @@ class SheetBuilder:
         self.start = Line(frame, self.side, line)
         self.line = self.start.plane
         mu = frame.rates[1] / frame.rates[0]
-        self.sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
+        sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
+        self.pace = Pace(
+            FIRST,
+            LONGEST,
+            SHORTEST,
+            turn=AIM_TURN * sharpness,
+            largest_turn=LARGEST_TURN * sharpness,
+            growth=1.5,
+        )
+        self.most = SEGMENTS
+        self._inwards, self._still, self._allowed = False, 0, 0
         # In the section the other slow variable varies as g does.
         across = frame.depth / abs(frame.gradient(frame.point)[self.other])
         scale = np.array([frame.unit, frame.unit, frame.width])
@@ -163,9 +189,10 @@ class SheetBuilder:
                 f"node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
             )
         inner, outer = self._trace(first, inwards=True), self._trace(first, inwards=False)
-        segments = [*inner.segments[:0:-1], *outer.segments]
-        steps = [*inner.steps[::-1], *outer.steps]
-        starts = [(-b, -a) for a, b in inner.slopes[::-1]] + outer.slopes
+        segments = [node.segment for node in (*inner.nodes[:0:-1], *outer.nodes)]
+        steps = [*inner.lengths[::-1], *outer.lengths]
+        starts = [(-node.after, -node.before) for node in inner.nodes[:0:-1]]
+        starts += [(node.before, node.after) for node in outer.nodes[1:]]
         ends = np.array([self._free_end(o)[[self.other, 2]] for o in segments])
         slopes = np.array([[a, b] for a, b in starts]).reshape(-1, 2, 2)
         return Sheet(
@@ -177,8 +204,8 @@ class SheetBuilder:
             ends=ends,
             lengths=np.array(steps),
             slopes=slopes,
-            inner=inner.ending,
-            outer=outer.ending,
+            inner=_told(inner.ending),
+            outer=_told(outer.ending),
         )
 
     # -- the first segment -------------------------------------------------------------------------
@@ -262,53 +289,71 @@ class SheetBuilder:
 
     # -- continuation ------------------------------------------------------------------------------
 
-    def _trace(self, first: OrbitSegment, *, inwards: bool) -> _Trace:
+    def _trace(self, first: OrbitSegment, *, inwards: bool) -> Trace[_Node]:
         """Follow the family from `first`; inwards orbits take longer, for the weak canard is slower."""
-        trace = _Trace([first])
-        normal, tangent = self._tangent(first, None)
-        if tangent is None:
-            trace.ending = SheetEnd.SINGULAR
-            return trace
-        if (normal[6] > 0.0) != inwards:
-            normal, tangent = -normal, tangent.times(-1.0)
-        step, still, allowed = FIRST, 0, self.solver.work + WORK // 2
-        while len(trace.segments) < SEGMENTS:
-            if self.solver.work > allowed:
-                trace.ending = SheetEnd.WORK
-                return trace
-            here = trace.segments[-1]
-            taken = self._advance(here, normal, tangent, step)
-            turn = 0.0
-            if taken is not None:
-                new_normal, new_tangent = self._tangent(taken, normal)
-                before, after = (v[[3 + self.other, 5]] / self.scale for v in (normal, new_normal))
-                size = np.linalg.norm(before) * np.linalg.norm(after)
-                turn = np.arccos(np.clip(before @ after / size, -1.0, 1.0)) if size > 0.0 else 0.0
-                # Where the curve stands still its direction is noise.
-                if np.linalg.norm(before) * step < RESOLUTION:
-                    turn = 0.0
-            if taken is None or new_tangent is None or turn > LARGEST_TURN * self.sharpness:
-                step *= 0.5
-                if step < SHORTEST:
-                    trace.ending = SheetEnd.STEPS
-                    return trace
-                continue
-            inside = new_normal @ (self.weights * normal)
-            trace.slopes.append((normal[[3 + self.other, 5]], new_normal[[3 + self.other, 5]] / inside))
-            trace.steps.append(step)
-            trace.segments.append(taken)
-            end = self._free_end(taken)
-            moved = np.abs((end - self._free_end(here))[[self.other, 2]]) / self.scale
-            still = still + 1 if moved.max() < RESOLUTION else 0
-            ending = self._ending(taken)
-            if inwards and ending is None and still >= STILL:
-                ending = SheetEnd.STILL
-            if ending is not None:
-                trace.ending = ending
-                return trace
-            normal, tangent = new_normal, new_tangent
-            step = min(LONGEST, step * float(np.clip(AIM_TURN * self.sharpness / max(turn, 1e-3), 0.5, 1.5)))
+        node = self._node(first, None)
+        if node is None:
+            return Trace(
+                [_Node(first, NOWHERE, Step(*3 * (NOWHERE,)), NOWHERE, NOWHERE)], ending=SheetEnd.SINGULAR
+            )
+        if (node.normal[6] > 0.0) != inwards:
+            node = replace(node, normal=-node.normal, tangent=node.tangent.times(-1.0))
+        self._inwards, self._still, self._allowed = inwards, 0, self.solver.work + WORK // 2
+        trace = Trace([node])
+        self.follow(trace)
         return trace
+
+    def spent(self) -> SheetEnd | None:
+        """The end of the work that one direction is allowed."""
+        return SheetEnd.WORK if self.solver.work > self._allowed else None
+
+    def predicted(self, here: _Node, length: float) -> tuple[OrbitSegment, _Node] | None:
+        """The segment moved along the tangent, and where from."""
+        guess = here.segment.moved(here.tangent, length)
+        return (guess, here) if guess.time > 0.0 else None
+
+    def corrected(
+        self, guess: tuple[OrbitSegment, _Node], length: float
+    ) -> tuple[OrbitSegment, int, float] | None:
+        """The segment across the tangent, on the mesh of the guess and then on its own."""
+        orbit, here = guess
+        anchor, normal = self._coordinates(here.segment), here.normal
+
+        def problem(orbit: OrbitSegment) -> Conditions:
+            gone = (self.weights * normal) @ (self._coordinates(orbit) - anchor)
+            return self._across(self._base(orbit), normal, length - float(gone))
+
+        before = self.solver.iterations
+        found = self.solver.solve(orbit, problem, limit=8)
+        if found is None:
+            return None
+        elements = min(MOST_ELEMENTS, max(ELEMENTS, found.elements_for(PRECISION)))
+        found = self.solver.solve(found.adapted(elements), problem, limit=8)
+        return None if found is None else (found, self.solver.iterations - before, length)
+
+    def oriented(
+        self, here: _Node, guess: tuple[OrbitSegment, _Node], found: tuple[OrbitSegment, int, float]
+    ) -> Stride[_Node] | None:
+        """The segment with its tangent; the turn is that of the curve in the section."""
+        node = self._node(found[0], here.normal)
+        if node is None:
+            return None
+        before, after = (v[[3 + self.other, 5]] / self.scale for v in (here.normal, node.normal))
+        size = np.linalg.norm(before) * np.linalg.norm(after)
+        turn = float(np.arccos(np.clip(before @ after / size, -1.0, 1.0))) if size > 0.0 else 0.0
+        # Where the curve stands still its direction is noise.
+        moves = np.linalg.norm(before) * found[2] >= RESOLUTION
+        return Stride(node, found[1], turn if moves else 0.0)
+
+    def arrived(self, trace: Trace[_Node], here: _Node, stride: Stride[_Node], length: float) -> Arrival[_Node]:
+        """The segment, and the ending where the curve leaves the window, stands still or has come by its line."""
+        taken = stride.node.segment
+        moved = np.abs((self._free_end(taken) - self._free_end(here.segment))[[self.other, 2]]) / self.scale
+        self._still = self._still + 1 if moved.max() < RESOLUTION else 0
+        ending = self._ending(taken)
+        if self._inwards and ending is None and self._still >= STILL:
+            ending = SheetEnd.STILL
+        return Arrival([(stride.node, length)], ending)
 
     def _ending(self, orbit: OrbitSegment) -> SheetEnd | None:
         if abs(self._free_end(orbit)[2] - self.frame.point[2]) > WINDOW * self.frame.width:
@@ -317,33 +362,24 @@ class SheetBuilder:
             return SheetEnd.LINE
         return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
 
-    def _tangent(self, orbit: OrbitSegment, along: np.ndarray | None):
-        """Unit tangent of the family (7,) and the change of the whole orbit along it."""
-        normal = along
-        if normal is None:
-            normal = np.zeros(7)
-            normal[6] = 1.0
+    def _node(self, orbit: OrbitSegment, along: np.ndarray | None) -> _Node | None:
+        """A segment with the unit tangent (7,) of the family, on the side of `along`; None where it is singular."""
+        normal = np.eye(7)[6] if along is None else along
         conditions = self._across(self._base(orbit), normal, 1.0)
         conditions.wanted[:3] = 0.0
         try:
             step = self.solver.linear(orbit, conditions, tangent=True)
         except np.linalg.LinAlgError:
-            return normal, None
+            return None
         ends = (step.states[0], step.states[-1]) if self.attracting else (step.states[-1], step.states[0])
         vector = np.concatenate([*ends, step.parameters])
-        size = np.sqrt(vector @ (self.weights * vector))
-        return vector / size, step.times(1.0 / float(size))
+        size = float(np.sqrt(vector @ (self.weights * vector)))
+        vector, place = vector / size, [3 + self.other, 5]
+        inside = vector @ (self.weights * normal)
+        return _Node(orbit, vector, step.times(1.0 / size), normal[place], vector[place] / inside)
 
-    def _advance(self, here: OrbitSegment, normal: np.ndarray, tangent, step: float) -> OrbitSegment | None:
-        anchor = self._coordinates(here)
 
-        def problem(orbit: OrbitSegment) -> Conditions:
-            gone = (self.weights * normal) @ (self._coordinates(orbit) - anchor)
-            return self._across(self._base(orbit), normal, step - float(gone))
-
-        guess = here.moved(tangent, step)
-        found = self.solver.solve(guess, problem, limit=8) if guess.time > 0.0 else None
-        if found is None:
-            return None
-        elements = min(MOST_ELEMENTS, max(ELEMENTS, found.elements_for(PRECISION)))
-        return self.solver.solve(found.adapted(elements), problem, limit=8)
+def _told(ending: Enum) -> SheetEnd:
+    found = ENDS.get(ending, ending)
+    assert isinstance(found, SheetEnd)
+    return found

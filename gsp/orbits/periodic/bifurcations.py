@@ -8,12 +8,11 @@ import numpy as np
 
 from gsp.orbits.periodic.family import CycleKind
 from gsp.orbits.periodic.orbit import NEUTRAL
-from gsp.orbits.periodic.tracing import Row, Tracer
+from gsp.orbits.periodic.tracing import CycleTracer, Row
 
 # The parameter's share of a tangent below which its sign is rounding.
 NOISE = 1e-9
-# False position: evaluations, and the arclength share and test value at which it ends.
-EVALUATIONS = 40
+# A located point is known to this share of the step.
 LOCATED = 1e-10
 # A multiplier is on the unit circle at a located point when its logarithm is below this.
 ON_CIRCLE = 1e-4
@@ -21,7 +20,7 @@ ON_CIRCLE = 1e-4
 STANDS_STILL = 1e-6
 
 
-def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple[CycleKind, int]]:
+def located(tracer: CycleTracer, rows: list[Row], lengths: list[float]) -> list[tuple[CycleKind, int]]:
     """The special orbits, put into `rows` and `lengths` where they belong: kinds and rows."""
     found: list[tuple[CycleKind, int]] = []
     k = 0
@@ -29,7 +28,13 @@ def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple
         kind = _kind_between(rows[k], rows[k + 1])
         if kind is not None:
             test = _test(tracer, kind, rows[k], rows[k + 1])
-            special = _located(tracer, rows[k], rows[k + 1], lengths[k + 1], test)
+            special = tracer.located(
+                rows[k],
+                lengths[k + 1],
+                test,
+                (test(rows[k]), test(rows[k + 1])),
+                apart=LOCATED * lengths[k + 1],
+            )
             if special is not None and abs(_logarithm(kind, special[0])) < ON_CIRCLE:
                 row, length = special
                 if kind is CycleKind.BRANCH_POINT and abs(_slope(tracer, row)) < STANDS_STILL:
@@ -43,7 +48,7 @@ def located(tracer: Tracer, rows: list[Row], lengths: list[float]) -> list[tuple
     return found
 
 
-def _slope(tracer: Tracer, row: Row) -> float:
+def _slope(tracer: CycleTracer, row: Row) -> float:
     """The parameter's share of the family's direction."""
     return row.moving.parameter / tracer.width
 
@@ -73,7 +78,7 @@ def _counts(row: Row) -> tuple[int, int, int]:
     )
 
 
-def _test(tracer: Tracer, kind: CycleKind, a: Row, b: Row) -> Callable[[Row], float]:
+def _test(tracer: CycleTracer, kind: CycleKind, a: Row, b: Row) -> Callable[[Row], float]:
     before, after = _slope(tracer, a), _slope(tracer, b)
     if kind is CycleKind.BRANCH_POINT and before * after < 0.0 and min(abs(before), abs(after)) > NOISE:
         return lambda row: _slope(tracer, row)
@@ -91,38 +96,3 @@ def _logarithm(kind: CycleKind, row: Row) -> float:
     }[kind]
     values = np.log(np.abs(others[chosen]))
     return float(values[np.argmin(np.abs(values))]) if values.size else float("nan")
-
-
-def _located(
-    tracer: Tracer, a: Row, b: Row, length: float, test: Callable[[Row], float]
-) -> tuple[Row, float] | None:
-    """The row between `a` and `b` where the test vanishes, and its arclength from `a`; the Illinois method."""
-    low, high, f_low, f_high = 0.0, length, test(a), test(b)
-    best: tuple[Row, float] | None = None
-    value = np.inf
-    for _ in range(EVALUATIONS):
-        if not (np.isfinite(f_low) and np.isfinite(f_high)) or f_low * f_high > 0.0:
-            return best
-        middle = (low * f_high - high * f_low) / (f_high - f_low)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
-        row = tracer.step(a, middle)
-        if row is None:
-            # Exactly at a branch point the bordered matrix is singular; beside it, it is not.
-            middle = 0.5 * (low + middle)
-            row = tracer.step(a, middle)
-            if row is None:
-                return best
-        f = test(row)
-        if abs(f) < value:
-            best, value = (row, middle), abs(f)
-        if abs(f) <= LOCATED or high - low <= LOCATED * length:
-            break
-        if f * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = middle, f
-        if low > high:
-            low, high, f_low, f_high = high, low, f_high, f_low
-    return best

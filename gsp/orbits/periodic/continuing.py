@@ -18,7 +18,7 @@ from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.orbit import PeriodicOrbit, check_name
 from gsp.orbits.periodic.settling import OrbitError
-from gsp.orbits.periodic.tracing import Controls, Row, Tracer
+from gsp.orbits.periodic.tracing import Controls, CycleTracer, Row
 from gsp.systems.arguments import (
     check_noun,
     check_number,
@@ -101,17 +101,17 @@ def continue_orbits(
         float(max_period or 1e3 * period),
     )  # fmt: skip
     problem = OrbitProblem(origin.flow, _constants(origin), symbol)
-    tracer = Tracer(problem, (low, high), controls)
+    tracer = CycleTracer(problem, (low, high), controls)
     with np.errstate(all="ignore"):
         if isinstance(origin, HopfPoint):
             first = _born(tracer, origin, degree)
         else:
             first = _through(tracer, origin, symbol.name, direction)
-        rows, lengths, ending = tracer.run(first, progress)
+        rows, lengths, ending, rejected = tracer.run(first, progress)
         special = [] if ending is Status.INTERRUPTED else located(tracer, rows, lengths)
     stats = FamilyStats(
         steps=len(rows) - 1,
-        rejected=tracer.rejected,
+        rejected=rejected,
         iterations=sum(row.iterations for row in rows),
         intervals=max(len(row.cycle.mesh) - 1 for row in rows),
     )
@@ -144,7 +144,7 @@ def _constants(origin: PeriodicOrbit | HopfPoint) -> np.ndarray:
 # -- the first cycle -------------------------------------------------------------------------------
 
 
-def _through(tracer: Tracer, orbit: PeriodicOrbit, name: str, direction: int) -> Row:
+def _through(tracer: CycleTracer, orbit: PeriodicOrbit, name: str, direction: int) -> Row:
     if not orbit.status.ok:
         raise DeclarationError(
             f"the orbit has not converged. Got {orbit.status.name}. Continue one whose status is SUCCESS."
@@ -153,7 +153,7 @@ def _through(tracer: Tracer, orbit: PeriodicOrbit, name: str, direction: int) ->
     cycle = Cycle(orbit._cycle.mesh, orbit._cycle.values, orbit.period, value)
     nothing = Cycle(cycle.mesh, np.zeros_like(cycle.values), 0.0, float(direction))
     # The tangent is found across the parameter's own direction, and across a generic one at a fold.
-    solution = tracer.corrected(cycle, cycle, tracer.at_parameter(cycle, value))
+    solution = tracer.solved(cycle, cycle, tracer.at_parameter(cycle, value))
     try:
         if solution.status.ok:
             return tracer.row(solution, tracer.across(solution.point, nothing), solution.iterations)
@@ -165,7 +165,7 @@ def _through(tracer: Tracer, orbit: PeriodicOrbit, name: str, direction: int) ->
     )
 
 
-def _born(tracer: Tracer, hopf: HopfPoint, degree: int) -> Row:
+def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
     """A small cycle at the Hopf point, and the family's direction there: growing."""
     point = np.array(list(hopf.point.values()))
     size = FIRST_SIZE * max(1.0, float(np.abs(point).max()))
@@ -228,7 +228,7 @@ def _family(origin, tracer, name, rows, lengths, special, ending, stats) -> Orbi
     )
 
 
-def _orbit(tracer: Tracer, row: Row) -> PeriodicOrbit:
+def _orbit(tracer: CycleTracer, row: Row) -> PeriodicOrbit:
     return orbit_of(
         tracer.problem, row.cycle, row.multipliers, row.divergence,
         (row.error, float("nan")), row.status, (row.iterations, 1),

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.collocation.newton import Rules, Solution, newton
 from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
+from gsp.tracing.newton import Rules, Solution, newton
 
 # A step this small, in units of the cycle, is the last: the next one would be its square.
 CONVERGED = 1e-9

@@ -16,18 +16,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.collocation.newton import Solution
 from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
 from gsp.orbits.periodic.newton import WASTEFUL, scales_of, solve_cycle
 from gsp.systems.region import Interval
+from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
+from gsp.tracing.newton import Solution
 
-# Newton steps a corrector may take, and the numbers that lengthen and shorten the next arclength step.
+# Newton steps a corrector may take, and how many are aimed at.
 CORRECTIONS = 8
-FEW, MANY = 4, 6
-LONGER, SHORTER = 1.5, 0.7
+AIMED, LONGER = 5, 1.5
 SMALLEST_STEP = 1e-7
 # Of two tangents in a row, the least cosine: a family that turns faster is stepped along again, more finely.
 STRAIGHT = 0.7
@@ -74,7 +74,7 @@ class Row:
     iterations: int
 
 
-class Tracer:
+class CycleTracer(Tracer[Row]):
     """Steps along one family; `bounds` are the parameter's."""
 
     def __init__(self, problem: OrbitProblem, bounds: Interval, controls: Controls) -> None:
@@ -82,7 +82,12 @@ class Tracer:
         self.bounds = bounds
         self.controls = controls
         self.width = bounds[1] - bounds[0]
-        self.rejected = 0
+        self.most = controls.max_points
+        self.pace = Pace(
+            controls.step, controls.max_step, SMALLEST_STEP, AIMED, largest_turn=float(np.arccos(STRAIGHT)),
+            growth=LONGER,
+        )  # fmt: skip
+        self.largest = np.zeros(problem.size)
 
     # -- geometry ------------------------------------------------------------------------------------
 
@@ -110,7 +115,7 @@ class Tracer:
             nothing, 0.0, 1.0 / self.width, (value - cycle.parameter) / self.width
         )  # fmt: skip
 
-    def corrected(
+    def solved(
         self,
         guess: Cycle,
         reference: Cycle,
@@ -191,7 +196,7 @@ class Tracer:
                 break
             cycle, along = cycle.on(mesh), along.on(mesh)
             condition = self.across(cycle, along)
-            solution = self.corrected(cycle, cycle, condition)
+            solution = self.solved(cycle, cycle, condition)
             if not solution.status.ok:
                 return None
             if len(mesh) - 1 >= self.controls.max_intervals:
@@ -201,43 +206,44 @@ class Tracer:
         except np.linalg.LinAlgError:
             return None
 
-    def predicted(self, row: Row, length: float) -> tuple[Cycle, Cycle]:
+    def predicted(self, here: Row, length: float) -> tuple[Cycle, Cycle] | None:
         """The predictor at that arclength, and the direction in which it lies, both on the mesh moved along."""
-        cycle, widths = row.cycle, row.cycle.widths
-        strain = float(np.abs(length * np.diff(row.drift) / widths).max())
+        cycle, widths = here.cycle, here.cycle.widths
+        strain = float(np.abs(length * np.diff(here.drift) / widths).max())
         share = min(1.0, STRAIN / strain) if strain > 0.0 else 1.0
-        values = row.tangent.values + share * (row.moving.values - row.tangent.values)
-        mesh = cycle.mesh + length * share * row.drift
+        values = here.tangent.values + share * (here.moving.values - here.tangent.values)
+        mesh = cycle.mesh + length * share * here.drift
         mesh[0], mesh[-1] = 0.0, 1.0
-        direction = Cycle(mesh, values, row.tangent.period, row.tangent.parameter)
+        direction = Cycle(mesh, values, here.tangent.period, here.tangent.parameter)
         guess = Cycle(mesh, cycle.values, cycle.period, cycle.parameter).moved(direction, length)
-        return guess, direction
+        return (guess, direction) if guess.period > 0.0 else None
 
-    def step(self, row: Row, length: float) -> Row | None:
-        """The cycle at that arclength from `row`; None when the corrector fails or the family turns too fast."""
-        guess, direction = self.predicted(row, length)
-        if guess.period <= 0.0:
+    def corrected(self, guess: tuple[Cycle, Cycle], length: float) -> Solution[Cycle] | None:
+        """The cycle in the plane of the guess, unless it is further from it than the guess from the last."""
+        start, direction = guess
+        solution = self.solved(start, start, self.across(start, direction))
+        moved = solution.point.moved(start, -1.0)
+        if not solution.status.ok or self.inner(start, moved, moved) > length**2 * self.inner(
+            start, direction, direction
+        ):
             return None
-        condition = self.across(guess, direction)
-        solution = self.corrected(guess, guess, condition)
-        if not solution.status.ok:
+        return solution
+
+    def oriented(self, here: Row, guess: tuple[Cycle, Cycle], found: Solution[Cycle]) -> Stride[Row] | None:
+        """The cycle on a mesh of its own with its tangent."""
+        start, direction = guess
+        row = self.settled(found, self.across(start, direction), direction)
+        if row is None:
             return None
-        moved = solution.point.moved(guess, -1.0)
-        if self.inner(guess, moved, moved) > length**2 * self.inner(guess, direction, direction):
-            return None
-        found = self.settled(solution, condition, direction)
-        if found is None:
-            return None
-        old = direction if found.cycle.mesh is guess.mesh else direction.on(found.cycle.mesh)
-        norm = float(np.sqrt(self.inner(found.cycle, old, old)))
-        if self.inner(found.cycle, old, found.moving) < STRAIGHT * norm:
-            return None
-        return found
+        old = direction if row.cycle.mesh is start.mesh else direction.on(row.cycle.mesh)
+        norm = float(np.sqrt(self.inner(row.cycle, old, old)))
+        cosine = self.inner(row.cycle, old, row.moving) / norm
+        return Stride(row, row.iterations, float(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
     def onto(self, row: Row, guess: Cycle, value: float) -> Row | None:
         """The cycle near `guess`, on the mesh of `row`, at that value of the parameter."""
         condition = self.at_parameter(guess, value)
-        solution = self.corrected(guess, row.cycle, condition)
+        solution = self.solved(guess, row.cycle, condition)
         if not solution.status.ok:
             return None
         try:
@@ -249,58 +255,37 @@ class Tracer:
 
     def run(
         self, first: Row, progress: Callable[[float], object] | None
-    ) -> tuple[list[Row], list[float], Status]:
-        """Rows from `first` on, the arclength between each and the one before, and the ending."""
-        rows, lengths = [first], [0.0]
-        controls, (low, high) = self.controls, self.bounds
-        length = min(controls.step, controls.max_step)
-        largest = first.cycle.amplitudes
+    ) -> tuple[list[Row], list[float], Status, int]:
+        """Rows from `first` on, the arclength from each to the next, the ending, and how many were refused."""
+        trace = Trace([first])
+        self.largest = first.cycle.amplitudes
         try:
-            while len(rows) < controls.max_points:
-                last = rows[-1]
-                new = self.step(last, length)
-                if new is None:
-                    self.rejected += 1
-                    length *= 0.5
-                    if length < SMALLEST_STEP:
-                        return rows, lengths, Status.STEP_TOO_SMALL
-                    continue
-                if not low < new.cycle.parameter < high:
-                    ending = self._bounded(rows, lengths, new, length)
-                    if ending is not None:
-                        return rows, lengths, ending
-                    self.rejected += 1
-                    length *= 0.5
-                    continue
-                rows.append(new)
-                lengths.append(length)
-                if progress is not None:
-                    progress(len(rows) / controls.max_points)
-                largest = np.maximum(largest, new.cycle.amplitudes)
-                shrinks = (new.cycle.amplitudes < last.cycle.amplitudes).all()
-                if shrinks and (new.cycle.amplitudes <= VANISHED * largest).all():
-                    return rows, lengths, Status.EQUILIBRIUM_REACHED
-                if new.cycle.period > controls.max_period:
-                    return rows, lengths, Status.PERIOD_GROWS
-                if new.iterations <= FEW:
-                    length = min(length * LONGER, controls.max_step)
-                elif new.iterations > MANY:
-                    length *= SHORTER
+            self.follow(trace, progress=progress)
         except KeyboardInterrupt:
-            return rows, lengths, Status.INTERRUPTED
-        return rows, lengths, Status.TOO_MANY_POINTS
+            trace.ending = Status.INTERRUPTED
+        assert isinstance(trace.ending, Status)
+        return trace.nodes, [0.0, *trace.lengths], trace.ending, trace.rejected
 
-    def _bounded(self, rows: list[Row], lengths: list[float], new: Row, length: float) -> Status | None:
-        """End on the bound that `new` is beyond, if the cycle there is found."""
-        last = rows[-1]
+    def arrived(self, trace: Trace[Row], here: Row, stride: Stride[Row], length: float) -> Arrival[Row] | None:
+        """The row, or the one on the bound before it; the ending where the family shrinks or slows down."""
+        new, (low, high) = stride.node, self.bounds
+        if not low < new.cycle.parameter < high:
+            return self._bounded(here, new, length)
+        self.largest = np.maximum(self.largest, new.cycle.amplitudes)
+        shrinks = (new.cycle.amplitudes < here.cycle.amplitudes).all()
+        ending = None
+        if shrinks and (new.cycle.amplitudes <= VANISHED * self.largest).all():
+            ending = Status.EQUILIBRIUM_REACHED
+        elif new.cycle.period > self.controls.max_period:
+            ending = Status.PERIOD_GROWS
+        return Arrival([(new, length)], ending)
+
+    def _bounded(self, last: Row, new: Row, length: float) -> Arrival[Row] | None:
+        """The end on the bound that `new` is beyond, if the cycle there is found."""
         bound = self.bounds[0] if new.cycle.parameter <= self.bounds[0] else self.bounds[1]
         before, after = last.cycle.parameter, new.cycle.parameter
         share = (bound - before) / (after - before)
         ahead = new.cycle if new.cycle.mesh is last.cycle.mesh else new.cycle.on(last.cycle.mesh)
         guess = last.cycle.moved(ahead.moved(last.cycle, -1.0), share)
         found = self.onto(last, guess, bound)
-        if found is None:
-            return None
-        rows.append(found)
-        lengths.append(share * length)
-        return Status.BOUND_REACHED
+        return None if found is None else Arrival([(found, share * length)], Status.BOUND_REACHED)

@@ -1,0 +1,162 @@
+"""What every traced curve satisfies: its solutions solve, its steps are even, folds are passed, loops close."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gsp.critical.continuation.arclength import Controls, PointTracer
+from gsp.errors import Status
+from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
+
+
+class Curve:
+    """F(u) = 0 in the plane with its gradient."""
+
+    def __init__(self, value: Callable, gradient: Callable) -> None:
+        self.value, self.gradient = value, gradient
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        return np.array([self.value(*u)])
+
+    def jacobian(self, u: np.ndarray) -> np.ndarray:
+        return np.array([self.gradient(*u)])
+
+
+CIRCLE = Curve(lambda a, b: a * a + b * b - 1, lambda a, b: (2 * a, 2 * b))
+CUBIC = Curve(lambda a, b: a - b**3 + 3 * b, lambda a, b: (1.0, 3 - 3 * b * b))
+
+
+def tracer(curve: Curve, *, step: float = 0.02, most: int = 5000, bound: float = 3.0) -> PointTracer:
+    return PointTracer(
+        curve, scales=np.ones(2), bounds=np.array([[-bound, bound]] * 2), names=("a", "b"),
+        controls=Controls(step, step, most, 1e-12),
+    )  # fmt: skip
+
+
+def cubic():
+    """From b = -2 through the folds at a = 2 and a = -2 to the bound a = 3."""
+    curve, start = tracer(CUBIC), np.array([-2.0, -2.0])
+    return curve.run(start, curve.tangent(start, np.array([0.0, 1.0])))
+
+
+def test_every_point_solves_and_every_tangent_is_one() -> None:
+    trace = cubic()
+    points, tangents = np.array(trace.points), np.array(trace.tangents)
+    assert np.abs([CUBIC.value(*u) for u in points]).max() < 1e-12
+    assert np.abs(np.linalg.norm(tangents, axis=1) - 1).max() < 1e-13
+    across = [CUBIC.gradient(*u) @ t for u, t in zip(points, tangents)]
+    assert np.abs(across).max() < 1e-10
+
+
+def test_folds_are_passed_and_the_bound_is_met_exactly() -> None:
+    trace = cubic()
+    a = np.array(trace.points)[:, 0]
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(a))) != 0)
+    assert len(turns) == 2
+    assert a[turns + 1] == pytest.approx([2.0, -2.0], abs=1e-3)
+    assert (trace.ending, trace.bound) == (Status.BOUND_REACHED, "a")
+    assert a[-1] == 3.0
+
+
+def test_a_loop_closes_on_its_start_after_its_length() -> None:
+    trace = tracer(CIRCLE).run(np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    points = np.array(trace.points)
+    assert trace.ending is Status.CLOSED
+    assert (points[-1] == points[0]).all()
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).sum() == pytest.approx(2 * np.pi, rel=1e-4)
+
+
+def test_the_predictor_is_of_second_order() -> None:
+    """Along the tangent the guess leaves the curve by the square of the step."""
+    errors = []
+    for step in (0.02, 0.01):
+        curve = tracer(CIRCLE, step=step)
+        guess, normal = curve.predicted(_start(curve), step)
+        found = curve.corrected((guess, normal), step)
+        assert found is not None
+        errors.append(np.linalg.norm(found[0] - guess))
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=1e-3)
+
+
+def _start(curve: PointTracer):
+    from gsp.critical.continuation.arclength import Place
+
+    u, t = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+    return Place(u, t, curve.orientation(u, t))
+
+
+class Line(Tracer[float]):
+    """A curve that is its own arclength, whose steps are refused or end as a test wants it."""
+
+    def __init__(
+        self, refuse: Callable[[float, float], bool], *, corrections: int = 3, turn: float = 0.0
+    ) -> None:
+        self.pace, self.most = Pace(0.1, 0.4, 1e-3, corrections=3, turn=0.1, largest_turn=0.5), 50
+        self.refuse, self.cost, self.turn, self.taken = refuse, corrections, turn, []
+
+    def predicted(self, here: float, length: float) -> float:
+        return here + length
+
+    def corrected(self, guess: float, length: float) -> float | None:
+        return None if self.refuse(guess, length) else guess
+
+    def oriented(self, here: float, guess: float, found: float) -> Stride[float]:
+        return Stride(found, self.cost, self.turn)
+
+    def arrived(self, trace: Trace[float], here: float, stride: Stride[float], length: float) -> Arrival[float]:
+        self.taken.append(length)
+        return Arrival([(stride.node, length)], Status.BOUND_REACHED if stride.node > 3.0 else None)
+
+
+def test_easy_steps_grow_to_the_longest_and_hard_ones_shrink() -> None:
+    easy, hard = Line(lambda *_: False, corrections=1), Line(lambda *_: False, corrections=5)
+    for line in (easy, hard):
+        line.follow(Trace([0.0]))
+    assert easy.taken[:4] == pytest.approx([0.1, 0.2, 0.4, 0.4])
+    assert hard.taken[:3] == pytest.approx([0.1, 0.05, 0.025])
+
+
+def test_a_step_that_turns_twice_as_far_as_aimed_at_is_followed_by_half_of_it() -> None:
+    line = Line(lambda *_: False, corrections=3, turn=0.2)
+    line.follow(Trace([0.0]))
+    assert line.taken[:3] == pytest.approx([0.1, 0.05, 0.025])
+
+
+@pytest.mark.parametrize("turn", [0.6, float("nan")])
+def test_a_step_that_turns_too_far_is_refused_until_steps_are_too_short(turn: float) -> None:
+    trace = Trace([0.0])
+    Line(lambda *_: False, turn=turn).follow(trace)
+    assert (trace.ending, trace.nodes) == (Status.STEP_TOO_SMALL, [0.0])
+    assert trace.rejected == 7
+
+
+def test_refused_steps_are_halved_and_counted() -> None:
+    trace, line = Trace([0.0]), Line(lambda _, length: length > 0.06)
+    line.most = 70
+    line.follow(trace)
+    assert line.taken[0] == 0.05
+    assert trace.rejected == 1
+    assert trace.ending is Status.BOUND_REACHED
+    assert sum(trace.lengths) == pytest.approx(trace.nodes[-1])
+
+
+def test_the_number_of_solutions_is_bounded() -> None:
+    trace, line = Trace([0.0]), Line(lambda *_: False)
+    line.most = 5
+    line.follow(trace)
+    assert (trace.ending, len(trace.nodes)) == (Status.TOO_MANY_POINTS, 5)
+
+
+def test_a_change_of_sign_in_a_step_is_located_and_its_step_known() -> None:
+    found = Line(lambda *_: False).located(1.0, 0.4, lambda at: at - 1.3, (-0.3, 0.1), apart=1e-12)
+    assert found == (pytest.approx(1.3), pytest.approx(0.3))
+
+
+def test_where_no_step_leads_the_least_value_on_the_way_is_kept() -> None:
+    found = Line(lambda at, _: abs(at - 1.3) < 1e-3).located(
+        1.0, 0.4, lambda at: at - 1.3, (-0.3, 0.1), apart=1e-12
+    )
+    assert found is None or abs(found[0] - 1.3) < 0.1
