@@ -395,7 +395,7 @@ class _Parser:
     def sum_value(self, terms: list[sp.Expr], position: int) -> sp.Expr:
         """The sum, unless its constants cancel to nothing: SymPy would try to prove that they do."""
         value = sp.Add(*terms)
-        constants = [term for term in sp.Add.make_args(value) if not term.free_symbols]
+        constants = [term for term in sp.Add.make_args(value) if term.is_number]
         if any(not term.is_Rational for term in constants):
             sizes = [self.evaluated(term, position, digits=CANCELLING + 5) for term in constants]
             if abs(sum(sizes)) <= sp.Float(10) ** -CANCELLING * sum(abs(size) for size in sizes):
@@ -443,7 +443,7 @@ class _Parser:
             if b.is_Rational and b not in _UNITS and _bits(b) * _ceiling(e.as_coeff_Add()[0]) > BITS:
                 self.fail("a power of a number is too large", position, "Use a smaller exponent.")
         self.check_degree(degree, position)
-        if b.is_zero is True and not (e.is_Rational and e >= 0):
+        if b.is_number and b.is_zero is True and not (e.is_Rational and e >= 0):
             self.fail(
                 "zero is raised to a power that is not positive", position, "Remove the division by zero."
             )
@@ -454,7 +454,7 @@ class _Parser:
 
     def checked(self, build: Callable[[], sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
         """What `build` returns, once it is known to be real and finite where it is a constant."""
-        constant = not any(argument.free_symbols for argument in arguments)
+        constant = all(argument.is_number for argument in arguments)
         if constant:
             self.constants += 1
             if self.constants > CONSTANTS:
@@ -473,7 +473,7 @@ class _Parser:
             )
         if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
             self.fail(f"{token.text!r} is not real and finite here", token.position, "Correct its argument.")
-        if not value.free_symbols and not value.is_Rational:
+        if value.is_number and not value.is_Rational:
             self.evaluated(value, token.position)
         return value
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple, NoReturn
 
 import sympy as sp
@@ -73,6 +74,7 @@ class NumberError(ModelFileError):
         self.fact, self.remedy = fact, remedy
 
 
+@lru_cache(maxsize=4096)
 def parse_number(text: str) -> sp.Rational:
     """Exact rational of a decimal number without sign, as the grammar writes it.
 

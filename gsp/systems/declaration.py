@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NoReturn
 
 import numpy as np
@@ -85,6 +85,9 @@ def _exact_numbers(expression: sp.Expr) -> sp.Expr:
     return expression.xreplace({number: exact(number) for number in floats}) if floats else expression
 
 
+_NOT_FINITE = frozenset({sp.nan, sp.zoo, sp.oo, -sp.oo})
+
+
 def checked_parameters(
     *,
     states: tuple[sp.Symbol, ...],
@@ -134,9 +137,12 @@ def checked_parameters(
             f"{names} has no value: it is no state and no parameter. "
             f"Add it as parameters={{{unknown[0]}: ...}}." + nearest(unknown[0].name, known)
         )
+    symbols_of: dict[sp.Basic, frozenset[sp.Basic]] = {}
     for expression in everything:
-        _check_expression(expression)
-        _check_at_values(expression, values)
+        # Equations share most of their pieces.
+        pieces = list(_innermost_first(expression, symbols_of))
+        _check_pieces(expression, pieces)
+        _check_at_values(pieces, values, symbols_of)
         if epsilon is not None:
             wrong = misplaced_epsilon(expression, epsilon)
             if wrong is not None:
@@ -161,23 +167,26 @@ def _check_names(symbols: Iterable[sp.Symbol]) -> None:
             )
 
 
-def _check_expression(expression: sp.Expr) -> None:
-    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
-        raise DeclarationError(f"{expression} is not finite. Remove the division by zero.")
-    if expression.has(sp.I):
-        raise DeclarationError(f"{expression} is complex. Declare real and imaginary parts as separate states.")
-    applied = expression.atoms(AppliedUndef)
-    if applied:
-        raise DeclarationError(
-            f"{expression} contains the unknown function {sorted(map(str, applied))[0]}. "
-            "Use plain symbols for states; for time declare a state t with t' = 1."
-        )
-    for piece in sp.preorder_traversal(expression):
+def _check_pieces(expression: sp.Expr, pieces: Iterable[sp.Basic]) -> None:
+    for piece in pieces:
+        if piece in _NOT_FINITE:
+            raise DeclarationError(f"{expression} is not finite. Remove the division by zero.")
+        if piece is sp.I:
+            raise DeclarationError(
+                f"{expression} is complex. Declare real and imaginary parts as separate states."
+            )
+        if isinstance(piece, AppliedUndef):
+            raise DeclarationError(
+                f"{expression} contains the unknown function {piece}. "
+                "Use plain symbols for states; for time declare a state t with t' = 1."
+            )
         if isinstance(piece, (sp.Derivative, sp.Integral)):
             raise DeclarationError(f"{expression} contains {piece}. Carry out derivatives and integrals first.")
 
 
-def _check_at_values(expression: sp.Expr, values: Values) -> None:
+def _check_at_values(
+    pieces: Iterable[sp.Basic], values: Values, symbols_of: Mapping[sp.Basic, frozenset[sp.Basic]]
+) -> None:
     """Raise `DeclarationError` for a power or a function of which the parameters' values make no number.
 
     What passes can have its parameters replaced by their exact values: no integer gets too long, no degree too high.
@@ -189,10 +198,11 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
         raise DeclarationError(f"{str(piece)[:200]} {fact}. Got {given}. {remedy}")
 
     # Inner pieces first, so that those around them are built of moderate numbers.
-    for piece in sp.postorder_traversal(expression):
+    for piece in pieces:
         if not isinstance(piece, (sp.Pow, sp.Function)):
             continue
-        used = [symbol for symbol in values if symbol in piece.free_symbols]
+        free = symbols_of[piece]
+        used = [symbol for symbol in values if symbol in free]
         if not used:
             continue
         at = {symbol: values[symbol] for symbol in used}
@@ -206,7 +216,7 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
                 refuse(piece, "is zero to a power that is not always positive", "Give its base another value.")
             if base.is_Rational and base.is_negative and not exponent.is_integer:
                 refuse(piece, "is not real", "Keep its base positive.")
-        if piece.free_symbols <= at.keys():
+        if free <= at.keys():
             try:
                 number = piece.xreplace(at).evalf(15)
             except UNCOMPARABLE:
@@ -215,6 +225,24 @@ def _check_at_values(expression: sp.Expr, values: Values) -> None:
                 refuse(piece, "is not real and finite", "Keep its arguments in its domain.")
             if abs(number) > LARGEST:
                 refuse(piece, f"lies beyond {LARGEST:g}", "Rescale the variables.")
+
+
+def _innermost_first(
+    expression: sp.Basic, symbols_of: dict[sp.Basic, frozenset[sp.Basic]]
+) -> Iterator[sp.Basic]:
+    """The pieces of an expression that are not in `symbols_of` yet, each after its arguments, with their symbols."""
+    waiting: list[tuple[sp.Basic, bool]] = [(expression, False)]
+    while waiting:
+        piece, is_ready = waiting.pop()
+        if piece in symbols_of:
+            continue
+        if is_ready or not piece.args:
+            own = frozenset(piece.free_symbols) if not piece.args else frozenset()
+            symbols_of[piece] = own.union(*(symbols_of[part] for part in piece.args))
+            yield piece
+        else:
+            waiting.append((piece, True))
+            waiting += [(part, False) for part in reversed(piece.args)]
 
 
 def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[sp.Symbol, sp.Expr]:
@@ -249,7 +277,7 @@ def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Sym
     known = {*roles, *(symbol.name for symbol in rates)}
     for symbol, rate in rates.items():
         try:
-            _check_expression(rate)
+            _check_pieces(rate, _innermost_first(rate, {}))
         except DeclarationError as error:
             raise DeclarationError(f"the reconstruction of {symbol}: {error}") from None
         unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)

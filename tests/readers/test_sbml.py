@@ -209,6 +209,35 @@ def test_where_all_is_fast_what_is_conserved_stays_a_state(tmp_path: Path) -> No
     assert list(gsp.study(scene).system.slow.values()) == [0]
 
 
+@pytest.mark.parametrize(
+    ("rated", "compartment", "slow"),
+    [
+        (rule("rate", "x", "-x"), "true", {"x"}),
+        # The name of a reaction is its kinetic law, which is not divided.
+        (rule("rate", "x", "r"), "true", {"x"}),
+        (rule("rate", "x", "r*x"), "true", {"x"}),
+        (rule("rate", "x", "A"), "true", {"x"}),
+        (rule("rate", "c", "c*k"), "false", {"c"}),
+        (rule("rate", "x", "0") + rule("rate", "c", "k"), "false", {"x", "c"}),
+    ],
+)
+def test_with_rate_rules_beside_fast_reactions_alone_something_is_slow(
+    tmp_path: Path, rated: str, compartment: str, slow: set[str]
+) -> None:
+    text = document(
+        1,
+        compartments=f'<compartment id="c" size="2" spatialDimensions="3" constant="{compartment}"/>',
+        species=species("A", "1") + species("B", "2"),
+        parameters=changing("x", "0.5") + parameter("k", "0.25"),
+        rules=rated,
+        reactions=reaction("r", "A", "B", "A - B", fast="true"),
+    )
+    scene = scene_of(tmp_path, text)
+    system = gsp.study(scene).system
+    assert {z.name for z in system.x} == slow
+    assert len(system.y) == 1
+
+
 def test_rules_assignments_functions_and_local_parameters(tmp_path: Path) -> None:
     """x' = 2 y(0) hill(x) + t with y = x + 1/3, hill(x) = x/(x + k), and one k that hides another."""
     text = document(
