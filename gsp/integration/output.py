@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsp.integration.loop import Numbers, Record
-from gsp.integration.methods import Method, solver_of
+from gsp.integration.methods import Method, Solver, solver_of
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
 from gsp.kernels.landing import LANDING_RECORD, land
@@ -29,10 +29,7 @@ def read(
     The first `record.series` steps were made by Taylor series, before its method went on.
     """
     times, states, dense, series = record.times, record.states, record.dense, record.series
-    constants = np.array(p, float)
     out = np.empty((len(grid), states.shape[1]))
-    doubts = np.empty(len(grid), np.int64)
-    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     parts = [(record.method, times, states, dense)]
     if series:
         parts = [
@@ -41,27 +38,42 @@ def read(
         ]
     reached = 0
     for method, ends, values, between in parts:
-        solver = solver_of(method, rtol)
         before = reached
-        program = solver.program(compiled)
-        reached, in_doubt = kernels.read_grid(
-            solver.check, program, constants, rtol, atol, ends, values, between, grid, before, out, doubts, counters
-        )  # fmt: skip
-        if in_doubt:
-            new, n = slice(before, reached), states.shape[1]
-            scratch = (
-                np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n))
-            )  # fmt: skip
-            memory = np.zeros(solver.memory_size(n))
-            while (
-                land(
-                    program, constants, rtol, atol, ends, values, grid[new], doubts[new], out[new], counters,
-                    memory, scratch,
-                )
-                == ledger.LOOPS_WANTED
-            ):  # fmt: skip
-                solver.give_loops(program)
-    if counters[ledger.FIELD_CALLS]:
-        for i, spent in enumerate(counters.tolist()[: len(record.counters)]):
-            record.counters[i] += spent
+        reached = kernels.read_grid(ends, values, between, grid, before, out)
+        solver = solver_of(method, rtol)
+        if solver.check != kernels.TRUSTS:
+            new = slice(before, reached)
+            spent = _land(compiled, p, solver, ends, values, between, grid[new], out[new], rtol=rtol, atol=atol)
+            for i in range(len(record.counters)):
+                record.counters[i] += spent[i]
     return Output(out if reached == len(grid) else out[:reached], reached)
+
+
+def _land(
+    compiled: CompiledFlow,
+    p: Numbers,
+    solver: Solver,
+    times: np.ndarray,
+    states: np.ndarray,
+    dense: np.ndarray,
+    grid: np.ndarray,
+    out: np.ndarray,
+    *,
+    rtol: float,
+    atol: float,
+) -> list[int]:
+    """Replace the rows of `out` (m, n) that are in doubt by landing on their times `grid` (m,); what that costs."""
+    program, constants = solver.program(compiled), np.array(p, float)
+    doubts, counters = np.empty(len(grid), np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    if kernels.doubt_grid(
+        solver.check, program, constants, rtol, atol, times, states, dense, grid, 0, len(grid), doubts, counters
+    ):
+        n = states.shape[1]
+        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n)))
+        memory = np.zeros(solver.memory_size(n))
+        while (
+            land(program, constants, rtol, atol, times, states, grid, doubts, out, counters, memory, scratch)
+            == ledger.LOOPS_WANTED
+        ):
+            solver.give_loops(program)
+    return counters.tolist()

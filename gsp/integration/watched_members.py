@@ -71,9 +71,11 @@ class WatchedMembers:
         """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""
         *_, codes = arrays
         run_watched_members(*shared, self._tests, low, high, halt, *arrays, self._clear, *scratch)
-        for i in range(low, high):
-            if not self._clear[i] or codes[i] in MAY_BE_LOSSES:
-                self._run_alone(i, halt, arrays)
+        alone = ~self._clear[low:high]
+        for code in MAY_BE_LOSSES:
+            alone |= codes[low:high] == code
+        for i in np.flatnonzero(alone).tolist():
+            self._run_alone(low + i, halt, arrays)
 
     def _run_alone(self, i: int, halt: np.ndarray, arrays: Arrays) -> None:
         """Member `i` as `integrate` runs it; as one that has not begun once `halt` is not 0."""

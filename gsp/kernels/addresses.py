@@ -38,6 +38,10 @@ EXPLICIT_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL))(
     _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _TRUTH, _REALS, _REALS, _ROWS, _WHOLES
 )  # fmt: skip
 """That of `dop853_loops.explicit_by_loops`."""
+JET: Signature = types.void(
+    types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE, _REALS, _REALS, _WHOLE, _ROWS, _LAYERS
+)
+"""That of `jets.flow_jet_with_tangents`."""
 
 
 @cache
@@ -102,8 +106,13 @@ def _call_explicit_loops(
     return _at(address, EXPLICIT_LOOPS)
 
 
+def _call_jet(context, address, tape, constants, rates, epsilon, slow, x, y, order, v, d):
+    return _at(address, JET)
+
+
 # Typed as Any because kernels see them without the typing context.
 call_method: Any = intrinsic(_call_method)
 call_rosenbrock_loops: Any = intrinsic(_call_rosenbrock_loops)
 call_collocation_loops: Any = intrinsic(_call_collocation_loops)
 call_explicit_loops: Any = intrinsic(_call_explicit_loops)
+call_jet: Any = intrinsic(_call_jet)

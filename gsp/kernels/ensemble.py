@@ -8,7 +8,7 @@ from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.grid import TRUSTS, read_grid
+from gsp.kernels.grid import TRUSTS, doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.step_control import largest_rate
 
@@ -33,12 +33,12 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
                 kept[before, i] = states[new, i]
             before += 1
         return before
-    doubts = np.empty(grid.shape[0], np.int64)
     ends = times[: new + 1]
-    reached, in_doubt = read_grid(
-        check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, kept, doubts, counters
-    )
-    if in_doubt > 0:
+    reached = read_grid(ends, states[: new + 1], dense, grid, before, kept)
+    doubts = np.empty(grid.shape[0] if check != TRUSTS else 0, np.int64)
+    if check != TRUSTS and doubt_grid(
+        check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts, counters
+    ):
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
         land(
             program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],
@@ -132,8 +132,10 @@ def run_members(
                 explicit[i] = code == ledger.FINISHED or halt[0] != 0 or used >= max_steps
                 if not explicit[i]:
                     # The implicit method goes on from here, as one that begins.
-                    spent[:] = counters[i]
-                    counters[i] = 0
+                    # Loops: an array in place of another takes long to compile.
+                    for k in range(ledger.COUNTERS_SIZE):
+                        spent[k] = counters[i, k]
+                        counters[i, k] = 0
                     counters[i, ledger.NEXT_STOP] = spent[ledger.NEXT_STOP]
                     here = memory[ledger.TIME]
                     memory[:] = 0.0

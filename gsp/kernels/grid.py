@@ -49,14 +49,42 @@ def runs_along(grid, first, last):
 
 
 @kernel
-def _value(states, dense, k, s, out, j):
-    """Fill row `j` of `out` with the state of step `k` at its share `s`, in the arithmetic of `interpolate_many`."""
+def _value(states, dense, k, s, out):
+    """Fill `out` (n,) with the state of step `k` at its share `s`, in the arithmetic of `interpolate_many`."""
     r = 1.0 - s
     for i in range(states.shape[1]):
         total = 0.0
         for q in range(dense.shape[1] - 1, -1, -1):
             total = dense[k, q, i] + (s if q % 2 == 0 else r) * total
-        out[j, i] = r * states[k, i] + s * states[k + 1, i] + s * r * total
+        out[i] = r * states[k, i] + s * states[k + 1, i] + s * r * total
+
+
+@kernel
+def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals):
+    """`_value` for the times low to high - 1 of `grid`, bit by bit: side by side, in loops that are vectorised."""
+    step = times[k + 1] - times[k]
+    count = high - low
+    for q in range(count):
+        shares[q] = (grid[low + q] - times[k]) / step
+    for q in range(count):
+        rests[q] = 1.0 - shares[q]
+    for i in range(states.shape[1]):
+        for q in range(count):
+            totals[q] = 0.0
+        for m in range(dense.shape[1] - 1, -1, -1):
+            term = dense[k, m, i]
+            if m % 2 == 0:
+                for q in range(count):
+                    totals[q] = term + shares[q] * totals[q]
+            else:
+                for q in range(count):
+                    totals[q] = term + rests[q] * totals[q]
+        begun = states[k, i]
+        ended = states[k + 1, i]
+        for q in range(count):
+            totals[q] = rests[q] * begun + shares[q] * ended + shares[q] * rests[q] * totals[q]
+        for q in range(count):
+            out[low + q, i] = totals[q]
 
 
 @kernel
@@ -105,28 +133,18 @@ def _is_good(field, pattern, p, t, step, value, slope, solves, factors, pivots, 
 
 
 @kernel
-def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, out, doubts, counters):
+def read_grid(times, states, dense, grid, begun, out):
     """Fill rows of `out` (m, n) from number `begun` on with the states at those of `grid` (m,) that the steps reach.
 
     The steps are `times` (k + 1,), `states` (k + 1, n), `dense` (k, rows, n), which may be empty when every one of the
-    grid is the end of a step. `doubts` (m,) receives the step of a time at which the error looks larger than the
-    tolerance, else `READ`; in a step with many times that is told from a few places. Returns how many of the grid are
-    read by now, and how many of them are in doubt.
+    grid is the end of a step. Returns how many of the grid are read by now.
     """
     n = states.shape[1]
     count = grid.shape[0]
     sign = 1.0 if times[-1] >= times[0] else -1.0
-    value = np.empty(n)
-    slope = np.empty(n)
-    defect = np.empty(n)
-    pattern = pattern_of(program)
-    matrix = np.empty((0, n))
-    pivots = np.empty(n, np.int64)
-    place = np.empty((1, n))
-    in_doubt = 0
+    scratch = np.empty((3, count - begun))
     j = begun
     while j < count and grid[j] == times[0]:
-        doubts[j] = READ
         for i in range(n):
             out[j, i] = states[0, i]
         j += 1
@@ -134,70 +152,75 @@ def read_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, 
         if j == count:
             break
         end = sign * times[k + 1]
-        step = times[k + 1] - times[k]
         inside = j
         while inside < count and sign * grid[inside] < end:
             inside += 1
+        if inside > j:
+            _values(times, states, dense, k, grid, j, inside, out, scratch[0], scratch[1], scratch[2])
+        j = inside
+        while j < count and grid[j] == times[k + 1]:
+            for i in range(n):
+                out[j, i] = states[k + 1, i]
+            j += 1
+    return j
+
+
+@kernel
+def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters):
+    """Fill `doubts` (m,), `begun` to `reached` - 1, with the step of a time where the error looks too large, or READ.
+
+    In a step with many times that is told from a few places. `check` is not TRUSTS; the rest is as `read_grid` takes
+    it. Returns how many of the grid are in doubt.
+    """
+    n = states.shape[1]
+    sign = 1.0 if times[-1] >= times[0] else -1.0
+    value = np.empty(n)
+    slope = np.empty(n)
+    defect = np.empty(n)
+    pattern = pattern_of(program)
+    matrix = np.empty((0, n))
+    pivots = np.empty(n, np.int64)
+    in_doubt = 0
+    for q in range(begun, reached):
+        doubts[q] = READ
+    j = begun
+    for k in range(times.shape[0] - 1):
+        # What is the end of a step is as good as the step.
+        while j < reached and grid[j] == times[k]:
+            j += 1
+        if j == reached:
+            break
+        end = sign * times[k + 1]
+        step = times[k + 1] - times[k]
+        inside = j
+        while inside < reached and sign * grid[inside] < end:
+            inside += 1
+        if inside == j:
+            continue
         solves = False
-        if inside > j and check == CHECKS:
+        if check == CHECKS:
             counters[ledger.JACOBIAN_CALLS] += 1
             counters[ledger.DECOMPOSITIONS] += 1
             for i in range(n):
                 value[i] = states[k, i]
             solves, matrix = _decompose(program, pattern, times[k], value, p, step, pivots)
         few = inside - j <= PLACES.shape[0]
-        good = True
-        for m in range(0 if few or check == TRUSTS else PLACES.shape[0]):
-            _value(states, dense, k, PLACES[m], place, 0)
-            _slope(states, dense, k, PLACES[m], slope)
-            for i in range(n):
-                value[i] = place[0, i]
-            t = times[k] + PLACES[m] * step
-            good = good and _is_good(
-                program[ledger.FIELD],
-                pattern,
-                p,
-                t,
-                step,
-                value,
-                slope,
-                solves,
-                matrix,
-                pivots,
-                defect,
-                rtol,
-                atol,
-            )
+        for m in range(inside - j if few else PLACES.shape[0]):
+            s = (grid[j + m] - times[k]) / step if few else PLACES[m]
+            _value(states, dense, k, s, value)
+            _slope(states, dense, k, s, slope)
+            good = _is_good(
+                program[ledger.FIELD], pattern, p, times[k] + s * step, step, value, slope, solves, matrix, pivots,
+                defect, rtol, atol,
+            )  # fmt: skip
             counters[ledger.FIELD_CALLS] += 1
-        for q in range(j, inside):
-            s = (grid[q] - times[k]) / step
-            _value(states, dense, k, s, out, q)
-            if check != TRUSTS and few:
-                _slope(states, dense, k, s, slope)
-                for i in range(n):
-                    value[i] = out[q, i]
-                good = _is_good(
-                    program[ledger.FIELD],
-                    pattern,
-                    p,
-                    grid[q],
-                    step,
-                    value,
-                    slope,
-                    solves,
-                    matrix,
-                    pivots,
-                    defect,
-                    rtol,
-                    atol,
-                )
-                counters[ledger.FIELD_CALLS] += 1
-            doubts[q] = READ if good else k
-            in_doubt += 0 if good else 1
+            if not good:
+                # One place tells of all the times of its step.
+                low, high = (j + m, j + m + 1) if few else (j, inside)
+                for q in range(low, high):
+                    doubts[q] = k
+                in_doubt += high - low
+                if not few:
+                    break
         j = inside
-        while j < count and grid[j] == times[k + 1]:
-            doubts[j] = READ
-            for i in range(n):
-                out[j, i] = states[k + 1, i]
-            j += 1
-    return j, in_doubt
+    return in_doubt

@@ -179,6 +179,7 @@ def largest_rate(program, t, y, p):
         sums[e // n if pattern.shape[0] == 0 else pattern[row + e]] += abs(flat[e])
     largest = 0.0
     for i in range(n):
-        if not sums[i] <= largest:
+        # Written so that what is not a number stays.
+        if not (sums[i] <= largest or math.isnan(largest)):
             largest = sums[i]
     return largest

@@ -11,8 +11,9 @@ import math
 
 import numpy as np
 
+from gsp.kernels.addresses import call_jet
 from gsp.kernels.compilation import kernel
-from gsp.kernels.jets import flow_jet, flow_jet_with_tangents
+from gsp.kernels.jets import flow_jet
 from gsp.kernels.linear_algebra import factorise, solve
 
 CONVERGED = 0
@@ -72,7 +73,8 @@ def _condition(d, slow, m, factors, pivots, column):
         for i in range(n):
             total[i] += abs(column[i]) * abs(d[i, slow + k, m + 1])
     for i in range(n):
-        if not total[i] <= largest:
+        # Written so that what is not a number stays.
+        if not (total[i] <= largest or math.isnan(largest)):
             largest = total[i]
     return largest
 
@@ -103,11 +105,11 @@ def _remainder(length):
 
 
 @kernel
-def _climb(tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
+def _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
     """One Newton step each at the orders 1, 3, 7, ... well below `order`: each squares the error before it."""
     m = 1
     while m < 0.6 * order:
-        flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, m + 1, v, d)
+        call_jet(jet, tape, constants, rates, epsilon, slow, x, y, m + 1, v, d)
         if not _jacobian(d, slow, m, matrix, pivots):
             return
         if not _condition(d, slow, m, matrix, pivots, step) <= CONDITION:
@@ -118,9 +120,10 @@ def _climb(tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, piv
 
 
 @kernel
-def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes):
+def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes):
     """Overwrite the starts `ys` (m, n_fast) by the points of one order; `errors` by the change to the next.
 
+    `jet` is the address of `jets.flow_jet_with_tangents`, which both ways to the points call.
     Returns the number of jets computed, with tangents and without.
     """
     fast = ys.shape[1]
@@ -135,7 +138,7 @@ def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes
     for point in range(xs.shape[0]):
         x = xs[point]
         y = ys[point]
-        _climb(tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step)
+        _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step)
         codes[point] = NOT_CONVERGED
         errors[point] = math.nan
         previous = math.inf
@@ -143,7 +146,7 @@ def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes
         fresh = True
         for _ in range(ITERATIONS):
             if fresh:
-                flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, order + 2, v, d)
+                call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order + 2, v, d)
                 full += 1
                 if _jacobian(d, slow, order + 1, matrix, pivots):
                     _newton(v, slow, order + 1, matrix, pivots, following)
@@ -187,7 +190,7 @@ def at_order(tape, constants, rates, epsilon, slow, xs, ys, order, errors, codes
 
 
 @kernel
-def to_tolerance(tape, constants, rates, epsilon, slow, xs, ys, tolerance, largest, orders, errors, codes):
+def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, largest, orders, errors, codes):
     """Overwrite the starts `ys` by the points of the lowest order whose estimated error is below `tolerance`.
 
     The estimate is the larger of the changes to the next order and on to the one after it: a single term that
@@ -211,7 +214,7 @@ def to_tolerance(tape, constants, rates, epsilon, slow, xs, ys, tolerance, large
         limit = largest
         for i in range(fast):
             begin[i] = y[i]
-        _climb(tape, constants, rates, epsilon, slow, x, y, top, v, d, matrix, pivots, steps[0])
+        _climb(jet, tape, constants, rates, epsilon, slow, x, y, top, v, d, matrix, pivots, steps[0])
         codes[point] = NOT_CONVERGED
         errors[point] = math.nan
         previous = math.inf
@@ -222,7 +225,7 @@ def to_tolerance(tape, constants, rates, epsilon, slow, xs, ys, tolerance, large
                 previous = math.inf
                 for i in range(fast):
                     y[i] = begin[i]
-            flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, top + 3, v, d)
+            call_jet(jet, tape, constants, rates, epsilon, slow, x, y, top + 3, v, d)
             full += 1
             scale = 1.0 + _size(y)
             known = 0

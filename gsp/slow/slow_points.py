@@ -15,6 +15,8 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.kernels import zero_derivative as kernel
+from gsp.kernels.addresses import JET, address_of
+from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.tape import write_tape
 from gsp.results.card import Card
@@ -156,7 +158,8 @@ def climb(
     ys = np.array(start, dtype=float, order="C")
     errors = np.empty(m)
     codes = np.zeros(m, dtype=np.int64)
-    fixed = (tape.instructions, constants, tape.rates, epsilon, len(system.x), xs, ys)
+    jet = address_of(flow_jet_with_tangents, JET)
+    fixed = (jet, tape.instructions, constants, tape.rates, epsilon, len(system.x), xs, ys)
     if order is None:
         orders = np.empty(m, dtype=np.int64)
         jets = kernel.to_tolerance(*fixed, tolerance, LARGEST_CHOSEN, orders, errors, codes)

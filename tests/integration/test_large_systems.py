@@ -112,6 +112,15 @@ def test_jacobians_and_their_norm_are_those_of_the_field(line):
     assert norm == pytest.approx(np.abs(exact).sum(axis=1).max(), rel=1e-14)
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_row_of_the_jacobian_that_is_no_number_is_not_forgotten(place):
+    states = sp.symbols("x y z")
+    rates = {s: sp.sqrt(s) if i == place else -1000 * s for i, s in enumerate(states)}
+    compiled = compile_flow(VectorField(rates, epsilon=None))
+    at = np.array([-1.0 if i == place else 1.0 for i in range(3)])
+    assert np.isnan(largest_rate(compiled.derivatives_program, 0.0, at, np.array([np.nan])))
+
+
 def test_events_and_ensembles_go_the_same_way(line, written):
     flow, start = line
     u = flow.states[8]
