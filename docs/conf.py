@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import gsp
+from gsp.demos.page import frame_script
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
@@ -111,6 +112,7 @@ def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> Non
 
 
 def setup(app) -> dict[str, bool]:
+    app.add_js_file(None, body=frame_script()[0])
     app.connect("source-read", with_demos)
     app.connect("source-read", with_links)
     app.connect("build-finished", write_demos)

@@ -21,10 +21,12 @@ TABLE = Markup(
 )
 LINE = Markup(
     '<tr style="background:none"><td style="text-align:right;border:0;padding:.15em">{}</td>'
-    '<td style="text-align:left;border:0;padding:.15em">= {}</td></tr>'
+    '<td style="text-align:left;white-space:nowrap;border:0;padding:.15em">= {}</td></tr>'
 )
+# Notebooks give <pre> a font of their own, in which columns do not stand below one another.
 WORDS = Markup(
-    '<pre style="white-space:pre;overflow-x:auto;font-size:.85em;margin:.5em 0 0;background:none">{}</pre>'
+    '<pre style="white-space:pre-wrap;word-break:normal;overflow-wrap:anywhere;font-family:monospace;font-size:.85em;'
+    'margin:.5em 0 0;background:none">{}</pre>'
 )
 FIGURE = Markup(
     '<img alt="{}" style="max-width:100%;width:36em;background:#fff" src="data:image/png;base64,{}">'

@@ -61,6 +61,12 @@ def render(program: Program, data: Mapping[str, Any], *, title: str) -> tuple[st
     return page, _hash(script)
 
 
+def frame_script() -> tuple[str, str]:
+    """The script of a page with demos in frames, which makes each as high as its demo, and its hash for a policy."""
+    script = source("frame.js")
+    return script, _hash(script)
+
+
 def embedded(data: Any) -> str:
     """JSON that may stand inside a script element: without the characters with which HTML or JavaScript begins anew."""
     text = json.dumps(data, allow_nan=False, ensure_ascii=True, separators=(",", ":"))

@@ -115,7 +115,8 @@ def operator(text: str) -> str:
 
 def dotted(symbol: str) -> str:
     """The derivative of a symbol in slow time."""
-    return f'<mover accent="true">{symbol}<mo>˙</mo></mover>'
+    # As an accent the dot falls onto the letter where no font for mathematics is installed.
+    return f'<mover>{symbol}<mo mathsize="120%">˙</mo></mover>'
 
 
 def indexed(name: str, below: int, above: str | None = None) -> str:

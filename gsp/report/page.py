@@ -15,6 +15,7 @@ from markupsafe import Markup
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.attempts import Missing, attempt
 from gsp.demos.demo import Demo
+from gsp.demos.page import frame_script
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words
@@ -48,12 +49,15 @@ def render(
         "signed": signed,
     }
     page = Page(analysis)
+    script, script_hash = frame_script()
     return environment.get_template("report.html").render(
         **page.head(),
         page=page,
         section=_section,
         figures=_figures(analysis, page, pictures, model),
         panel=None if isinstance(panel, Missing) else panel,
+        frame_script=Markup(script),
+        frame_hash=script_hash,
         no_panel=words(panel.reason) if isinstance(panel, Missing) else None,
         timings=timings,
         versions=analysis.versions,

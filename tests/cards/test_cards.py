@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from dataclasses import replace
 from enum import Enum
 from html.parser import HTMLParser
@@ -94,3 +95,14 @@ def test_equations_that_are_too_long_to_read_are_left_to_the_text() -> None:
     system = gsp.SlowFastSystem(slow={x: -x}, fast={y: long - y}, epsilon=epsilon)
     assert latex(system) is None
     assert "<math" not in html(system)
+
+
+def test_a_card_is_legible_whatever_a_notebook_does_to_its_parts() -> None:
+    card = noun("Scene")._repr_html_()
+    (words,) = re.findall(r"<pre style=\"([^\"]*)\"", card)
+    # Columns stand below one another, and a long sentence is not cut off.
+    assert "font-family:monospace" in words
+    assert "white-space:pre-wrap" in words
+    # An equation stays beside its sign; the dot of a derivative stays above its letter without a font for mathematics.
+    assert card.count("white-space:nowrap") == 2
+    assert "accent" not in card

@@ -14,6 +14,7 @@ import sympy as sp
 
 import gsp
 from gsp import SlowFastSystem, analyse, charts, models
+from gsp.demos.page import frame_script
 from gsp.errors import DeclarationError, OutputError
 from gsp.readers.expressions import parse_expression
 from gsp.readers.writing import as_toml
@@ -134,12 +135,18 @@ def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
 def test_page_is_well_formed_and_fetches_nothing(written):
     page = Page((written / "report.html").read_text(encoding="utf-8"))
     for tag, attributes in page.tags:
-        assert tag not in {"script", "link", "object"}
+        assert tag not in {"link", "object"}
         # The panel stands in the page itself.
         assert tag != "iframe" or attributes["sandbox"] == "allow-scripts"
         for name in ("src", "href", "action", "data"):
             assert (attributes.get(name) or "data:").startswith("data:")
-    text = re.sub(r"data:[^\"]*", "", (written / "report.html").read_text(encoding="utf-8"))
+    # One script, which makes the panel's frame as high as the panel, and which the policy lets run by its hash.
+    text = (written / "report.html").read_text(encoding="utf-8")
+    script, script_hash = frame_script()
+    assert [tag for tag, _ in page.tags].count("script") == 1
+    assert f"<script>{script}</script>" in text
+    assert f"'{script_hash}'" in text
+    text = re.sub(r"data:[^\"]*", "", text)
     assert "http://" not in text
     assert "https://" not in text
     assert "url(" not in text
@@ -156,6 +163,25 @@ def test_the_panel_at_the_top_runs_the_model(written, page):
     page.driver.switch_to.default_content()
     assert page.complaints() == []
     assert page.requests() == []
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_nothing_is_scrolled_within_the_panel(width, written, page):
+    page.open(written / "report.html", width=width, height=800)
+    frame = page.driver.find_element("css selector", "iframe.panel")
+    page.driver.execute_async_script(
+        "const done = arguments[1]; const frame = arguments[0];"
+        "const look = () => (frame.style.height ? done() : setTimeout(look, 20)); look();",
+        frame,
+    )
+    page.settle()
+    shown = page.run("return arguments[0].clientHeight", frame)
+    assert page.run("return document.documentElement.scrollWidth") <= width
+    page.driver.switch_to.frame(frame)
+    assert page.run("return document.body.getBoundingClientRect().height") <= shown
+    assert page.run("return document.documentElement.scrollWidth <= window.innerWidth")
+    page.driver.switch_to.default_content()
+    assert page.complaints() == []
 
 
 def test_page_says_what_the_numbers_say(written, sleigh):

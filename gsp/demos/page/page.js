@@ -650,6 +650,11 @@ function onKey(event) {
   }
 }
 
+// Inside another page: it is told how high this one is, so that nothing has to be scrolled within.
+function tellHeight() {
+  window.parent.postMessage({ demoHeight: document.body.getBoundingClientRect().height }, "*");
+}
+
 function begin() {
   if (data.work) worker = makeWorker(data, program);
   byId("description").textContent = data.description;
@@ -672,6 +677,7 @@ function begin() {
     changed();
   });
   darkness.addEventListener("change", (event) => setTheme(event.matches ? "dark" : "light"));
+  if (window.parent !== window) new ResizeObserver(tellHeight).observe(document.body);
   setTheme(theme);
   if (data.story.length) turnTo(0);
   state = decodeState(location.hash, state, data);
