@@ -39,6 +39,7 @@ OPTIONS = {
         "--region", "intervals", multiple=True, metavar="NAME=LOW:HIGH",
         help="Another interval of a state. May be repeated.",
     ),
+    "start": click.option("--start", metavar="NAME", help="Another of the model's starts, by name [its start]."),
 }  # fmt: skip
 
 
@@ -58,9 +59,10 @@ def asks(*names: str) -> Callable[[Any], Any]:
             settings: tuple[str, ...] = (),
             epsilon: str | None = None,
             intervals: tuple[str, ...] = (),
+            start: str | None = None,
             **others: Any,
         ) -> Any:
-            scene = asked(load_scene(model), settings, epsilon, intervals)
+            scene = asked(load_scene(model), settings, epsilon, intervals, start)
             with compiling_told():
                 return function(scene=scene, **others)
 
@@ -71,7 +73,13 @@ def asks(*names: str) -> Callable[[Any], Any]:
     return decorate
 
 
-def asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, intervals: tuple[str, ...]) -> Scene:
+def asked(
+    scene: Scene,
+    settings: tuple[str, ...],
+    epsilon: str | None,
+    intervals: tuple[str, ...],
+    start: str | None = None,
+) -> Scene:
     from gsp.readers.toml import read_number
     from gsp.scenes.settings import ask_again
 
@@ -95,9 +103,9 @@ def asked(scene: Scene, settings: tuple[str, ...], epsilon: str | None, interval
             float(read_number(high.strip(), what=f"--region {name}")),
         )
     small = None if epsilon is None else float(read_number(epsilon, what="--epsilon"))
-    if not parameters and not region and small is None:
+    if not parameters and not region and small is None and start is None:
         return scene
-    return ask_again(scene, parameters=parameters, epsilon=small, region=region)
+    return ask_again(scene, parameters=parameters, epsilon=small, region=region, start=start)
 
 
 def load_scene(model: str) -> Scene:

@@ -95,7 +95,7 @@ def chart(
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "start")
 @click.option("--tolerance", type=float, help="Relative accuracy wanted [the scene's].")
 @click.option("--order", type=int, help="Highest order of the reduced flows.")
 @json_option

@@ -22,7 +22,7 @@ ENDINGS = (".csv", ".json")
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "start")
 @click.option("--order", type=int, help="Run the reduced flow of this order instead of the full system.")
 @output_option("File for the values, .csv or .json [not written].")
 @json_option
@@ -52,7 +52,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "start")
 @click.option("--order", type=int, help="Highest order of the reduced flows [3].")
 @output_option("File for the errors, .csv or .json [not written].")
 @json_option

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "start")
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @json_option

@@ -33,8 +33,9 @@ class ForeignModel:
     """What a foreign file says, in words of the grammar of model files.
 
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
-    numbers; `windows` are intervals that the file gives, or that are guessed better here than around the start.
-    `understood` and `notes` are for the reader; `small` is set where the format itself says what is fast.
+    numbers; `other_starts` are further ones by name; `windows` are intervals that the file gives, or that are guessed
+    better here than around the start. `understood` and `notes` are for the reader; `small` is set where the format
+    itself says what is fast.
     """
 
     origin: str
@@ -43,6 +44,7 @@ class ForeignModel:
     definitions: dict[str, str] = field(default_factory=dict)
     observables: dict[str, str] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)
+    other_starts: dict[str, dict[str, str]] = field(default_factory=dict)
     windows: dict[str, tuple[float, float]] = field(default_factory=dict)
     total: str = "20"
     path: tuple[str, str] | None = None
@@ -182,6 +184,12 @@ def _written(
     lines += ["", "[region]"]
     lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(model, fast).items()]
     lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in model.starts.items())]
+    for title, start in model.other_starts.items():
+        lines += [
+            "",
+            f"[starts.{title}]",
+            *(f"{name} = {json.dumps(number)}" for name, number in start.items()),
+        ]
     lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
     if model.path is not None:
         lines.append(f"path = {json.dumps(list(model.path))}")

@@ -27,6 +27,12 @@
     tolerance = 1e-6                         # optional relative accuracy, this is the default
     path = ["s", "c"]                        # optional pair of names, drawn as a path in the plane
 
+    [starts.empty]                           # optional: another start by name, what differs from [start]
+    c = 0
+
+    [units]                                  # optional text for names of the model and for t
+    s = "mM"
+
     [definitions]                            # optional: names for expressions, and functions of arguments
     total = "s + c"
     "rate(u)" = "u/(kappa + u)"
@@ -69,6 +75,7 @@ LADDER = (2, 1, sp.Rational(1, 2), sp.Rational(1, 4))
 """Default ladder relative to epsilon: around the value asked about, and short enough to fit a slope."""
 
 CLAIMS = 8
+STARTS = 64
 
 _TABLES = (
     "parameters",
@@ -82,6 +89,8 @@ _TABLES = (
     "start",
     "scene",
     "claims",
+    "starts",
+    "units",
 )
 _SCENE = ("span", "epsilon", "epsilons", "tolerance", "path")
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
@@ -168,6 +177,8 @@ def scene_of(document: dict, file: Path) -> Scene:
         },
         path=_path(scene.get("path")),
         claims=_claims(tables["claims"], symbols, definitions),
+        starts=_starts(tables["starts"]),
+        units={key: _text(value, f"units.{key[:64]}", TEXT["name"]) for key, value in tables["units"].items()},
         name=name,
         title=texts["title"],
         source=texts["source"],
@@ -282,6 +293,19 @@ def _claims(
                 raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
             claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols, definitions)
     return claims
+
+
+def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
+    """Further starts, [starts.NAME] each: what differs from [start]."""
+    if len(tables) > STARTS:
+        raise ModelFileError(f"starts holds {len(tables)} tables; {STARTS} are allowed. Keep fewer.")
+    found = {}
+    for name, table in tables.items():
+        key = f"starts.{name[:64]}"
+        if not isinstance(table, dict):
+            raise ModelFileError(f"{key} is a table of numbers. Got a {_kind(table)}. Write [{key}].")
+        found[name] = {state: float(_number(value, f"{key}.{state[:64]}")) for state, value in table.items()}
+    return found
 
 
 def _check_keys(table: Mapping, known: tuple[str, ...], prefix: str) -> None:

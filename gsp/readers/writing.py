@@ -63,6 +63,8 @@ def _content(scene: Scene) -> Iterator[object]:
         scene.epsilons,
         scene.tolerance,
         scene.path,
+        scene.starts,
+        scene.units,
     )
     for table in (
         system.parameters, dict(zip(system.states, system.rates)), system.observables, scene.reconstruction,
@@ -117,6 +119,11 @@ def _written(scene: Scene) -> str:
             **({"path": json.dumps(scene.path)} if scene.path else {}),
         },
         **{f"claims.{_quoted(name)}": _expressions(rates) for name, rates in scene.claims.items()},
+        **{
+            f"starts.{_quoted(name)}": {state: repr(value) for state, value in start.items()}
+            for name, start in scene.starts.items()
+        },
+        "units": {name: _quoted(unit) for name, unit in scene.units.items()},
     }
     head = {key: _quoted(getattr(scene, key)) for key in ("name", "title", "source", "description")}
     lines = [f"{key} = {text}" for key, text in head.items() if text != '""']

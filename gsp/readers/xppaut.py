@@ -23,6 +23,8 @@ from gsp.readers.xppaut_order import check_order_of_quantities
 TOTAL = "20"
 NAMES = 4000
 LINE = 20_000
+# Characters of all expressions, arrays and sums written out.
+WRITTEN = 1_000_000
 
 _WORD = r"[a-z][a-z0-9_]{0,63}"
 _PARAMETERS = re.compile(r"(?:p|par|param|params|parameter|parameters|number|num)\s+(.*)", re.DOTALL)
@@ -34,7 +36,9 @@ _FUNCTION = re.compile(rf"({_WORD})\s*\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\)\s*=
 _FIXED = re.compile(rf"!?\s*({_WORD})\s*=(.*)", re.DOTALL)
 _SETTING = re.compile(rf"({_WORD})\s*=\s*([^\s,]+)")
 _ASSIGNED = re.compile(rf"({_WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)|({_WORD})(?=[\s,]|$)")
+_VALUE = re.compile(rf"({_WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
+_SET = re.compile(rf"set\s+({_WORD})\s*\{{([^{{}}]*)\}}")
 _WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
 
 _REFUSED: dict[str, str] = {
@@ -42,6 +46,7 @@ _REFUSED: dict[str, str] = {
     "table": "a table of numbers",
     "markov": "a Markov process",
     "wiener": "noise",
+    "w": "noise",
     "volt": "an integral equation",
     "volterra": "an integral equation",
     "bdry": "a boundary-value problem",
@@ -78,6 +83,7 @@ class _File:
     observables: dict[str, tuple[int, str]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
+    sets: dict[str, tuple[int, str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -116,11 +122,12 @@ def read_ode(text: str) -> ForeignModel:
         model.observables[fresh_name(name, taken) if name in own else name] = _expression(
             number, text, step, order
         )
-    used = {
-        word
-        for text in (*model.states.values(), *model.definitions.values(), *model.observables.values())
-        for word in _WORDS.findall(text)
-    }
+    written = [*model.states.values(), *model.definitions.values(), *model.observables.values()]
+    if sum(map(len, written)) > WRITTEN:
+        raise ModelFileError(
+            f"with its arrays and sums written out the file has more than {WRITTEN} characters. Use fewer members."
+        )
+    used = {word for text in written for word in _WORDS.findall(text)}
     model.total = file.settings.get("total", TOTAL)
     if "t" in used and "t" not in taken:
         model.states["t"], model.starts["t"] = "1", file.settings.get("t0", "0")
@@ -129,6 +136,7 @@ def read_ode(text: str) -> ForeignModel:
     x, y = (file.settings.get(axis, "") for axis in ("xp", "yp"))
     if x != y and {x, y} <= {*model.states, *model.observables}:
         model.path = x, y
+    _take_sets(file, model)
     _take_windows(file, model)
     _take_notes(file, model)
     return model
@@ -178,6 +186,8 @@ def _take(file: _File, number: int, line: str) -> None:
         file.settings.update(dict(_SETTING.findall(line[1:])))
     elif first in _REFUSED and plain:
         _fail(number, f"{first} is {_REFUSED[first]}, which no model here has", "Remove it.")
+    elif first == "set" and (found := _SET.fullmatch(line)):
+        file.sets[found[1]] = number, found[2]
     elif first in _LEFT_OUT and plain:
         file.left_out.append(f"{first} (line {number})")
     elif line[0] in "0123456789":
@@ -224,6 +234,17 @@ def _assign(table: dict[str, str], text: str, number: int, what: str) -> None:
         table[name or bare] = value or "0"
 
 
+def _take_sets(file: _File, model: ForeignModel) -> None:
+    """The sets of values that name states alone are further starts; those that change more are left out."""
+    for name, (number, text) in file.sets.items():
+        values = dict(_VALUE.findall(text))
+        rest = _VALUE.sub("", text).replace(",", " ").strip()
+        if values and not rest and values.keys() <= file.states.keys():
+            model.other_starts[name] = values
+        else:
+            file.left_out.append(f"set {name} (line {number})")
+
+
 def _take_windows(file: _File, model: ForeignModel) -> None:
     """The plotted window of a state, where it holds the start."""
     for axis, low, high in (("xp", "xlo", "xhi"), ("yp", "ylo", "yhi")):
@@ -237,12 +258,12 @@ def _take_windows(file: _File, model: ForeignModel) -> None:
 
 def _expression(number: int, text: str, positive: Callable[[], str], order: tuple[str, ...]) -> str:
     """An expression in the grammar of model files, which is checked when the result is read."""
-    try:
-        text = without_sums(text, order)
-    except ModelFileError as error:
-        raise ModelFileError(f"line {number}: {error}") from None
     if len(text) > CHARACTERS:
         _fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
+    try:
+        text = without_sums(text, order, longest=CHARACTERS)
+    except ModelFileError as error:
+        raise ModelFileError(f"line {number}: {error}") from None
     for word in _WORDS.findall(text):
         if word in _NO_FUNCTIONS:
             _fail(

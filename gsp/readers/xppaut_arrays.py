@@ -14,9 +14,7 @@ from typing import NoReturn
 from gsp.errors import ModelFileError
 
 # The most members of an array, and the most lines and characters of a file written out.
-MEMBERS, LINES, CHARACTERS = 2000, 20_000, 4_000_000
-# Characters of an expression with its sums written out.
-SUM_CHARACTERS = 100_000
+MEMBERS, LINES, CHARACTERS = 2000, 20_000, 1_000_000
 
 _WORD = r"[a-z][a-z0-9_]*"
 _RANGE = re.compile(r"\[\s*(-?[0-9]{1,6})\s*\.\.\s*(-?[0-9]{1,6})\s*\]")
@@ -129,10 +127,11 @@ def _placed(number: int, text: str, k: int | None) -> str:
     return placed
 
 
-def without_sums(text: str, states: Sequence[str]) -> str:
+def without_sums(text: str, states: Sequence[str], *, longest: int) -> str:
     """An expression with sum(a,b)of(...) and shift(x, k) written out; `states` are in the order of their equations.
 
-    Raises `ModelFileError` for bounds and shifts that are no whole numbers, and for what lies past the states.
+    Raises `ModelFileError` for bounds and shifts that are no whole numbers, for what lies past the states, and for what
+    gets longer than `longest` characters.
     """
     while found := _SUM.search(text):
         (low, high), end = _arguments(text, found.end(), 2)
@@ -145,24 +144,28 @@ def without_sums(text: str, states: Sequence[str]) -> str:
                 "a sum within a sum is not read. Write the inner one as a quantity of its own."
             )
         first, last = _whole(low), _whole(high)
-        if last - first >= MEMBERS or (last - first + 1) * len(body) > SUM_CHARACTERS:
+        if last - first >= MEMBERS or len(text) + (last - first + 1) * len(body) > longest:
             raise ModelFileError(
                 f"a sum from {first} to {last} is too long to be written out. Use fewer terms."
             )
         terms = [f"({_RUNNING.sub(f'({i})', body)})" for i in range(first, last + 1)]
         text = f"{text[: found.start()]}({'+'.join(terms) or '0'}){text[end:]}"
-    while found := _SHIFT.search(text):
+    if _SHIFT.search(text) is None:
+        return text
+    places, pieces, done = {name: place for place, name in enumerate(states)}, [], 0
+    while found := _SHIFT.search(text, done):
         (name, by), end = _arguments(text, found.end(), 2)
         place = _whole(by)
-        if name.strip() not in states:
+        if name.strip() not in places:
             raise ModelFileError(f"shift goes from a state to another. Got shift({name.strip()[:40]}, ...).")
-        there = states.index(name.strip()) + place
+        there = places[name.strip()] + place
         if not 0 <= there < len(states):
             raise ModelFileError(
                 f"shift({name.strip()},{place}) lies past the first or the last state. Correct its second argument."
             )
-        text = f"{text[: found.start()]}{states[there]}{text[end:]}"
-    return text
+        pieces += [text[done : found.start()], states[there]]
+        done = end
+    return "".join([*pieces, text[done:]])
 
 
 def _arguments(text: str, begin: int, count: int) -> tuple[list[str], int]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import sympy as sp
 
-from gsp.errors import DeclarationError, is_hidden, nearest, printable
+from gsp.errors import DeclarationError, is_hidden, nearest, printable, unknown_name
 from gsp.results.card import Card
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
@@ -20,6 +21,8 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 # A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
 FINEST = 1e-11
+# What units call the time, and how long a unit may be.
+TIME, LONGEST_UNIT = "t", 40
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
@@ -33,7 +36,9 @@ class Scene(Question, Card):
     the relative accuracy wanted. `reconstruction` maps further symbols to rates that are driven by the states
     and by each other, as position is by velocity: no state depends on them, so they are left out of the
     reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
-    quantities (states, observables or reconstruction variables) that draw a path in the plane.
+    quantities (states, observables or reconstruction variables) that draw a path in the plane. `starts` are further
+    starts by name, each what differs from `start`; `starting(name)` asks from there. `units` are text for names of
+    states, parameters, observables and t, which is shown and not computed with.
 
     Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
     Raises `DeclarationError`, naming the fact, the value and the remedy.
@@ -60,6 +65,8 @@ class Scene(Question, Card):
     reconstruction_start: Mapping[str, float] = field(default_factory=dict)
     path: tuple[str, str] | None = None
     claims: Mapping[str, Values] = field(default_factory=dict)
+    starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
@@ -103,6 +110,9 @@ class Scene(Question, Card):
         self._set("claims", MappingProxyType(_claims(self.claims, self.system)))
         watched = [*states, *(s.name for s in self.system.observables), *(s.name for s in drivers)]
         self._set("path", _path(self.path, watched))
+        self._set("starts", MappingProxyType(_starts(self.starts, [*states, *driven])))
+        known = [*watched, *(s.name for s in self.system.parameters), str(self.system.epsilon), TIME]
+        self._set("units", MappingProxyType(_units(self.units, known)))
 
     @cached_property
     def full_flow(self) -> VectorField:
@@ -120,6 +130,20 @@ class Scene(Question, Card):
         """Start of `full_flow`: {name: value} for the states, then the reconstruction variables."""
         return MappingProxyType({**self.start, **self.reconstruction_start})
 
+    def starting(self, name: str) -> Scene:
+        """The scene from another of its `starts`; raises `UnknownNameError` for a name that is none of them.
+
+        A start outside the region is refused, as in any scene.
+        """
+        if not isinstance(name, str) or name not in self.starts:
+            raise unknown_name(name, self.starts)
+        return self._from(self.starts[name])
+
+    def _from(self, start: Mapping[str, float], **others: Any) -> Scene:
+        given = {**self.full_start, **start}
+        own = {name: given.pop(name) for name in self.start}
+        return replace(self, start=own, reconstruction_start=given, **others)
+
     def __repr__(self) -> str:
         states = ", ".join(state.name for state in self.system.states)
         return (
@@ -133,15 +157,23 @@ class Scene(Question, Card):
                 "region",
                 ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items()),
             ),
-            ("start", ", ".join(f"{name} = {value:g}" for name, value in self.full_start.items())),
+            ("start", self._shown(self.full_start)),
+            *((f"start {name}", self._shown(start)) for name, start in self.starts.items()),
             ("span", f"{self.span[0]:g} to {self.span[1]:g} in slow time"),
             ("epsilon", f"{self.epsilon:g}; ladder {', '.join(f'{value:g}' for value in self.epsilons)}"),
             ("tolerance", f"{self.tolerance:g}"),
             *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),
         ]
+        if self.units:
+            rows.append(("units", ", ".join(f"{name} in {unit}" for name, unit in self.units.items())))
         width = max(len(left) for left, _ in rows)
         head = [self.title, str(self.system)] if self.title else [str(self.system)]
         return "\n".join([*head, *(f"  {left:>{width}}  {right}" for left, right in rows)])
+
+    def _shown(self, values: Mapping[str, float]) -> str:
+        return ", ".join(
+            f"{name} = {value:g} {self.units.get(name, '')}".rstrip() for name, value in values.items()
+        )
 
     def _set(self, attribute: str, value: object) -> None:
         object.__setattr__(self, attribute, value)
@@ -159,6 +191,8 @@ class Scene(Question, Card):
             tuple(self.reconstruction.items()),
             self.path,
             tuple((name, tuple(rates.items())) for name, rates in self.claims.items()),
+            tuple((name, tuple(start.items())) for name, start in self.starts.items()),
+            tuple(self.units.items()),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -201,6 +235,44 @@ def _start(
             f"start gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
         )
     return {name: given[name] for name in states}, {name: given.get(name, 0.0) for name in drivers}
+
+
+def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]:
+    if not isinstance(starts, Mapping):
+        raise DeclarationError(f"starts maps names to starts. Got {shown(starts)}.")
+    checked: dict[str, Mapping[str, float]] = {}
+    for name, start in starts.items():
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise DeclarationError(
+                f"the name of a start is a plain word. Got {shown(name)}. Use letters and digits."
+            )
+        given = named(start, what=f"the start {name}")
+        for state in given:
+            if state not in known:
+                raise DeclarationError(
+                    f'the start {name} names "{state}", which is no state. The states are {", ".join(known)}.'
+                    + nearest(state, known)
+                )
+        checked[name] = MappingProxyType(given)
+    return checked
+
+
+def _units(units: Mapping, known: list[str]) -> dict[str, str]:
+    if not isinstance(units, Mapping):
+        raise DeclarationError(f"units maps names to text. Got {shown(units)}.")
+    for name, unit in units.items():
+        if name not in known:
+            raise DeclarationError(
+                f"units names {shown(name)}, which is nothing here. There are {', '.join(known)}."
+                + nearest(str(name), known)
+            )
+        check_text(unit, what=f"the unit of {name}")
+        if not unit.strip() or len(unit) > LONGEST_UNIT or not unit.isprintable():
+            raise DeclarationError(
+                f"the unit of {name} is text of 1 to {LONGEST_UNIT} characters on one line. Got {shown(unit)}."
+            )
+        check_words(unit, what=f"the unit of {name}")
+    return dict(units)
 
 
 def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, Values]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError, nearest, unknown_name
 from gsp.scenes.scene import Scene
 from gsp.systems.region import Interval
 
@@ -16,8 +15,10 @@ def ask_again(
     parameters: Mapping[str, float] | None = None,
     epsilon: float | None = None,
     region: Mapping[str, Interval] | None = None,
+    start: str | None = None,
 ) -> Scene:
-    """The scene with other exact values of `parameters`, at another `epsilon`, and other intervals in its `region`.
+    """The scene with other exact values of `parameters`, at another `epsilon`, with other intervals in its `region`,
+    and from another of its `starts`.
 
     The ladder of epsilons moves along in proportion. Raises `DeclarationError` for a name that the scene does not
     have, and where what results is no scene.
@@ -33,8 +34,10 @@ def ask_again(
     ladder = scene.epsilons
     if epsilon is not None and scene.epsilon:
         ladder = tuple(value * (epsilon / scene.epsilon) for value in ladder)
-    return replace(
-        scene,
+    if start is not None and start not in scene.starts:
+        raise unknown_name(start, scene.starts)
+    return scene._from(
+        {} if start is None else scene.starts[start],
         system=system,
         epsilon=scene.epsilon if epsilon is None else epsilon,
         epsilons=ladder,
