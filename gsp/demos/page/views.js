@@ -426,7 +426,7 @@ function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
   view.begin(colours);
   const lines = orders.length + rivals.length;
   const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
-  const all = points.flatMap((row) => [...Object.values(row.orders), ...Object.values(row.rivals)]);
+  const all = points.flatMap((row) => [...orders.map((order) => row.orders[order]), ...rivals.map((name) => row.rivals[name])]);
   const good = all.filter((e) => e > 0 && Number.isFinite(e)).map(Math.log10);
   const x = Math.log10(epsilon);
   view.setRanges([x - 1.1, x + 0.7], good.length ? [Math.min(...good) - 0.4, Math.max(...good) + 0.4] : [-8, 0], {
