@@ -12,6 +12,7 @@ would lose all of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import sympy as sp
@@ -23,6 +24,7 @@ from gsp.errors import UnsupportedFunctionError
 from gsp.proofs.ball_functions import BallFunction
 from gsp.slow.coordinates import dot, invert
 from gsp.slow.series import SeriesManifold
+from gsp.slow_tubes.series_function import SeriesFunction
 
 
 class NotInvariantError(ValueError):
@@ -31,6 +33,18 @@ class NotInvariantError(ValueError):
     def __init__(self, order: int) -> None:
         super().__init__(order)
         self.order = order
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """Values over balls, and how they change along a direction."""
+
+    values: BallFunction
+    series: SeriesFunction
+
+    def along(self, point: Sequence[arb], direction: Sequence[arb]) -> list[arb]:
+        """The derivatives along `direction`, over the balls `point`."""
+        return [row[1] for row in self.series([[p, d] for p, d in zip(point, direction)], 2)]
 
 
 class Invariance:
@@ -127,6 +141,11 @@ class Invariance:
         arguments = (*self.x, self.epsilon) if at_zero else (*self.x, *self.z, self.epsilon)
         return BallFunction(arguments, [self._written(e) for e in elements])
 
+    def _smooth(self, elements: Sequence[Element], *, at_zero: bool = False) -> Smooth:
+        arguments = (*self.x, self.epsilon) if at_zero else (*self.x, *self.z, self.epsilon)
+        written = [self._written(e) for e in elements]
+        return Smooth(BallFunction(arguments, written), SeriesFunction(arguments, written))
+
     def _written(self, element: Element) -> sp.Expr:
         """An element for balls: a polynomial in z and epsilon whose coefficients, functions of x, are each reduced.
 
@@ -182,20 +201,16 @@ class Invariance:
         return self._balls(self._f)
 
     @cached_property
-    def rate_slopes(self) -> BallFunction:
-        """D_x f (slow n,), the total derivative at constant z, then D_z f (slow m,), row by row."""
-        return self._balls([*self._by(self._f, self._by_x), *self._by(self._f, self._by_z)])
-
-    @cached_property
     def _linearisation(self) -> BallFunction:
         rates = [*self._by(self._f, self._by_x), *self._by(self._f, self._by_z)]
         normal = self._by(self._gamma, self._by_z)
         return self._balls([*rates, *normal, *self._by(self._rho, self._by_x), *self._by(normal, self._by_x)])
 
     def linearisation(self, arguments: Sequence[arb]) -> tuple[list[arb], list[arb], list[arb], list[arb]]:
-        """`rate_slopes`, `normal`, D_x rho (m n,) and D_x D_z Gamma (m m n,): by row of Gamma, then z, then x.
+        """D_x f (slow n,) and D_z f (slow m,), `normal`, D_x rho (m n,) and D_x D_z Gamma (m m n,).
 
-        They share what they are made of, so that together they cost less.
+        D_x f is the total derivative at constant z; the last is by row of Gamma, then z, then x. They share what they
+        are made of, so that together they cost less.
         """
         values, n, m = self._linearisation(arguments), self.n, self.m
         ends = [self.slow * (n + m)]
@@ -208,10 +223,21 @@ class Invariance:
         return self._balls([self._divided(e) for e in self._by(self._f, self._by_z)])
 
     @cached_property
-    def mismatch(self) -> BallFunction:
+    def push(self) -> Smooth:
+        """Gamma (m,), then what z adds to f, over epsilon^(n+1) (slow,)."""
+        added = [self._divided((f - r).reduced()) for f, r in zip(self._f, self._f0)]
+        return self._smooth([*self._gamma, *added])
+
+    @cached_property
+    def drift(self) -> Smooth:
+        """The derivatives (slow n,) by x of f on the graph, at z = 0, row by row."""
+        return self._smooth(self._by(self._f0, self._by_x), at_zero=True)
+
+    @cached_property
+    def mismatch(self) -> Smooth:
         """What f at z = 0 has over the reduced field f_0 + ... + epsilon^n f_n, over epsilon^(n+1) (slow,)."""
         left = [(f - r).reduced() for f, r in zip(self._f0, self._reduced)]
-        return self._balls([self._divided(e) for e in left], at_zero=True)
+        return self._smooth([self._divided(e) for e in left], at_zero=True)
 
     @cached_property
     def graph(self) -> BallFunction:
