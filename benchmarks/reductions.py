@@ -44,8 +44,10 @@ GOALS = {"explicit": 0.8, "implicit": 1.0, "chain": 0.1}
 ENSEMBLE_GOAL = 1 / 3
 
 
-def _named(system: gsp.SlowFastSystem, **question: Any) -> gsp.Scene:
-    return gsp.Scene(system, name=system.name, **question)
+def _named(system: gsp.SlowFastSystem, start: dict[str, float], **question: Any) -> gsp.Scene:
+    """A scene named after its system, asked at epsilon = 0.02 within 1e-3 unless the question says otherwise."""
+    usual: dict[str, Any] = {"epsilon": 0.02, "epsilons": (0.02, 0.01), "tolerance": 1e-3}
+    return gsp.Scene(system, name=system.name, start=start, **usual | question)
 
 
 def chain(links: int) -> gsp.Scene:
@@ -61,7 +63,7 @@ def chain(links: int) -> gsp.Scene:
     start = {"u": 1.0, "v": 0.0, **{s.name: 1.0 for s in y}}
     return _named(
         system,
-        start=start,
+        start,
         span=(0.0, 40.0),
         epsilon=1e-3,
         epsilons=(1e-3, 5e-4),
@@ -81,15 +83,7 @@ def inhibition() -> gsp.Scene:
         name="competitive_inhibition",
     )
     start = {"s": 1.5, "i": 0.5, "c": 0.0, "d": 0.0}
-    return _named(
-        system,
-        start=start,
-        span=(0.0, 10.0),
-        epsilon=0.02,
-        epsilons=(0.02, 0.01),
-        tolerance=1e-3,
-        region={"s": (0.01, 2.0), "i": (0.1, 1.5)},
-    )
+    return _named(system, start, span=(0.0, 10.0), region={"s": (0.01, 2.0), "i": (0.1, 1.5)})
 
 
 def hardening() -> gsp.Scene:
@@ -102,15 +96,7 @@ def hardening() -> gsp.Scene:
         name="hardening_spring",
     )
     start = {"p": 1.0, "q": 0.0, "x": 0.6}
-    return _named(
-        system,
-        start=start,
-        span=(0.0, 15.0),
-        epsilon=0.02,
-        epsilons=(0.02, 0.01),
-        tolerance=1e-3,
-        region={"p": (-2.0, 2.0), "q": (-2.0, 2.0)},
-    )
+    return _named(system, start, span=(0.0, 15.0), region={"p": (-2.0, 2.0), "q": (-2.0, 2.0)})
 
 
 def cases(*, quick: bool) -> Iterator[tuple[str, str, gsp.Scene]]:

@@ -311,7 +311,9 @@ def integrate_many(
     grid = None if at is None else check_grid(at, first, last)
     asked = check_method(method)
     compiled = compile_flow(flow)
-    chosen = asked or choose_method(compiled, rtol)
+    # As in `integrate`: read between the steps, or landed on.
+    reads = grid is not None and compiled.expressions.is_smooth
+    chosen = asked or choose_method(compiled, rtol, times=grid.size if reads and grid is not None else 0)
     limit = check_step_limit(max_steps)
     count = check_threads(threads)
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
@@ -332,8 +334,6 @@ def integrate_many(
         MILD if tries else 0.0,
         MILD_ATTEMPTS,
     )
-    # As in `integrate`: read between the steps, or landed on.
-    reads = grid is not None and compiled.expressions.is_smooth
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
     shared = (

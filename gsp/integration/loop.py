@@ -98,8 +98,9 @@ class Run(NamedTuple):
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
     by returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass
-    through zero. `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's
-    `dense` has no rows. Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
+    through zero. So many `times` are read between the steps. `first_step`, signed, is tried first in place of an
+    estimate. Without `dense` the record's `dense` has no rows. Ctrl-C goes on to the caller; where the caller `keeps`,
+    it ends the run with the steps made.
     """
 
     compiled: CompiledFlow
@@ -118,6 +119,7 @@ class Run(NamedTuple):
     first_step: float = 0.0
     keeps: bool = False
     tests: Tests | None = None
+    times: int = 0
 
 
 def run(asked: Run) -> Record:
@@ -128,7 +130,7 @@ def run(asked: Run) -> Record:
     """
     if asked.method is not None:
         return advance(asked, asked.method)
-    chosen = choose_method(asked.compiled, asked.rtol)
+    chosen = choose_method(asked.compiled, asked.rtol, times=asked.times)
     tries = asked.compiled.is_stiff
     record = advance(asked, chosen, tries)
     if not tries or record.method is not Method.TAYLOR:
@@ -181,6 +183,7 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         first_step,
         keeps,
         tests,
+        _,
     ) = asked
     n = len(y)
     given = np.array((first, rtol, atol, *y, *p), float)

@@ -217,11 +217,11 @@ def integrate(
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
     dense output or, where its error would be above the tolerance, from a step that ends there; else `t` are the ends
-    of the steps. `method` is by default DOP853 for a flow that is
-    not stiff, and for a stiff one what was measured to be fastest at the tolerance: RODAS5P for rtol >= 3e-4,
-    RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start
-    makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its
-    own, RODAS5P serves down to 1e-6. Above 40 states a sparse Jacobian is used as one.
+    of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one what was measured to
+    be fastest at the tolerance: RODAS5P for rtol >= 3e-4 (2e-2 where `at` has 20 times or more), RADAU9 down to 1e-6,
+    RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start makes the span no
+    more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its own, RODAS5P
+    serves down to 1e-6. Above 40 states a sparse Jacobian is used as one.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
@@ -309,7 +309,7 @@ def trajectory_of(
         tests = cast("ReducedFlow", flow).tests
         record = run(
             Run._make(
-                (compiled, p, y, first, stops, chosen, rtol, atol, limit, True, None, None, LOOK, 0.0, keeps, tests)
+                (compiled, p, y, first, stops, chosen, rtol, atol, limit, True, None, None, LOOK, 0.0, keeps, tests, 0)
             )
         )  # fmt: skip
     status = None if record is None else record.status
@@ -331,7 +331,7 @@ def trajectory_of(
         record = run(
             Run._make(
                 (compiled, p, y, first, stops, chosen, rtol, atol, limit, keeps_dense, progress, search, rows, 0.0,
-                 keeps, None)
+                 keeps, None, grid.size if reads and grid is not None else 0)
             )
         )  # fmt: skip
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)

@@ -78,6 +78,12 @@ def test_a_scene_with_three_states_and_the_default_methods():
             one = alone(field, start, span=(0, 4), epsilon=1e-3, rtol=rtol)
             assert many.method is one.stats.method
             assert np.array_equal(many.last[i], one.y[:, -1])
+    # Read at many times at a loose tolerance, where the method is another one than for the end alone.
+    options = {"span": (0, 4), "epsilon": 1e-3, "rtol": 1e-3, "at": np.linspace(0, 4, 30)}
+    many = integrate_many(field, starts, **options)
+    assert many.method is Method.RADAU9
+    for i, start in enumerate(starts):
+        assert np.array_equal(many.y[i], alone(field, start, **options).y)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

@@ -150,13 +150,13 @@ def test_a_run_that_was_handed_over_is_read_by_the_method_of_each_step():
     """Robertson's start looks harmless; Rodas5P goes on, and only its steps are in doubt."""
     slow, fast = x / 25 - 10**4 * y * z, 3 * 10**7 * y**2
     field = VectorField({x: -slow, y: slow - fast, z: fast}, epsilon=None)
-    options = {"span": (0, 40), "rtol": 1e-3, "atol": 1e-10}
+    options = {"span": (0, 40), "rtol": 3e-2, "atol": 1e-10}
     at = np.geomspace(1e-5, 40, 300)
     run = integrate(field, start={"x": 1, "y": 0, "z": 0}, at=at, **options)
     assert run.stats.method is Method.RODAS5P
     assert run._record.series > 1
     tight = integrate(field, start={"x": 1, "y": 0, "z": 0}, at=at, **options | {"rtol": 1e-10, "atol": 1e-16})
-    assert worst(run.y, tight.y, 1e-3, 0.0) < 10
+    assert worst(run.y, tight.y, 3e-2, 0.0) < 10
     many = integrate_many(field, [{"x": 1, "y": 0, "z": 0}], at=at, **options)
     assert np.array_equal(many.y[0], run.y)
     assert many.member(0).stats == replace(run.stats, method=many.member(0).stats.method)

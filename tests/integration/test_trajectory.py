@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError, GspError, Status
+from gsp.integration.events import Event
 from gsp.integration.loop import Run, run
 from gsp.integration.trajectory import Method, integrate
 from gsp.lowering.compiled_flow import compile_flow
@@ -191,6 +192,12 @@ def test_the_method_follows_the_flow_unless_given():
     stiff = {"start": {"s": 1, "c": 0}, "span": (0, 10), "epsilon": 1e-4}
     assert integrate(ENZYME, rtol=1e-3, **stiff).stats.method is Method.RODAS5P
     assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RADAU9
+    # Over an output grid Rodas5P would look at its dense output step by step.
+    few, many = (np.linspace(*stiff["span"], m) for m in (19, 20))
+    assert integrate(ENZYME, rtol=1e-3, at=few, **stiff).stats.method is Method.RODAS5P
+    assert integrate(ENZYME, rtol=1e-3, at=many, **stiff).stats.method is Method.RADAU9
+    assert integrate(ENZYME, rtol=3e-2, at=many, **stiff).stats.method is Method.RODAS5P
+    assert integrate(ENZYME, rtol=1e-3, at=many, events=Event("s"), **stiff).stats.method is Method.RODAS5P
     assert integrate(ENZYME, rtol=1e-11, **stiff).stats.method is Method.RADAU13
     # Declared stiff, and measured not to be.
     assert oscillate().stats.method is Method.TAYLOR
