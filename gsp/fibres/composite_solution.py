@@ -24,6 +24,7 @@ from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.slow.series import SeriesManifold, expand
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
@@ -37,7 +38,7 @@ RTOL, ATOL = 1e-12, 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompositeSolution(Card):
+class CompositeSolution(Card, Tabular):
     """A composite expansion z(t): `t` (m,) and `y` (n, m), read-only, rows as in `names`.
 
     `["name"]` is a state, a reconstruction variable or an observable over `t`, `.at(t)` the state at other times,

@@ -6,13 +6,14 @@ What a model file would give at every time, XPPAUT gives as it was at the start,
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from gsp.errors import ModelFileError
 
 _NAMES = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
 
 Quantities = Mapping[str, tuple[int, tuple[str, ...], str]]
+Uses = Mapping[str, set[str]]
 
 
 def check_order_of_quantities(
@@ -22,41 +23,66 @@ def check_order_of_quantities(
 
     `quantities` are (line, arguments, text) by name, in order; `derived` those with `!`, `moving` the states and t.
     """
-    uses = {name: _used(arguments, text) for name, (_, arguments, text) in quantities.items()}
+    uses = {name: set(_NAMES.findall(text)) - set(own) for name, (_, own, text) in quantities.items()}
+    carried = _carried(uses, moving)
+    for name in quantities:
+        if name in derived and name in carried:
+            raise ModelFileError(
+                f"line {quantities[name][0]}: !{name} is a constant for XPPAUT, worked out at the start, and uses "
+                f"{carried[name]}. Take ! away where it is to move."
+            )
+    functions = {name for name, (_, own, _) in quantities.items() if own}
+    for names in (set(quantities) - functions - set(derived), set(derived)):
+        _check_places(quantities, uses, functions, names)
+
+
+def _check_places(quantities: Quantities, uses: Uses, functions: set[str], names: Collection[str]) -> None:
+    """Refuse one of `names` that uses, itself or by way of functions, another of them below it."""
     places = {name: place for place, name in enumerate(quantities)}
-    for name, (number, arguments, _) in quantities.items():
-        if arguments:
-            continue
-        reached = _reached(name, uses, quantities)
-        if name in derived and (states := sorted((reached | _reached(name, uses, None)) & set(moving))):
+    # The lowest of `names` that a function uses, by way of other functions too.
+    lowest: dict[str, str | None] = {}
+
+    def below(used: Collection[str]) -> str | None:
+        found = [word if word in names else lowest.get(word) for word in used]
+        return max(filter(None, found), key=places.__getitem__, default=None)
+
+    for function in _innermost_first(functions, uses):
+        lowest[function] = below(uses[function])
+    for name in quantities:
+        other = below(uses[name]) if name in names else None
+        if other is not None and places[other] > places[name]:
             raise ModelFileError(
-                f"line {number}: !{name} is a constant for XPPAUT, worked out at the start, and uses {states[0]}. "
-                "Take ! away where it is to move."
-            )
-        late = [
-            other
-            for other in sorted(reached & quantities.keys())
-            if not quantities[other][1]
-            and places[other] > places[name]
-            and (other in derived) == (name in derived)
-        ]
-        if late:
-            raise ModelFileError(
-                f"line {number}: {name} uses {late[0]}, which stands below it; XPPAUT takes its value of the step "
-                f"before. Put {late[0]} above."
+                f"line {quantities[name][0]}: {name} uses {other}, which stands below it; XPPAUT takes its value of "
+                f"the step before. Put {other} above."
             )
 
 
-def _used(arguments: Collection[str], text: str) -> set[str]:
-    return set(_NAMES.findall(text)) - set(arguments)
+def _innermost_first(functions: Collection[str], uses: Uses) -> Iterator[str]:
+    """The functions, each behind those that it uses; a circle, which is refused elsewhere, is cut somewhere."""
+    begun: set[str] = set()
+    for first in functions:
+        waiting = [(first, False)]
+        while waiting:
+            name, is_ready = waiting.pop()
+            if is_ready:
+                yield name
+            elif name not in begun:
+                begun.add(name)
+                waiting.append((name, True))
+                waiting += [(word, False) for word in uses[name] if word in functions and word not in begun]
 
 
-def _reached(name: str, uses: Mapping[str, set[str]], quantities: Quantities | None) -> set[str]:
-    """What a quantity uses, by way of functions, and without `quantities` by way of everything."""
-    waiting, reached = [name], set()
+def _carried(uses: Uses, moving: Collection[str]) -> dict[str, str]:
+    """For each quantity that moves what it moves with."""
+    users: dict[str, list[str]] = {}
+    for name in sorted(uses):
+        for word in uses[name]:
+            users.setdefault(word, []).append(name)
+    carried: dict[str, str] = {}
+    waiting = [(word, name) for word in sorted(moving) for name in users.get(word, ())]
     while waiting:
-        for word in uses[waiting.pop()] - reached:
-            reached.add(word)
-            if word in uses and (quantities is None or quantities[word][1]):
-                waiting.append(word)
-    return reached
+        word, name = waiting.pop()
+        if name not in carried:
+            carried[name] = word
+            waiting += [(word, other) for other in users.get(name, ())]
+    return carried

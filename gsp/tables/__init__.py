@@ -12,8 +12,10 @@ from gsp.comparison.comparison import Comparison
 from gsp.comparison.failures import FailureMap
 from gsp.comparison.work_curves import WorkPrecision
 from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
+from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
+from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
 from gsp.slow.slow_points import SlowPoints
 from gsp.slow.solved_manifold import SampledManifold
@@ -23,8 +25,10 @@ from gsp.tables.table import Column, Table
 __all__ = ["Column", "Table", "table_of"]
 
 _TABLES: Mapping[type, Callable[[Any], Table]] = {
+    CanardOrbits: runs.canard_orbits,
     Choice: comparisons.choice,
     Comparison: comparisons.comparison,
+    CompositeSolution: runs.composite_solution,
     CriticalCurve: manifolds.curve,
     CriticalSheet: manifolds.sheet,
     Ensemble: runs.ensemble,

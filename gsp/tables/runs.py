@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from gsp.choice.simulation import Simulation
+from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
+from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
 from gsp.systems.flow import Flow
 from gsp.tables.table import Column, Names, Table, complexes, texts
@@ -68,6 +70,42 @@ def simulation(run: Simulation) -> Table:
         "field_calls": run.field_calls, "reduced_share": run.reduced_share,
     }  # fmt: skip
     return Table("Simulation", coordinates, variables, told, (time,))
+
+
+def composite_solution(found: CompositeSolution) -> Table:
+    """States, what is reconstructed and observables over t."""
+    system = found.inner.branch.system
+    quantities = dict.fromkeys([*found.names, *(s.name for s in system.observables)])
+    names = Names([*quantities, *(s.name for s in system.parameters), system.epsilon.name])
+    time = names("t")
+    variables = {name: Column((time,), found[name]) for name in quantities}
+    coordinates = {time: Column((time,), found.t), **_scalars(_constants(system, found.epsilon))}
+    told = {"status": found.status.name, "order": found.order, "layer_time": found.layer_time}
+    return Table("CompositeSolution", coordinates, variables, told, (time,))
+
+
+def canard_orbits(found: CanardOrbits) -> Table:
+    """A row for each canard: which one it is, where it crosses the section, and how well it is known."""
+    names = _names(found.system)
+    canard = names("canard")
+    over = (canard,)
+    canards = found.canards
+    variables = {
+        s.name: Column(over, np.array([c.point[s.name] for c in canards])) for s in found.system.states
+    }
+    variables[names("kind")] = Column(over, texts(c.kind for c in canards))
+    for label in ("half_turns", "time_before", "time_after", "crossing_gap", "residual", "error"):
+        values = [getattr(c, label) for c in canards]
+        column = np.array([np.nan if value is None else float(value) for value in values])
+        variables[names(label)] = Column(over, column)
+    coordinates = {canard: Column(over, texts(c.name for c in canards))}
+    coordinates |= _scalars(_constants(found.system, found.epsilon))
+    section, value = found.section
+    told = {
+        "status": found.status.name, "message": found.message, "section": section, "section_value": value,
+        "expected": found.expected, "unresolved": found.unresolved,
+    }  # fmt: skip
+    return Table("CanardOrbits", coordinates, variables, told, over)
 
 
 def periodic_orbit(orbit: PeriodicOrbit) -> Table:

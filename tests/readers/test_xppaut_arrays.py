@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gsp.errors import ModelFileError
+from gsp.readers import xppaut_order
 from gsp.readers.xppaut import read_ode
 from gsp.readers.xppaut_arrays import LINES, without_sums, written_out
 from tests import xppaut
@@ -152,3 +155,21 @@ def test_arrays_are_written_out_as_xppaut_prints_them(path: Path) -> None:
 def test_there_are_files_with_arrays() -> None:
     assert len(WITH_ARRAYS) >= 6
     assert len(FILES) >= 20
+
+
+def test_the_order_of_thousands_of_quantities_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = Counter()
+    carried = xppaut_order._carried
+
+    def looked_at(uses: Mapping[str, set[str]], moving: set[str]) -> dict[str, str]:
+        class Counting(dict):
+            def __getitem__(self, name: str) -> set[str]:
+                counted[name] += 1
+                return super().__getitem__(name)
+
+        return carried(Counting(uses), moving)
+
+    monkeypatch.setattr(xppaut_order, "_carried", looked_at)
+    chain = "\n".join(f"!a{i}=a{i - 1}+1" if i else "!a0=1" for i in range(1500))
+    assert len(read_ode(f"{chain}\nx'=a1499-x\n").definitions) == 1500
+    assert set(counted.values()) == {1}

@@ -33,7 +33,8 @@ def nested(values: list, shape: list[int]) -> None:
 
 def test_what_is_a_table_or_a_grid_is_tabular() -> None:
     assert set(TABULAR) == {
-        "Choice", "Comparison", "CriticalCurve", "CriticalSheet", "Ensemble", "FailureMap", "FoldCurve", "MethodTable",
+        "CanardOrbits", "Choice", "Comparison", "CompositeSolution", "CriticalCurve", "CriticalSheet",
+        "Ensemble", "FailureMap", "FoldCurve", "MethodTable",
         "OrbitFamily", "PeriodicOrbit", "SampledManifold", "Simulation", "SlowPoints", "Trajectory", "WorkPrecision",
     }  # fmt: skip
 

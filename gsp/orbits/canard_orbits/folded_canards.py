@@ -27,6 +27,7 @@ from gsp.orbits.canard_orbits.frame import Frame, Plane, frame_at, line_of, sect
 from gsp.orbits.canard_orbits.line import SheetNotFound
 from gsp.orbits.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.singular.singularities import FoldedSingularity
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon
@@ -54,7 +55,7 @@ class CanardOrbitError(GspError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CanardOrbits(Drawn):
+class CanardOrbits(Drawn, Tabular):
     """The canards of a folded node at one epsilon: `canards` from the strong one inwards, the weak one last.
 
     - `attracting` and `repelling` are the sheets' curves in the section, `section` its (name, value);
