@@ -91,11 +91,11 @@ from .singular.singularities import canard_value as canard_value
 from .singular.singularities import folded_singularities as folded_singularities
 from .singular.singularities import match_canard as match_canard
 from .slow.raw_series import carry_back as carry_back
+from .slow.sampled_manifold import SampledManifold as SampledManifold
 from .slow.series import SeriesManifold as SeriesManifold
 from .slow.series import expand as expand
 from .slow.slow_points import SlowPoints as SlowPoints
 from .slow.slow_points import zero_derivative as zero_derivative
-from .slow.solved_manifold import SampledManifold as SampledManifold
 from .slow.solved_manifold import solve_manifold as solve_manifold
 from .slow_tubes.certify import certify as certify
 from .slow_tubes.reduction_error import ReductionBound as ReductionBound

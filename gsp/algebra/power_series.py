@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
-from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import Element
 from gsp.errors import UnsupportedFunctionError
 
 

@@ -25,7 +25,8 @@ from gsp.charts.style import (
     mathematics,
     name_axes,
 )
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.singular.passage import FoldExit, FoldPassage, MeasuredDelay
 from gsp.systems.system import SlowFastSystem
 

@@ -11,7 +11,8 @@ import sympy as sp
 from gsp.analysis.analysis import Analysis
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.integration.trajectory import Trajectory
-from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.slow.truncation import errors, past
 from gsp.systems.flow import Flow
 from gsp.systems.system import SlowFastSystem

@@ -32,7 +32,7 @@ from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.slow.solved_manifold import SampledManifold
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.arguments import check_flag
 from gsp.systems.flow import Flow, check_orders
 from gsp.systems.region import Interval

@@ -18,8 +18,9 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold
-from gsp.slow.solved_manifold import SampledManifold, solve_manifold
+from gsp.slow.solved_manifold import solve_manifold
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.

@@ -18,10 +18,10 @@ from gsp.fibres.base_points import project
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import finite_rows
+from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold, expand
-from gsp.slow.solved_manifold import SampledManifold
 
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.

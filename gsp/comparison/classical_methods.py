@@ -20,7 +20,8 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError
-from gsp.lowering.compiled_flow import CompiledFunction, compile_function, parameter_vector
+from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.systems.system import SlowFastSystem
 

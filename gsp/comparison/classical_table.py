@@ -21,9 +21,10 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.slow.slow_points import zero_derivative
-from gsp.slow.solved_manifold import SampledManifold, solve_manifold
+from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.arguments import shown
 from gsp.systems.flow import as_points, check_epsilons, check_orders
 from gsp.systems.region import Interval

@@ -12,7 +12,7 @@ from gsp.critical.sampling import Sampler
 from gsp.errors import GspError
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import finite_rows
+from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.slow.slow_points import zero_derivative

@@ -15,17 +15,24 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import coefficients
-from gsp.errors import BranchError, DeclarationError
+from gsp.critical.sheet_points import (
+    NEWTON_STEPS,
+    NEWTON_TOLERANCE,
+    Allowance,
+    distinct,
+    guesses,
+    newton_at_each,
+    place,
+    solve_each,
+)
+from gsp.errors import BranchError
 from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet, follow_sheets
-from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function, finite_rows
 from gsp.results.card import Card
-from gsp.systems.arguments import check_array, shown
-from gsp.systems.flow import Point, Portable, as_points, complete
+from gsp.systems.flow import Point, Portable, as_points
 from gsp.systems.system import SlowFastSystem
 
-# A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
-NEWTON_TOLERANCE = 1e-12
-NEWTON_STEPS = 40
 # Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
 REAL_TOLERANCE = 1e-7
 # Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
@@ -34,20 +41,6 @@ REAL_TOLERANCE = 1e-7
 PIECES = (1, 4, 16)
 END_TOLERANCE = 1e-13
 TRIALS = 600
-
-
-class Allowance:
-    """Continuation steps that a search may still take along a sheet; `spent` when it was denied some."""
-
-    def __init__(self, steps: int) -> None:
-        self.left = steps
-        self.spent = False
-
-    def take(self, steps: int) -> bool:
-        """Whether `steps` more may be taken."""
-        self.spent = self.spent or steps > self.left
-        self.left -= 0 if self.spent else steps
-        return not self.spent
 
 
 @dataclass(frozen=True)
@@ -80,7 +73,7 @@ class Branch(Portable, Card):
         Raises `BranchError` where the branch has no real point, or several and nothing to choose between them.
         """
         array, single = as_points(self.system.x, x, what="x")
-        guess = None if near is None else self._guess(near, len(array))
+        guess = None if near is None else guesses(near, len(array), self.system.y)
         if self.graph is not None:
             y = self.graph_values(array)
         elif guess is not None:
@@ -96,19 +89,6 @@ class Branch(Portable, Card):
         else:
             y = np.array([self._only(point) for point in array])
         return y[0] if single else y
-
-    def _guess(self, near, count: int) -> np.ndarray:
-        """`near` as starts (m, n_fast) of Newton's method, finite."""
-        names = ", ".join(s.name for s in self.system.y)
-        be = f"finite numbers for {names}, (n_fast,) or (m, n_fast)"
-        array = check_array(near, what="near", be=be)
-        shape = (count, len(self.system.y))
-        if np.isfinite(array).all() and array.size:
-            try:
-                return np.array(np.broadcast_to(array, shape))
-            except ValueError:
-                pass
-        raise DeclarationError(f"near is {be}. Got {shown(near)} for {count} points.")
 
     def roots(self, x, *, bounds: Mapping[str, tuple[float, float]] | None = None) -> np.ndarray:
         """All real points (k, n_fast) of the branch over one slow point `x`, within `bounds` on fast variables.
@@ -260,7 +240,7 @@ class Branch(Portable, Card):
         z = np.hstack([x, y])
         slope = self._slow_jacobian(z, self._values).reshape(len(z), n, -1)
         jacobian = self._jacobian(z, self._values).reshape(-1, n, n)
-        predicted = y - _solve(jacobian, np.einsum("mij,mj->mi", slope, step))
+        predicted = y - solve_each(jacobian, np.einsum("mij,mj->mi", slope, step))
         usable = np.isfinite(predicted).all(axis=1)
         predicted[~usable] = y[~usable]
         corrected, good = self._newton(x + step, predicted)
@@ -341,29 +321,9 @@ class Branch(Portable, Card):
 
     def _newton(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's method at all points at once; returns y and which points converged."""
-        n = y.shape[1]
-        good = np.zeros(len(x), dtype=bool)
-        active = np.arange(len(x))
-        y = y.copy()
-        for _ in range(NEWTON_STEPS):
-            z = np.hstack([x[active], y[active]])
-            residual = self._residual(z, self._values)
-            jacobian = self._jacobian(z, self._values).reshape(-1, n, n)
-            finite = np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
-            active, residual, jacobian = active[finite], residual[finite], jacobian[finite]
-            step = _solve(jacobian, residual)
-            finite = np.isfinite(step).all(axis=1)
-            active, step = active[finite], step[finite]
-            # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
-            scale = 1.0 + np.linalg.norm(y[active], axis=1)
-            length = np.linalg.norm(step, axis=1)
-            y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
-            done = length <= NEWTON_TOLERANCE * scale
-            good[active[done]] = True
-            active = active[~done]
-            if len(active) == 0:
-                break
-        return y, good
+        return newton_at_each(
+            lambda z: self._residual(z, self._values), lambda z: self._jacobian(z, self._values), x, y
+        )
 
     def _only(self, point: np.ndarray) -> np.ndarray:
         if self._polynomial is None:
@@ -407,12 +367,7 @@ class Branch(Portable, Card):
         unit = qmc.Halton(d=len(box), scramble=False).random(64)
         guess = box[:, 0] + unit * (box[:, 1] - box[:, 0])
         y, good = self._newton(np.broadcast_to(point, (64, len(point))), guess)
-        found: list[np.ndarray] = []
-        for candidate in y[good]:
-            scale = 1e-8 * (1.0 + np.linalg.norm(candidate))
-            if all(np.linalg.norm(candidate - other) > scale for other in found):
-                found.append(candidate)
-        return np.array(sorted(found, key=tuple)).reshape(-1, len(box))
+        return distinct(y[good])
 
     def _shown(self, point: np.ndarray) -> str:
         return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, point))
@@ -442,26 +397,3 @@ class Branch(Portable, Card):
 
     def __hash__(self) -> int:
         return hash((self.system, self.equations, self.seed))
-
-
-def _solve(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Batched solution of A s = b; not a number where A is singular."""
-    if matrices.shape[-1] == 1:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return vectors / matrices[:, :, 0]
-    try:
-        return np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
-    except np.linalg.LinAlgError:
-        result = np.full_like(vectors, np.nan)
-        for i, (matrix, vector) in enumerate(zip(matrices, vectors)):
-            try:
-                result[i] = np.linalg.solve(matrix, vector)
-            except np.linalg.LinAlgError:
-                continue
-        return result
-
-
-def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
-    values = np.array(complete(point, system.states, what="point"))
-    return values[: len(system.x)], values[len(system.x) :]

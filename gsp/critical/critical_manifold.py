@@ -12,10 +12,12 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.critical.branch import Branch, place
+from gsp.critical.branch import Branch
 from gsp.critical.elimination import pieces
+from gsp.critical.sheet_points import place
 from gsp.errors import BranchError, GspError
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun

@@ -18,7 +18,8 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.errors import BranchError, DeclarationError, nearest
-from gsp.lowering.compiled_flow import CompiledFunction, compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Point, named
 from gsp.systems.region import Interval, check_interval

@@ -10,9 +10,11 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.algebra.laurent import laurent
-from gsp.critical.branch import Allowance, Branch
+from gsp.critical.branch import Branch
+from gsp.critical.sheet_points import Allowance
 from gsp.critical.spectrum import eigenvalues
-from gsp.lowering.compiled_flow import compile_flow, compile_function, finite_rows
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function, finite_rows
 from gsp.systems.region import Interval
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.

@@ -21,8 +21,8 @@ from gsp.errors import DeclarationError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.fibres.shadowing import shadow
 from gsp.results.card import Card
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold
-from gsp.slow.solved_manifold import SampledManifold
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Point, check_epsilon, check_order

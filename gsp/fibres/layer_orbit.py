@@ -15,7 +15,8 @@ from gsp.critical.branch import Branch
 from gsp.errors import BranchError, HyperbolicityError
 from gsp.fibres.decaying_signals import Panels, Signal, SignalRing, chebyshev, tail
 from gsp.integration.trajectory import Method, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem, VectorField
 

@@ -18,7 +18,8 @@ from gsp.fibres.decaying_signals import chebyshev
 from gsp.fibres.inner_expansion import Problem
 from gsp.fibres.layer_orbit import land
 from gsp.integration.trajectory import Method, Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.lowering.tape import write_tape
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative

@@ -9,40 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import Sampler, grid
-from gsp.errors import BranchError
+from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.exclusion import Exclusion, exclude
-from gsp.hyperbolicity.losses import Loss, LossKind, ends_on_grid, examine, sheet_ends, singular_points
-from gsp.hyperbolicity.losses.examination import Examination
-from gsp.hyperbolicity.losses.locator import signed_gap, unstable
+from gsp.hyperbolicity.losses import Loss, LossKind
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
+from gsp.hyperbolicity.samples import Kind, is_worse, judged_samples, kind_of, sampled
 from gsp.results.card import Card
 from gsp.systems.arguments import check_flag, check_noun
-from gsp.systems.flow import LARGEST, as_points, check_epsilon
+from gsp.systems.flow import as_points, check_epsilon
 from gsp.systems.region import Interval, check_region
 
 if TYPE_CHECKING:
     from gsp.proofs.certificate import Certificate
 
 EQUILIBRIUM_TOLERANCE = 1e-9
-# The least gap is refined to about this share of it.
-REFINED_TO = 1e-6
-
-
-class Kind(StrEnum):
-    """Type of normal hyperbolicity."""
-
-    ATTRACTING = "attracting"
-    REPELLING = "repelling"
-    SADDLE = "saddle"
-    LOST = "lost"
 
 
 @dataclass(frozen=True)
@@ -189,14 +175,14 @@ def classify(
     system = branch.system
     box = check_region(region, [s.name for s in system.states], required=[s.name for s in system.x])
     sampler = Sampler(branch)
-    samples = _sampled(sampler, box)
-    judged = _judged(sampler, box, samples, epsilon)
+    samples = sampled(sampler, box)
+    judged = judged_samples(sampler, box, samples, epsilon)
     exclusion = None
     if not judged.lost and len(judged.kinds) == 1:
         exclusion = exclude(sampler, box, samples.z)
-        if _is_worse(sampler, exclusion, judged):
+        if is_worse(sampler, exclusion, judged):
             samples = samples.with_more(sampler, exclusion)
-            judged = _judged(sampler, box, samples, epsilon)
+            judged = judged_samples(sampler, box, samples, epsilon)
     z, kinds = samples.z, judged.kinds
     lost = judged.lost or len(kinds) != 1
     evidence = f"sampled at {len(z)} points"
@@ -207,7 +193,7 @@ def classify(
     verdict = Hyperbolicity(
         branch=branch,
         region=box,
-        kind=Kind.LOST if lost else _kind(int(kinds[0]), len(system.y)),
+        kind=Kind.LOST if lost else kind_of(int(kinds[0]), len(system.y)),
         gap=judged.gap,
         rates=rates,
         losses=judged.losses,
@@ -221,133 +207,6 @@ def classify(
         exclusion=exclusion,
     )
     return verdict.with_proof(epsilon=epsilon) if prove else verdict
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """Points `z` (m, n) of a branch in the region, their eigenvalues, pairs of linked ones, and how many are missing.
-
-    `ends` are samples each with a slow point next to them that has none.
-    """
-
-    z: np.ndarray
-    eigenvalues: np.ndarray
-    links: tuple[np.ndarray, np.ndarray]
-    missing: int
-    ends: list[tuple[np.ndarray, np.ndarray]]
-
-    def with_more(self, sampler: Sampler, exclusion: Exclusion) -> _Samples:
-        """With the points that were sampled between them."""
-        values = sampler.eigenvalues(exclusion.points)
-        finite = np.isfinite(values).all(axis=1)
-        more, origins = exclusion.points[finite], exclusion.origins[finite]
-        a, b = self.links
-        return _Samples(
-            np.vstack([self.z, more]),
-            np.vstack([self.eigenvalues, values[finite]]),
-            (np.vstack([a, origins]), np.vstack([b, more])),
-            self.missing + len(exclusion.ends) + int((~finite).sum()),
-            [*self.ends, *exclusion.ends],
-        )
-
-
-def _sampled(sampler: Sampler, box: Mapping[str, Interval]) -> _Samples:
-    branch = sampler.branch
-    x = grid(np.array([box[s.name] for s in sampler.system.x]))
-    z, rows = _points(sampler, x, box)
-    missing = len(x) - len(np.unique(rows))
-    ends = ends_on_grid(z, rows, x) if missing else []
-    bounded = sampler.inside(z, box)
-    links = sampler.links(z[bounded], rows[bounded], x)
-    z = z[bounded]
-    if len(z) == 0:
-        raise BranchError(
-            f"the branch {branch} has no real point in the region {_shown(box)}. "
-            "Move the region, or take another branch."
-        )
-    _refuse_beyond_doubles(branch, z, box)
-    eigenvalues = sampler.eigenvalues(z)
-    finite = np.isfinite(eigenvalues).all(axis=1)
-    missing += int((~finite).sum())
-    return _Samples(z[finite], eigenvalues[finite], links, missing, ends)
-
-
-def _refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Interval]) -> None:
-    """Raise `BranchError` when the branch goes where no region may: losses are told by third powers."""
-    place, k = np.unravel_index(np.argmax(np.where(np.isfinite(z), np.abs(z), 0.0)), z.shape)
-    if abs(z[place, k]) > LARGEST:
-        names = [s.name for s in branch.system.states]
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
-        raise BranchError(
-            f"the branch {branch} reaches beyond {LARGEST:g} in the region {_shown(box)}: {at}. "
-            f"Rescale {names[k]}, or bound it in the region."
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """What the samples say: the losses, the gap, and the numbers of unstable directions."""
-
-    found: Examination
-    losses: tuple[Loss, ...]
-    kinds: np.ndarray
-    lost: bool
-
-    @property
-    def gap(self) -> float:
-        return self.found.gap
-
-
-def _judged(sampler: Sampler, box: Mapping[str, Interval], samples: _Samples, epsilon: float | None) -> _Judged:
-    branch = sampler.branch
-    scale = float(np.abs(samples.eigenvalues).max(initial=0.0)) or 1.0
-    kinds = np.unique(unstable(samples.eigenvalues))
-    found = examine(sampler, box, scale, samples.z, samples.eigenvalues, samples.links, epsilon=epsilon)
-    losses = found.losses
-    if samples.missing and not losses and found.diagnosis is not None:
-        losses = tuple(sheet_ends(found.diagnosis, samples.ends))
-    lost = any(not loss.is_hyperbolic for loss in losses) or samples.missing > 0 or found.gap <= found.zero
-    if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
-        raise BranchError(
-            f"the branch {branch} has sheets of different type in the region {_shown(box)}: "
-            f"{', '.join(_kind(int(k), len(sampler.system.y)) for k in kinds)}. "
-            "Fix one with branch.through({...}), or bound the fast variables."
-        )
-    return _Judged(found, losses, kinds, lost)
-
-
-def _is_worse(sampler: Sampler, exclusion: Exclusion, judged: _Judged) -> bool:
-    """Whether points between the samples change the verdict: a smaller gap, another type, or no point."""
-    if exclusion.ends or not len(exclusion.points):
-        return bool(exclusion.ends)
-    values = sampler.eigenvalues(exclusion.points)
-    least = signed_gap(values, np.full(len(values), judged.kinds[0]))
-    return bool((~(least >= judged.gap * (1.0 - REFINED_TO))).any())
-
-
-def _points(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:
-    """Samples over the grid x and their rows; where Newton's method finds none, those of a singular branch."""
-    reason = None
-    try:
-        z, rows = sampler.points(x, box)
-    except BranchError as error:
-        z, rows, reason = np.empty((0, len(sampler.system.states))), np.empty(0, dtype=int), error
-    if not sampler.branch.is_explicit and (len(z) < len(x) // 2 or sampler.is_singular(z)):
-        singular = singular_points(sampler, box, x)
-        if len(singular):
-            nx = x.shape[1]
-            return singular, np.array(
-                [int(np.argmin(np.abs(x - point[:nx]).sum(axis=1))) for point in singular]
-            )
-    if reason is not None:
-        raise reason
-    return z, rows
-
-
-def _kind(unstable: int, fast: int) -> Kind:
-    if unstable == 0:
-        return Kind.ATTRACTING
-    return Kind.REPELLING if unstable == fast else Kind.SADDLE
 
 
 def _conditions(
@@ -417,7 +276,3 @@ def _conditions(
             "at least 1 needed for a C^1 manifold",
             r >= 1.0,
         )
-
-
-def _shown(box: Mapping[str, Interval]) -> str:
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in box.items())

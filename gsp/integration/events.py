@@ -12,7 +12,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, nearest
 from gsp.integration.crossings import Watched, settle_event
-from gsp.lowering.compiled_flow import compile_function
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
 from gsp.systems.flow import Flow

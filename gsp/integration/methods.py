@@ -18,13 +18,7 @@ from gsp.kernels.radau_block import memory_size
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.kernels.taylor import taylor
-from gsp.lowering.compiled_flow import (
-    COLLOCATION_LOOPS,
-    EXPLICIT_LOOPS,
-    ROSENBROCK_LOOPS,
-    CompiledFlow,
-    Loops,
-)
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, ROSENBROCK_LOOPS, CompiledFlow, Loops
 from gsp.lowering.steps.taylor import dense_rows
 from gsp.systems.arguments import shown
 

@@ -15,7 +15,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.slow.chebyshev import ChebyshevSurface
-from gsp.slow.solved_manifold import SampledManifold
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.declaration import exact
 from gsp.systems.flow import Flow, Point, Values, complete
 

@@ -1,8 +1,4 @@
-"""Flows and expressions as machine code, by address.
-
-Every compiled function has the signature `void f(double t, double* z, double* p, double* out)` with
-p = (epsilon, *parameters), so that kernels take any model, and another epsilon or parameter value compiles nothing.
-"""
+"""Flows as machine code, by address: fields, Jacobians, and the programs of integrators."""
 
 from __future__ import annotations
 
@@ -10,48 +6,38 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
-from threading import RLock
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
-from llvmlite import ir
 
-from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
+from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.kernels import addresses
 from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
-from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.rodas5p_loops import step_by_loops
 from gsp.kernels.taylor import taylor
+from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, compile_function, exact
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
-from gsp.lowering.steps.emission import LIBRARY, Emitter, nearest_double
+from gsp.lowering.steps.emission import LIBRARY, nearest_double
 from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
 from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
 from gsp.lowering.steps.sparse_pattern import write_pattern
 from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
-from gsp.lowering.steps.values import SIGNATURE, load, store
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
-
-# Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
-MOST_KEPT = 96
 
 Loops = tuple[Callable[..., Any], addresses.Signature]
 """A method's step for any flow, a kernel, and its signature."""
 ROSENBROCK_LOOPS: Loops = (step_by_loops, addresses.ROSENBROCK_LOOPS)
 COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)
 EXPLICIT_LOOPS: Loops = (explicit_by_loops, addresses.EXPLICIT_LOOPS)
-
-# One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
-_MAKING = RLock()
 
 
 if TYPE_CHECKING:
@@ -62,79 +48,8 @@ else:
         """A cached property that is made once, whatever the threads that ask for it first."""
 
         def __get__(self, instance, owner=None):
-            with _MAKING:
+            with MAKING:
                 return super().__get__(instance, owner)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CompiledFunction:
-    """Machine code for a tuple of expressions, callable from kernels by `address` and from Python by value.
-
-    `arguments` are the symbols of z, `parameters` those of p after epsilon. The address is good for as long as
-    this object lives.
-
-    >>> x, y = sp.symbols("x y")
-    >>> f = compile_function([x * y, x - y], arguments=[x, y], epsilon=None, parameters=[])
-    >>> f([[2.0, 3.0], [1.0, 5.0]], [float("nan")])
-    array([[ 6., -1.],
-           [ 5., -4.]])
-    """
-
-    address: int
-    arguments: tuple[sp.Symbol, ...]
-    parameters: tuple[sp.Symbol, ...]
-    outputs: int
-    _source: tuple
-    _engine: Engine
-
-    def __reduce__(self) -> tuple:
-        # Machine code stays where it was made: who receives this compiles it again.
-        return _compiled_again, self._source
-
-    def __call__(self, points: np.typing.ArrayLike, p: np.typing.ArrayLike) -> np.ndarray:
-        """Values (m, outputs) at `points` (m, n), or (outputs,) at one (n,); `p` is (epsilon, *parameters).
-
-        Raises `GspError` when a shape does not fit.
-        """
-        # Copies: compiled code takes writable contiguous arrays only.
-        z = np.array(points, dtype=float, order="C")
-        constants = np.array(p, dtype=float, order="C")
-        size, length = len(self.arguments), 1 + len(self.parameters)
-        if z.ndim not in (1, 2) or z.shape[-1] != size:
-            raise GspError(
-                f"points have shape (m, {size}) or ({size},), one column for each argument. Got {z.shape}."
-            )
-        if constants.shape != (length,):
-            raise GspError(f"p has shape ({length},): epsilon, then the parameters. Got {constants.shape}.")
-        rows = z if z.ndim == 2 else z[np.newaxis]
-        out = np.empty((rows.shape[0], self.outputs))
-        if out.size:
-            evaluate_many(self.address, rows, constants, out)
-        return out if z.ndim == 2 else out[0]
-
-    def __repr__(self) -> str:
-        names = ", ".join(symbol.name for symbol in self.arguments)
-        return f"CompiledFunction(arguments=({names}), outputs={self.outputs})"
-
-
-def compile_function(
-    outputs: Sequence[sp.Expr],
-    *,
-    arguments: Sequence[sp.Symbol],
-    epsilon: sp.Symbol | None,
-    parameters: Sequence[sp.Symbol],
-    through: Values = MappingProxyType({}),
-) -> CompiledFunction:
-    """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
-
-    `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments.
-
-    Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
-    """
-    with _MAKING:
-        return _compile(
-            tuple(map(_exact, outputs)), tuple(arguments), epsilon, tuple(parameters), tuple(through.items())
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -229,7 +144,7 @@ class CompiledFlow:
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
         known = self._collocations
-        with _MAKING:
+        with MAKING:
             if stages not in known:
                 known[stages] = _collocation(self.expressions, stages) if self.is_written else None
         return known[stages]
@@ -241,7 +156,7 @@ class CompiledFlow:
     def has_series(self, order: int, *, products: int, parts: int) -> bool:
         """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
         known = self._known_series
-        with _MAKING:
+        with MAKING:
             if (order, products, parts) not in known:
                 known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
                     self._series is not None and self._series.products(order) <= products
@@ -267,7 +182,7 @@ class CompiledFlow:
         known = self._taylor_programs.get(order)
         if known is not None:
             return known[0]
-        with _MAKING:
+        with MAKING:
             if order not in self._taylor_programs:
                 step = _taylor(self.expressions, order)
                 # The step is kept for its machine code.
@@ -343,7 +258,7 @@ class CompiledFlow:
 
     @_made_once
     def _values(self) -> tuple[float, ...]:
-        return float("nan"), *[nearest_double(_exact(value)) for value in self.values.values()]
+        return float("nan"), *[nearest_double(exact(value)) for value in self.values.values()]
 
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
         """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
@@ -386,13 +301,8 @@ class CompiledStep:
 @remembered
 def compile_flow(flow: Flow) -> CompiledFlow:
     """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
-    code = FlowCode(tuple(flow.states), tuple(map(_exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
+    code = FlowCode(tuple(flow.states), tuple(map(exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
-
-
-def finite_rows(values: np.ndarray) -> np.ndarray:
-    """Which rows of `values` (m, ...) are finite throughout: booleans (m,)."""
-    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
 def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
@@ -401,47 +311,6 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
     return np.array(compile_flow(flow).parameters(epsilon))
-
-
-@lru_cache(maxsize=MOST_KEPT)
-def _compile(
-    outputs: tuple[sp.Expr, ...],
-    arguments: tuple[sp.Symbol, ...],
-    epsilon: sp.Symbol | None,
-    parameters: tuple[sp.Symbol, ...],
-    through: tuple[tuple[sp.Symbol, sp.Expr], ...],
-) -> CompiledFunction:
-    module = ir.Module()
-    function = ir.Function(module, SIGNATURE, "f")
-    builder: Any = ir.IRBuilder(function.append_basic_block())
-    _, z, p, out = function.args
-    # All loads come before any store, so that `out` may overlap the arguments.
-    values = {symbol: load(builder, z, i) for i, symbol in enumerate(arguments)}
-    if epsilon is not None:
-        values[epsilon] = load(builder, p, 0)
-    values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
-    symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
-    values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
-    for i, value in enumerate(Emitter(builder, values).write(outputs)):
-        store(builder, value, out, i)
-    builder.ret_void()
-    engine = build(str(module), library=LIBRARY)
-    source = outputs, arguments, epsilon, parameters, dict(through)
-    return CompiledFunction(
-        engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
-    )
-
-
-def _compiled_again(
-    outputs: tuple[sp.Expr, ...],
-    arguments: tuple[sp.Symbol, ...],
-    epsilon: sp.Symbol | None,
-    parameters: tuple[sp.Symbol, ...],
-    through: Values,
-) -> CompiledFunction:
-    return compile_function(
-        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through
-    )
 
 
 @lru_cache(maxsize=MOST_KEPT // 3)
@@ -469,7 +338,3 @@ def _taylor(code: FlowCode, order: int) -> CompiledStep:
 def _step(text: str, names: Sequence[str], *numbers: int, optimised: bool = False) -> CompiledStep:
     engine = build(text, library=LIBRARY, optimised=optimised)
     return CompiledStep((*map(engine.get_function_address, names), *numbers), engine)
-
-
-def _exact(expression: object) -> sp.Expr:
-    return sp.sympify(expression, strict=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.instructions import write_instructions
 from gsp.lowering.remembering import remembered
 from gsp.systems.system import SlowFastSystem

@@ -13,8 +13,9 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.functions import are_rational
-from gsp.algebra.ring import Element, LocalisedRing, read
-from gsp.lowering.compiled_flow import compile_function
+from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import Element
+from gsp.lowering.compiled_function import compile_function
 from gsp.slow.coordinates import dot, invert
 
 Matrix = list[list[Element]]

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, entries, numbers

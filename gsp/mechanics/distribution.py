@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.mechanics.algebra import Algebra, entries, generic_points, numbers
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory

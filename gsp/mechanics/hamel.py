@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, transpose
 from gsp.mechanics.frame import MovingFrame, inverse_forms

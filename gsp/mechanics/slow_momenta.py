@@ -14,7 +14,7 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.mechanics.algebra import Algebra, Matrix
 from gsp.mechanics.hamel import HamelEquations
 from gsp.splitting.splitting import Splitting

@@ -14,7 +14,8 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError
-from gsp.lowering.compiled_flow import CompiledFunction, compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.flow import Flow
 
 # Decimal digits that a double put into an expression keeps: enough to come out again as the same double.

@@ -12,7 +12,7 @@ from flint import arb
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
-from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.proofs.ball_functions import BallFunction
 
 # Newton's method over doubles: so many steps, and done at rounding.

@@ -15,15 +15,12 @@ from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import named
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.report import mathml
+from gsp.report.claims import claims_of
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
 from gsp.report.reach import failures, reach
 from gsp.report.wording import fitted, number, span, words
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
-
-# A slope this far below what a field promises is a failure of the field, not of the measurement.
-SLOPE_TOLERANCE = 0.25
-ORDINALS = ("leading", "first", "second", "third", "fourth", "fifth", "sixth")
 
 
 class Page:
@@ -371,51 +368,11 @@ class Page:
         }
 
     def claims(self) -> list[dict[str, Any]]:
-        comparison = self.analysis.comparison
-        result = []
-        for name, rates in self.analysis.scene.claims.items():
-            promised = max((_degree(rate, self.epsilon) for rate in rates.values()), default=0) + 1
-            slope = comparison.claim_slopes[name]
-            result.append(
-                {
-                    "name": name,
-                    "field": [self.block(dotted(self.set.row(s)), self.by_power(r)) for s, r in rates.items()],
-                    "promised": promised,
-                    "slope": fitted(slope),
-                    "errors": comparison.claims[name],
-                    "right": slope >= promised - SLOPE_TOLERANCE,
-                    "verdict": self._judged(slope, promised),
-                }
-            )
-        return result
-
-    def _judged(self, slope: float, promised: int) -> Markup:
-        epsilon = self.inline(self.epsilon)
-        if math.isnan(slope):
-            return Markup("no error above rounding, or no run finished: nothing to fit")
-        if slope >= promised - SLOPE_TOLERANCE:
-            return Markup("error falls like {}<sup>{:.1f}</sup>: right through order {}").format(
-                epsilon, slope, promised - 1
-            )
-        wrong = max(0, round(slope))
-        ordinal = ORDINALS[wrong] if wrong < len(ORDINALS) else f"{wrong}th"
-        return Markup("error falls like {}<sup>{:.1f}</sup>, not {}<sup>{}</sup>: wrong at {} order").format(
-            epsilon, slope, epsilon, promised, ordinal
-        )
+        return claims_of(self)
 
     @staticmethod
     def _listed(words: list[str]) -> str:
         return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
-def _degree(rate: sp.Expr, epsilon: sp.Symbol) -> int:
-    """Through which power of epsilon a rate claims to be right: its degree, or 0 when it is no polynomial."""
-    expanded = sp.expand(rate)
-    return (
-        int(sp.Poly(expanded, epsilon).degree())
-        if expanded.has(epsilon) and expanded.is_polynomial(epsilon)
-        else 0
-    )
 
 
 def _is_decimal(value: sp.Basic) -> bool:

@@ -24,7 +24,8 @@ from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.scenes.scene import Scene
 from gsp.slow.expansion import Expansion

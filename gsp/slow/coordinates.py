@@ -17,7 +17,8 @@ from gsp.algebra.differentiation import derivative, jacobian
 from gsp.algebra.factorisation import quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
-from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import Element
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import HyperbolicityError

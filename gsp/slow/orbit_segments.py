@@ -13,13 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.collocation.bordered import Conditions, Equations, Step, linearise
+from gsp.collocation.bordered import Equations, Step, linearise
 from gsp.collocation.gauss import gauss
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
 from gsp.kernels.zero_derivative import CONVERGED
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.tape import Tape, write_tape
+from gsp.slow.segment_problem import Held, Point, SegmentProblem, step_length
 from gsp.slow.slow_points import climb
 from gsp.slow.slow_track import LEFT, Track, follow_slow_flow
 from gsp.tracing.newton import Rules, newton
@@ -153,7 +154,7 @@ class SegmentSolver:
                 target[q, a : a + b + 1] = getattr(downstream, name)[q, : b + 1]
         rows = np.arange(k)
         ends = (z[rows, 0].copy(), z[rows, counts].copy())
-        problem = _Problem(
+        problem = SegmentProblem(
             x=np.ascontiguousarray(x),
             lengths=lengths,
             counts=counts,
@@ -190,7 +191,7 @@ class SegmentSolver:
             iterations=int(iterations.sum()),
         )
 
-    def _refine(self, problem: _Problem, solution: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    def _refine(self, problem: SegmentProblem, solution: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Halve the elements until the solution stands still; returns the estimated error left (k,)."""
         error = np.full(len(solution), np.inf)
         part, nx = problem, len(self.system.x)
@@ -248,7 +249,7 @@ class SegmentSolver:
 
     # -- Newton's method ---------------------------------------------------------------------------
 
-    def _newton(self, problem: _Problem) -> tuple[list[Status], np.ndarray, np.ndarray]:
+    def _newton(self, problem: SegmentProblem) -> tuple[list[Status], np.ndarray, np.ndarray]:
         every = np.arange(len(problem.x))
         guess = problem.z.copy(), problem.stages.copy()
         self._refine_guess(problem, every, self.epsilon)
@@ -271,7 +272,7 @@ class SegmentSolver:
             reached[failed] = value
         return status, reached, iterations
 
-    def _refine_guess(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> None:
+    def _refine_guess(self, problem: SegmentProblem, rows: np.ndarray, epsilon: float) -> None:
         """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges."""
         for array in (problem.z, problem.stages):
             part = array[rows]
@@ -290,7 +291,9 @@ class SegmentSolver:
         good = (codes == CONVERGED) & (error <= np.linalg.norm(y - z[:, nx:], axis=1) + 1e-9)
         return np.where(good[:, None], y, z[:, nx:])
 
-    def _solve(self, problem: _Problem, rows: np.ndarray, epsilon: float) -> tuple[list[Status], np.ndarray]:
+    def _solve(
+        self, problem: SegmentProblem, rows: np.ndarray, epsilon: float
+    ) -> tuple[list[Status], np.ndarray]:
         """Newton's method on some segments, and again when the ends have moved from where they were fixed."""
         fast, k = len(self.system.y), len(rows)
         p = parameter_vector(self.system, epsilon)
@@ -311,7 +314,7 @@ class SegmentSolver:
         values, felt = fixed(), np.zeros(k)
         for _ in range(2):
             for q in range(k):
-                held = _Held(
+                held = Held(
                     problem.x[rows[q]], int(problem.middles[rows[q]]), bases[0][q, : fast - self.unstable],
                     values[0][q], bases[1][q, : self.unstable], values[1][q],
                 )  # fmt: skip
@@ -333,7 +336,7 @@ class SegmentSolver:
         self,
         p: np.ndarray,
         lengths: np.ndarray,
-        held: _Held,
+        held: Held,
         z: np.ndarray,
         stages: np.ndarray,
         response: np.ndarray,
@@ -355,72 +358,9 @@ class SegmentSolver:
                 response[:, i] = steps[1 + i].states[held.middle, nx:]
             return point[0] + share * steps[0].states, point[1] + share * steps[0].stages
 
-        found = newton((z, stages), step_of, length=_length, moved=moved, rules=RULES)
+        found = newton((z, stages), step_of, length=step_length, moved=moved, rules=RULES)
         z[:], stages[:] = found.point
         return found.status, found.iterations
-
-
-Point = tuple[np.ndarray, np.ndarray]
-
-
-def _length(steps: list[Step], point: Point) -> float:
-    """Largest change of a state, relative to 1 + |z|."""
-    return float((np.abs(steps[0].states) / (1.0 + np.abs(point[0]).sum(axis=1))[:, None]).max())
-
-
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """What fixes a segment: left y = at_left where it begins, x at its `middle`, right y = at_right where it ends."""
-
-    x: np.ndarray
-    middle: int
-    left: np.ndarray
-    at_left: np.ndarray
-    right: np.ndarray
-    at_right: np.ndarray
-
-    def conditions(self, z: np.ndarray) -> Conditions:
-        """As conditions of a step from the states z (m + 1, n): at the left, at the right, in the middle."""
-        nx, n = len(self.x), z.shape[1]
-        a, b = len(self.left), len(self.right)
-        left, right, inner = np.zeros((n, n)), np.zeros((n, n)), np.zeros((nx, len(z), n))
-        left[:a, nx:], right[a : a + b, nx:] = self.left, self.right
-        inner[:, self.middle, :nx] = np.eye(nx)
-        wanted = np.concatenate([
-            self.at_left[:a] - self.left @ z[0, nx:], self.at_right[:b] - self.right @ z[-1, nx:],
-            self.x - z[self.middle, :nx],
-        ])  # fmt: skip
-        return Conditions(left, right, np.zeros((n, 0)), wanted, inner)
-
-
-class _Problem:
-    """The arrays of k segments that one attempt works on."""
-
-    def __init__(self, *, x, lengths, counts, middles, z, stages, bases) -> None:
-        fast = bases[0].shape[1]
-        self.x, self.lengths, self.counts, self.middles = x, lengths, counts, middles
-        self.z, self.stages, self.bases = z, stages, bases
-        self.response = np.zeros((len(x), fast, fast))
-        self.moved = np.zeros((len(x), 2))
-
-    def halved(self, rows: np.ndarray, matrix: np.ndarray) -> _Problem:
-        """Some of the segments with every element cut in two, by `matrix` (2 s + 1, s + 1)."""
-        z, stages = self.z[rows], self.stages[rows]
-        k, m, s, n = stages.shape
-        inside = np.einsum("ij,kmjn->kmin", matrix, np.concatenate([z[:, :-1, None], stages], axis=2))
-        new_z = np.empty((k, 2 * m + 1, n))
-        new_z[:, ::2] = z
-        new_z[:, 1::2] = inside[:, :, s]
-        new_stages = np.stack([inside[:, :, :s], inside[:, :, s + 1 :]], axis=2).reshape(k, 2 * m, s, n)
-        return _Problem(
-            x=self.x[rows],
-            lengths=np.repeat(0.5 * self.lengths[rows], 2, axis=1),
-            counts=2 * self.counts[rows],
-            middles=2 * self.middles[rows],
-            z=new_z,
-            stages=np.ascontiguousarray(new_stages),
-            bases=tuple(basis[rows] for basis in self.bases),
-        )
 
 
 def _replace(result: Segments, rows: np.ndarray, new: Segments) -> None:

@@ -14,7 +14,8 @@ import sympy as sp
 from gsp.algebra.functions import are_rational
 from gsp.algebra.inversion import solve_for
 from gsp.algebra.power_series import SeriesProgram
-from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import Element
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.slow.coordinates import dot, invert
 from gsp.slow.series import Components, SeriesManifold

@@ -18,10 +18,11 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.ring import Element
+from gsp.algebra.ring_elements import Element
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
-from gsp.lowering.compiled_flow import compile_function, parameter_vector
+from gsp.lowering.compiled_flow import parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.slow.coordinates import Chart
 from gsp.slow.expansion import Expansion

@@ -8,8 +8,8 @@ from typing import overload
 from gsp.critical.branch import Branch
 from gsp.proofs.certificate import Certificate
 from gsp.proofs.certification import MOST_BOXES, certify_branch
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold
-from gsp.slow.solved_manifold import SampledManifold
 from gsp.slow_tubes.slow_tubes import SlowTube, certify_tube
 from gsp.slow_tubes.solved_tubes import SolvedTube, certify_solved
 from gsp.systems.arguments import check_noun

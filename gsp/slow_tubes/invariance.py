@@ -19,7 +19,8 @@ import sympy as sp
 from flint import arb
 
 from gsp.algebra.functions import are_rational, is_rational_node
-from gsp.algebra.ring import Element, LocalisedRing, read
+from gsp.algebra.ring import LocalisedRing, read
+from gsp.algebra.ring_elements import Element
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs.ball_functions import BallFunction
 from gsp.slow.coordinates import dot, invert

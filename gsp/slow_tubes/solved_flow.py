@@ -25,7 +25,7 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import without_decimals
 from gsp.slow.chebyshev import ChebyshevSurface
-from gsp.slow.solved_manifold import SampledManifold
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow_tubes.series_function import SeriesFunction
 
 # Coefficients of the residual on an interval, the last of them for the rest.

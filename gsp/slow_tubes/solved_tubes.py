@@ -25,7 +25,7 @@ from gsp.proofs.sides import rounded
 from gsp.proofs.tubes import Box
 from gsp.results.card import Card
 from gsp.slow.chebyshev import ChebyshevSurface
-from gsp.slow.solved_manifold import SampledManifold
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.isolation import Tally, norm
 from gsp.slow_tubes.slow_tubes import sentences

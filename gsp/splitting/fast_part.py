@@ -14,7 +14,8 @@ from gsp.algebra.first_integrals import common_factor
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.algebra.substitution import substituted
 from gsp.errors import SplittingError
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import VectorField
 
 # Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.

@@ -22,7 +22,8 @@ from gsp.algebra.first_integrals import first_integrals
 from gsp.algebra.inversion import solve_for
 from gsp.algebra.laurent import laurent, pole_order
 from gsp.errors import DeclarationError, SplittingError
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.splitting.fast_part import (
     factorised,

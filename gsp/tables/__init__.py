@@ -17,8 +17,8 @@ from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
-from gsp.slow.solved_manifold import SampledManifold
 from gsp.tables import comparisons, manifolds, runs
 from gsp.tables.table import Column, Table
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
+from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
-from gsp.slow.solved_manifold import SampledManifold
 from gsp.tables.table import Column, Names, Table, complexes, texts
 
 _Curve = CriticalCurve | FoldCurve

@@ -9,7 +9,8 @@ import sympy as sp
 from gsp.collocation.bordered import Conditions, Equations, linearise
 from gsp.collocation.gauss import gauss
 from gsp.errors import Status
-from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import VectorField
 from gsp.tracing.newton import Rules, newton
 

@@ -21,7 +21,7 @@ from gsp.exports.formats import FORMATS
 from gsp.exports.languages import JAVASCRIPT, PYTHON, XPPAUT, C
 from gsp.exports.printing import Language, Printer
 from gsp.exports.reduced_model import inert
-from gsp.lowering.compiled_flow import compile_function
+from gsp.lowering.compiled_function import compile_function
 from gsp.readers.expressions import parse_expression
 from tests.cases import sampled
 

@@ -16,7 +16,8 @@ from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
-from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, a, epsilon = sp.symbols("x y z a epsilon")

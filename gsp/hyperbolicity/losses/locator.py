@@ -15,9 +15,9 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import factor_list, quotient
-from gsp.critical.branch import Allowance
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
+from gsp.critical.sheet_points import Allowance
 from gsp.hyperbolicity.losses.diagnosis import Found
 from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import gauss_newton

@@ -30,7 +30,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.fast_blocks import FastBlocks, plus, size, times
-from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
 from gsp.systems.flow import Flow, Portable, Values
 

@@ -12,7 +12,8 @@ from gsp.algebra.differentiation import derivative
 from gsp.collocation.bordered import Conditions, Equations, Step, linearise
 from gsp.collocation.gauss import gauss
 from gsp.integration.trajectory import Trajectory
-from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import SlowFastSystem
 from gsp.tracing.newton import Rules, newton
 

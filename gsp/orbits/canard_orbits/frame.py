@@ -14,7 +14,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities import FoldedSingularity
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded import FoldedKind

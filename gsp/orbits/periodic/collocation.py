@@ -20,7 +20,8 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.collocation.bordered import Conditions, Equations, Linearisation, linearise
 from gsp.collocation.gauss import Scheme, gauss
-from gsp.lowering.compiled_flow import CompiledFunction, compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.flow import Flow
 
 

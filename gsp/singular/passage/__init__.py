@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from gsp.singular.passage.delay import DelayedExit, ExitKind, entry_exit
+from gsp.singular.passage.delay import entry_exit
 from gsp.singular.passage.delay_measurement import MeasuredDelay, measure_delay
+from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.drop import Drop, DropKind
 from gsp.singular.passage.extended import ExtendedOrbit, follow
 from gsp.singular.passage.failure import PassageError

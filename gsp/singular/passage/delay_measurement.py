@@ -10,9 +10,10 @@ import sympy as sp
 
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.roots import root
-from gsp.singular.passage.delay import DelayedExit, ExitKind
+from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun, check_number

@@ -12,7 +12,8 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.integration.trajectory import trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem, VectorField

@@ -13,7 +13,8 @@ from gsp.errors import DeclarationError, Status
 from gsp.integration.loop import check_tolerances
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_function import compile_function
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.folds import FoldPassage, omega0

@@ -33,7 +33,8 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.continuation import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.singularity import identity, singular_near
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.singular.passage.drop import Drop, drop_from
 from gsp.singular.passage.failure import PassageError

@@ -20,7 +20,8 @@ from gsp.errors import BranchError, Status
 from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, compile_function
+from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.system import VectorField

@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.hyperbolicity.losses import gauss_newton
-from gsp.lowering.compiled_flow import compile_function
+from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
 
 # Sizes of the states at which folds are looked for, and how many a decade: along M0, and in the plane where M0 is not

@@ -18,7 +18,7 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.critical.sampling import grid
-from gsp.lowering.compiled_flow import compile_function
+from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
 from gsp.singular.singularities.located_points import Located, locate

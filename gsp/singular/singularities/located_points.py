@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint, arb, rational_point, real_points
 from gsp.hyperbolicity.losses import gauss_newton
-from gsp.lowering.compiled_flow import compile_function
+from gsp.lowering.compiled_function import compile_function
 
 # Digits to which a point without a formula is refined at first, and below which a value there counts as zero.
 DIGITS = 60

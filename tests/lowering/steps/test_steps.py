@@ -17,7 +17,8 @@ from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import build
 from gsp.kernels.rodas5p import rodas5p
-from gsp.lowering.compiled_flow import EXPLICIT_LOOPS, ROSENBROCK_LOOPS, compile_flow, compile_function
+from gsp.lowering.compiled_flow import EXPLICIT_LOOPS, ROSENBROCK_LOOPS, compile_flow
+from gsp.lowering.compiled_function import compile_function
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.flow_code import is_worth_writing
 from gsp.lowering.steps.values import DOUBLE, SIGNATURE, load, store

@@ -1,0 +1,109 @@
+"""Points of an implicit sheet over many slow points at once, by Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import sympy as sp
+
+from gsp.errors import DeclarationError
+from gsp.systems.arguments import check_array, shown
+from gsp.systems.flow import Point, complete
+from gsp.systems.system import SlowFastSystem
+
+# A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
+NEWTON_TOLERANCE = 1e-12
+NEWTON_STEPS = 40
+
+
+class Allowance:
+    """Continuation steps that a search may still take along a sheet; `spent` when it was denied some."""
+
+    def __init__(self, steps: int) -> None:
+        self.left = steps
+        self.spent = False
+
+    def take(self, steps: int) -> bool:
+        """Whether `steps` more may be taken."""
+        self.spent = self.spent or steps > self.left
+        self.left -= 0 if self.spent else steps
+        return not self.spent
+
+
+def solve_each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Batched solution of A s = b; not a number where A is singular."""
+    if matrices.shape[-1] == 1:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return vectors / matrices[:, :, 0]
+    try:
+        return np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        result = np.full_like(vectors, np.nan)
+        for i, (matrix, vector) in enumerate(zip(matrices, vectors)):
+            try:
+                result[i] = np.linalg.solve(matrix, vector)
+            except np.linalg.LinAlgError:
+                continue
+        return result
+
+
+def newton_at_each(
+    residual_at: Callable[[np.ndarray], np.ndarray],
+    jacobian_at: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+    y: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton's method at all points (x, y) at once; returns y (m, n_fast) and which points converged (m,)."""
+    n = y.shape[1]
+    good = np.zeros(len(x), dtype=bool)
+    active = np.arange(len(x))
+    y = y.copy()
+    for _ in range(NEWTON_STEPS):
+        z = np.hstack([x[active], y[active]])
+        residual = residual_at(z)
+        jacobian = jacobian_at(z).reshape(-1, n, n)
+        finite = np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
+        active, residual, jacobian = active[finite], residual[finite], jacobian[finite]
+        step = solve_each(jacobian, residual)
+        finite = np.isfinite(step).all(axis=1)
+        active, step = active[finite], step[finite]
+        # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
+        scale = 1.0 + np.linalg.norm(y[active], axis=1)
+        length = np.linalg.norm(step, axis=1)
+        y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
+        done = length <= NEWTON_TOLERANCE * scale
+        good[active[done]] = True
+        active = active[~done]
+        if len(active) == 0:
+            break
+    return y, good
+
+
+def distinct(points: np.ndarray) -> np.ndarray:
+    """The points (k, n) that are not rounding of one another, in order."""
+    found: list[np.ndarray] = []
+    for candidate in points:
+        scale = 1e-8 * (1.0 + np.linalg.norm(candidate))
+        if all(np.linalg.norm(candidate - other) > scale for other in found):
+            found.append(candidate)
+    return np.array(sorted(found, key=tuple)).reshape(-1, points.shape[1])
+
+
+def guesses(near, count: int, fast: Sequence[sp.Symbol]) -> np.ndarray:
+    """`near` as starts (m, n_fast) of Newton's method, finite; raises `DeclarationError` otherwise."""
+    names = ", ".join(s.name for s in fast)
+    be = f"finite numbers for {names}, (n_fast,) or (m, n_fast)"
+    array = check_array(near, what="near", be=be)
+    if np.isfinite(array).all() and array.size:
+        try:
+            return np.array(np.broadcast_to(array, (count, len(fast))))
+        except ValueError:
+            pass
+    raise DeclarationError(f"near is {be}. Got {shown(near)} for {count} points.")
+
+
+def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
+    values = np.array(complete(point, system.states, what="point"))
+    return values[: len(system.x)], values[len(system.x) :]

@@ -1,0 +1,164 @@
+"""A branch over samples of a region: its fast eigenvalues there, the worst of them, and the kind that they tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from gsp.critical.branch import Branch
+from gsp.critical.sampling import Sampler, grid
+from gsp.errors import BranchError
+from gsp.hyperbolicity.exclusion import Exclusion
+from gsp.hyperbolicity.losses import Loss, ends_on_grid, examine, sheet_ends, singular_points
+from gsp.hyperbolicity.losses.examination import Examination
+from gsp.hyperbolicity.losses.locator import signed_gap, unstable
+from gsp.systems.flow import LARGEST
+from gsp.systems.region import Interval
+
+# The least gap is refined to about this share of it.
+REFINED_TO = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Points `z` (m, n) of a branch in the region, their eigenvalues, pairs of linked ones, and how many are missing.
+
+    `ends` are samples each with a slow point next to them that has none.
+    """
+
+    z: np.ndarray
+    eigenvalues: np.ndarray
+    links: tuple[np.ndarray, np.ndarray]
+    missing: int
+    ends: list[tuple[np.ndarray, np.ndarray]]
+
+    def with_more(self, sampler: Sampler, exclusion: Exclusion) -> Samples:
+        """With the points that were sampled between them."""
+        values = sampler.eigenvalues(exclusion.points)
+        finite = np.isfinite(values).all(axis=1)
+        more, origins = exclusion.points[finite], exclusion.origins[finite]
+        a, b = self.links
+        return Samples(
+            np.vstack([self.z, more]),
+            np.vstack([self.eigenvalues, values[finite]]),
+            (np.vstack([a, origins]), np.vstack([b, more])),
+            self.missing + len(exclusion.ends) + int((~finite).sum()),
+            [*self.ends, *exclusion.ends],
+        )
+
+
+def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
+    branch = sampler.branch
+    x = grid(np.array([box[s.name] for s in sampler.system.x]))
+    z, rows = points_of(sampler, x, box)
+    missing = len(x) - len(np.unique(rows))
+    ends = ends_on_grid(z, rows, x) if missing else []
+    bounded = sampler.inside(z, box)
+    links = sampler.links(z[bounded], rows[bounded], x)
+    z = z[bounded]
+    if len(z) == 0:
+        raise BranchError(
+            f"the branch {branch} has no real point in the region {shown_box(box)}. "
+            "Move the region, or take another branch."
+        )
+    refuse_beyond_doubles(branch, z, box)
+    eigenvalues = sampler.eigenvalues(z)
+    finite = np.isfinite(eigenvalues).all(axis=1)
+    missing += int((~finite).sum())
+    return Samples(z[finite], eigenvalues[finite], links, missing, ends)
+
+
+def refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Interval]) -> None:
+    """Raise `BranchError` when the branch goes where no region may: losses are told by third powers."""
+    place, k = np.unravel_index(np.argmax(np.where(np.isfinite(z), np.abs(z), 0.0)), z.shape)
+    if abs(z[place, k]) > LARGEST:
+        names = [s.name for s in branch.system.states]
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
+        raise BranchError(
+            f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_box(box)}: {at}. "
+            f"Rescale {names[k]}, or bound it in the region."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What the samples say: the losses, the gap, and the numbers of unstable directions."""
+
+    found: Examination
+    losses: tuple[Loss, ...]
+    kinds: np.ndarray
+    lost: bool
+
+    @property
+    def gap(self) -> float:
+        return self.found.gap
+
+
+def judged_samples(
+    sampler: Sampler, box: Mapping[str, Interval], samples: Samples, epsilon: float | None
+) -> Judged:
+    branch = sampler.branch
+    scale = float(np.abs(samples.eigenvalues).max(initial=0.0)) or 1.0
+    kinds = np.unique(unstable(samples.eigenvalues))
+    found = examine(sampler, box, scale, samples.z, samples.eigenvalues, samples.links, epsilon=epsilon)
+    losses = found.losses
+    if samples.missing and not losses and found.diagnosis is not None:
+        losses = tuple(sheet_ends(found.diagnosis, samples.ends))
+    lost = any(not loss.is_hyperbolic for loss in losses) or samples.missing > 0 or found.gap <= found.zero
+    if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
+        raise BranchError(
+            f"the branch {branch} has sheets of different type in the region {shown_box(box)}: "
+            f"{', '.join(kind_of(int(k), len(sampler.system.y)) for k in kinds)}. "
+            "Fix one with branch.through({...}), or bound the fast variables."
+        )
+    return Judged(found, losses, kinds, lost)
+
+
+def is_worse(sampler: Sampler, exclusion: Exclusion, judged: Judged) -> bool:
+    """Whether points between the samples change the verdict: a smaller gap, another type, or no point."""
+    if exclusion.ends or not len(exclusion.points):
+        return bool(exclusion.ends)
+    values = sampler.eigenvalues(exclusion.points)
+    least = signed_gap(values, np.full(len(values), judged.kinds[0]))
+    return bool((~(least >= judged.gap * (1.0 - REFINED_TO))).any())
+
+
+def points_of(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> tuple[np.ndarray, np.ndarray]:
+    """Samples over the grid x and their rows; where Newton's method finds none, those of a singular branch."""
+    reason = None
+    try:
+        z, rows = sampler.points(x, box)
+    except BranchError as error:
+        z, rows, reason = np.empty((0, len(sampler.system.states))), np.empty(0, dtype=int), error
+    if not sampler.branch.is_explicit and (len(z) < len(x) // 2 or sampler.is_singular(z)):
+        singular = singular_points(sampler, box, x)
+        if len(singular):
+            nx = x.shape[1]
+            return singular, np.array(
+                [int(np.argmin(np.abs(x - point[:nx]).sum(axis=1))) for point in singular]
+            )
+    if reason is not None:
+        raise reason
+    return z, rows
+
+
+class Kind(StrEnum):
+    """Type of normal hyperbolicity."""
+
+    ATTRACTING = "attracting"
+    REPELLING = "repelling"
+    SADDLE = "saddle"
+    LOST = "lost"
+
+
+def kind_of(unstable: int, fast: int) -> Kind:
+    if unstable == 0:
+        return Kind.ATTRACTING
+    return Kind.REPELLING if unstable == fast else Kind.SADDLE
+
+
+def shown_box(box: Mapping[str, Interval]) -> str:
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in box.items())

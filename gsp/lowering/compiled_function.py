@@ -1,0 +1,151 @@
+"""Expressions as machine code, by address.
+
+Every compiled function has the signature `void f(double t, double* z, double* p, double* out)` with
+p = (epsilon, *parameters), so that kernels take any model, and another epsilon or parameter value compiles nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from threading import RLock
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from llvmlite import ir
+
+from gsp.errors import GspError
+from gsp.kernels.engine import Engine, build
+from gsp.kernels.evaluate import evaluate_many
+from gsp.lowering.steps.emission import LIBRARY, Emitter
+from gsp.lowering.steps.values import SIGNATURE, load, store
+from gsp.systems.flow import Values
+
+# Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
+MOST_KEPT = 96
+# One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
+MAKING = RLock()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledFunction:
+    """Machine code for a tuple of expressions, callable from kernels by `address` and from Python by value.
+
+    `arguments` are the symbols of z, `parameters` those of p after epsilon. The address is good for as long as
+    this object lives.
+
+    >>> x, y = sp.symbols("x y")
+    >>> f = compile_function([x * y, x - y], arguments=[x, y], epsilon=None, parameters=[])
+    >>> f([[2.0, 3.0], [1.0, 5.0]], [float("nan")])
+    array([[ 6., -1.],
+           [ 5., -4.]])
+    """
+
+    address: int
+    arguments: tuple[sp.Symbol, ...]
+    parameters: tuple[sp.Symbol, ...]
+    outputs: int
+    _source: tuple
+    _engine: Engine
+
+    def __reduce__(self) -> tuple:
+        # Machine code stays where it was made: who receives this compiles it again.
+        return _compiled_again, self._source
+
+    def __call__(self, points: np.typing.ArrayLike, p: np.typing.ArrayLike) -> np.ndarray:
+        """Values (m, outputs) at `points` (m, n), or (outputs,) at one (n,); `p` is (epsilon, *parameters).
+
+        Raises `GspError` when a shape does not fit.
+        """
+        # Copies: compiled code takes writable contiguous arrays only.
+        z = np.array(points, dtype=float, order="C")
+        constants = np.array(p, dtype=float, order="C")
+        size, length = len(self.arguments), 1 + len(self.parameters)
+        if z.ndim not in (1, 2) or z.shape[-1] != size:
+            raise GspError(
+                f"points have shape (m, {size}) or ({size},), one column for each argument. Got {z.shape}."
+            )
+        if constants.shape != (length,):
+            raise GspError(f"p has shape ({length},): epsilon, then the parameters. Got {constants.shape}.")
+        rows = z if z.ndim == 2 else z[np.newaxis]
+        out = np.empty((rows.shape[0], self.outputs))
+        if out.size:
+            evaluate_many(self.address, rows, constants, out)
+        return out if z.ndim == 2 else out[0]
+
+    def __repr__(self) -> str:
+        names = ", ".join(symbol.name for symbol in self.arguments)
+        return f"CompiledFunction(arguments=({names}), outputs={self.outputs})"
+
+
+def compile_function(
+    outputs: Sequence[sp.Expr],
+    *,
+    arguments: Sequence[sp.Symbol],
+    epsilon: sp.Symbol | None,
+    parameters: Sequence[sp.Symbol],
+    through: Values = MappingProxyType({}),
+) -> CompiledFunction:
+    """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
+
+    `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments.
+
+    Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
+    """
+    with MAKING:
+        return _compile(
+            tuple(map(exact, outputs)), tuple(arguments), epsilon, tuple(parameters), tuple(through.items())
+        )
+
+
+def finite_rows(values: np.ndarray) -> np.ndarray:
+    """Which rows of `values` (m, ...) are finite throughout: booleans (m,)."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _compile(
+    outputs: tuple[sp.Expr, ...],
+    arguments: tuple[sp.Symbol, ...],
+    epsilon: sp.Symbol | None,
+    parameters: tuple[sp.Symbol, ...],
+    through: tuple[tuple[sp.Symbol, sp.Expr], ...],
+) -> CompiledFunction:
+    module = ir.Module()
+    function = ir.Function(module, SIGNATURE, "f")
+    builder: Any = ir.IRBuilder(function.append_basic_block())
+    _, z, p, out = function.args
+    # All loads come before any store, so that `out` may overlap the arguments.
+    values = {symbol: load(builder, z, i) for i, symbol in enumerate(arguments)}
+    if epsilon is not None:
+        values[epsilon] = load(builder, p, 0)
+    values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
+    symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
+    values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
+    for i, value in enumerate(Emitter(builder, values).write(outputs)):
+        store(builder, value, out, i)
+    builder.ret_void()
+    engine = build(str(module), library=LIBRARY)
+    source = outputs, arguments, epsilon, parameters, dict(through)
+    return CompiledFunction(
+        engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
+    )
+
+
+def _compiled_again(
+    outputs: tuple[sp.Expr, ...],
+    arguments: tuple[sp.Symbol, ...],
+    epsilon: sp.Symbol | None,
+    parameters: tuple[sp.Symbol, ...],
+    through: Values,
+) -> CompiledFunction:
+    return compile_function(
+        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through
+    )
+
+
+def exact(expression: object) -> sp.Expr:
+    return sp.sympify(expression, strict=True)

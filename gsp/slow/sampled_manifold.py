@@ -1,0 +1,122 @@
+"""A slow manifold known by its points: the interpolant between them, with what is known of its error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gsp.critical.branch import Branch
+from gsp.errors import GspError, Status
+from gsp.hyperbolicity.hyperbolicity import Kind
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.results.card import Card
+from gsp.results.tabular import Tabular
+from gsp.slow.chebyshev import ChebyshevSurface
+from gsp.systems.flow import as_points
+from gsp.systems.region import Interval
+
+# A point this much outside, relative to the region's width, is rounding.
+OUTSIDE = 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledManifold(Card, Tabular):
+    """The slow manifold of `branch` over `region` at one `epsilon`: y = `evaluate(x)`.
+
+    `kind` and `gap` are those of M0 over the region. `error_estimate` is meant to bound the error of `evaluate`: twice
+    the residual of the invariance equation over the gap, at points that were not solved for, plus what is left of the
+    ends of the orbit segments (infinite when there is no surface). `nodes` (k, n_slow) and `values` (k, n_fast) are the
+    points that were solved, NaN where that failed, and `node_errors` (k,) their estimated errors. With a failure
+    among them, or normal rates that change their type on it, there is no surface and `evaluate` gives NaN.
+    `status` and `message` say how it ended, where, and what to do.
+    """
+
+    branch: Branch
+    region: Mapping[str, Interval]
+    epsilon: float
+    tolerance: float
+    kind: Kind
+    gap: float
+    nodes: np.ndarray
+    values: np.ndarray
+    node_errors: np.ndarray
+    error_estimate: float
+    status: Status
+    message: str
+    _surface: ChebyshevSurface | None = field(repr=False)
+
+    @property
+    def surface(self) -> ChebyshevSurface | None:
+        """The interpolant, or None when there is none."""
+        return self._surface
+
+    def evaluate(self, x) -> np.ndarray:
+        """h_epsilon(x), shape (m, n_fast), or (n_fast,) for one point; `x` is as for `Branch.points`.
+
+        Raises `GspError` for a point outside the region.
+        """
+        array, single = self._inside(x)
+        surface = self._surface
+        y = surface(array) if surface else np.full((len(array), len(self.branch.system.y)), np.nan)
+        return y[0] if single else y
+
+    def slope(self, x) -> np.ndarray:
+        """Dh_epsilon(x), shape (m, n_fast, n_slow), or (n_fast, n_slow) for one point."""
+        array, single = self._inside(x)
+        if self._surface is None:
+            slopes = np.full((len(array), len(self.branch.system.y), array.shape[1]), np.nan)
+        else:
+            slopes = self._surface.derivative(array)
+        return slopes[0] if single else slopes
+
+    def residual(self, x) -> np.ndarray:
+        """Defect of the invariance equation, epsilon Dh f(x, h, epsilon) - g(x, h, epsilon), as `evaluate`."""
+        array, single = self._inside(x)
+        if self._surface is None:
+            defect = np.full((len(array), len(self.branch.system.y)), np.nan)
+        else:
+            defect = defect_of(self.branch, self._surface, self.epsilon, array)[0]
+        return defect[0] if single else defect
+
+    def _inside(self, x) -> tuple[np.ndarray, bool]:
+        array, single = as_points(self.branch.system.x, x, what="x")
+        for i, symbol in enumerate(self.branch.system.x):
+            low, high = self.region[symbol.name]
+            margin = OUTSIDE * (high - low)
+            outside = array[~((array[:, i] >= low - margin) & (array[:, i] <= high + margin)), i]
+            if outside.size:
+                raise GspError(
+                    f"the manifold covers {symbol} in [{low:g}, {high:g}]. Got {symbol} = {outside[0]:.17g}. "
+                    "Ask inside, or solve it over a larger region."
+                )
+        return array, single
+
+    def __repr__(self) -> str:
+        return (
+            f"SampledManifold({self.branch}, {shown_region(self.region)}, epsilon={self.epsilon:g}, {self.kind}, "
+            f"nodes={len(self.nodes)}, error_estimate={self.error_estimate:.2g}, {self.status.name})"
+        )
+
+    def __str__(self) -> str:
+        return f"{self.kind} slow manifold of {self.branch} at epsilon = {self.epsilon:g}\n  {self.message}"
+
+
+def defect_of(
+    branch: Branch, surface: ChebyshevSurface, epsilon: float, x: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """epsilon Dh f - g (m, n_fast), and what it is divided by for the error: g_y - epsilon Dh f_y."""
+    system = branch.system
+    flow, p = compile_flow(system), parameter_vector(system, epsilon)
+    nx = len(system.x)
+    z = np.hstack([x, surface(x)])
+    slope = surface.derivative(x)
+    rates = flow.rates(z, p)
+    J = flow.jacobians(z, p)
+    defect = epsilon * (np.einsum("mij,mj->mi", slope, rates[:, :nx]) - rates[:, nx:])
+    return defect, epsilon * (J[:, nx:, nx:] - slope @ J[:, :nx, nx:])
+
+
+def shown_region(region: Mapping[str, Interval]) -> str:
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in region.items())
