@@ -145,6 +145,10 @@ def parsed(text: str) -> dict:
         raise ModelFileError(f"the file is not valid TOML: {str(error)[:300]}. Correct that line.") from None
 
 
+# What every scene says, with a line to write.
+NEEDED = {"span": "span = [0, 5]", "epsilon": "epsilon = 0.01"}
+
+
 def scene_of(document: dict, file: Path) -> Scene:
     """The scene that a document says; its name is that of `file` unless it has one. Raises `ModelFileError`."""
     _check_keys(document, ("epsilon", *TEXT, *_TABLES), "")
@@ -154,10 +158,12 @@ def scene_of(document: dict, file: Path) -> Scene:
     system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
     _check_keys(scene, _SCENE, "scene.")
-    for key in ("span", "epsilon"):
-        if key not in scene:
-            example = "span = [0, 5]" if key == "span" else "epsilon = 0.01"
-            raise ModelFileError(f"scene.{key} is missing. Write {example} under [scene].")
+    missing = {key: line for key, line in NEEDED.items() if key not in scene}
+    if missing:
+        raise ModelFileError(
+            f"{' and '.join(f'scene.{key}' for key in missing)} {'are' if len(missing) > 1 else 'is'} missing. "
+            f"Write {' and '.join(missing.values())} under [scene]."
+        )
     epsilon = _number(scene["epsilon"], "scene.epsilon")
     ladder = (
         _numbers(scene["epsilons"], "scene.epsilons") if "epsilons" in scene else [epsilon * k for k in LADDER]

@@ -409,6 +409,11 @@ CHANGES = {
     ),
     "no span": ("span = [0, 5]", "", ("scene.span is missing", "span = [0, 5]")),
     "no epsilon": ("epsilon = 0.01", "", ("scene.epsilon is missing",)),
+    "neither": (
+        "span = [0, 5]\nepsilon = 0.01",
+        "",
+        ("scene.span and scene.epsilon are missing", "Write span = [0, 5] and epsilon = 0.01 under [scene]"),
+    ),
     "no region": ("s = [0.1, 2]", "", ("region bounds no state",)),
     "no start": ("c = 0.5", "", ("no value for c",)),
     "no fast": ('c = "s - (s + kappa)*c"', "", ("[fast] is missing or empty",)),
