@@ -16,6 +16,7 @@ from typing import Any
 
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
+from gsp.proofs.interval_matrices import dot, is_positive, solved
 from gsp.proofs.intervals import Interval
 from gsp.proofs.programs import Program, Rejected
 
@@ -223,7 +224,7 @@ class _Proof:
         slope = [ia.of(v) for v in tube.slope]
         inverse = [ia.of(v) for v in tube.inverse]
         off = [ia.subtract(p, q) for p, q in zip(x, c)]
-        line = [_dot(slope[i * n : i * n + n], off, b[i]) for i in range(m)]
+        line = [dot(slope[i * n : i * n + n], off, b[i]) for i in range(m)]
         room = [ia.of(r) for r in tube.radius]
         residual = self.program.values(c + b)
         # Over a point, a glue's, nothing is left of the slopes.
@@ -239,9 +240,9 @@ class _Proof:
         y = [ia.add(p, r) for p, r in zip(line, ball)]
         derivative = self.program.derivatives(x + y, n)
         for i in range(m):
-            image = ia.negative(_dot(inverse[i * m : i * m + m], residual, ia.ZERO))
+            image = ia.negative(dot(inverse[i * m : i * m + m], residual))
             for k in range(m):
-                product = _dot(inverse[i * m : i * m + m], [row[k] for row in derivative], ia.ZERO)
+                product = dot(inverse[i * m : i * m + m], [row[k] for row in derivative])
                 factor = ia.subtract(ia.UNIT if i == k else ia.ZERO, product)
                 image = ia.add(image, ia.multiply(factor, ball[k]))
             if not (image[1] < room[i][0] and image[0] > -room[i][0]):
@@ -262,8 +263,10 @@ class _Proof:
             raise Rejected(f"part {here} has another number of unstable eigenvalues than is claimed")
         basis = [ia.of(v) for v in untrusted.numbers(node["basis"], m * m)]
         rows = [basis[i * m : i * m + m] for i in range(m)]
-        turned = [[_dot(derivative[i], [row[k] for row in rows], ia.ZERO) for k in range(m)] for i in range(m)]
-        inside = _solved(rows, turned, here)
+        turned = [[dot(derivative[i], [row[k] for row in rows]) for k in range(m)] for i in range(m)]
+        inside = solved(rows, turned)
+        if inside is None:
+            raise Rejected(f"the basis of part {here} is no basis")
         gap = ia.of(self.gap)
         form = [[ia.ZERO] * m for _ in range(m)]
         for i in range(m):
@@ -273,15 +276,8 @@ class _Proof:
                 total = ia.add(one, two)
                 form[i][j] = total[0] >> 1, -(-total[1] >> 1)
             form[i][i] = ia.subtract(form[i][i], gap)
-        for k in range(m):
-            if not form[k][k][0] > 0:
-                raise Rejected(
-                    f"the spectrum of part {here} is not {float(self.gap):g} from the imaginary axis"
-                )
-            for i in range(k + 1, m):
-                factor = ia.divide(form[i][k], form[k][k])
-                for j in range(k + 1, m):
-                    form[i][j] = ia.subtract(form[i][j], ia.multiply(factor, form[k][j]))
+        if not is_positive(form):
+            raise Rejected(f"the spectrum of part {here} is not {float(self.gap):g} from the imaginary axis")
 
     # -- the boxes together ------------------------------------------------------------------------
 
@@ -340,33 +336,3 @@ class _Proof:
                 if all(abs(v - p) < r for v, p, r in zip(y, line, tube.radius)):
                     return
         raise Rejected("the point that the branch goes through is not in its tubes")
-
-
-def _dot(row: list[Interval], column: list[Interval], total: Interval) -> Interval:
-    for a, b in zip(row, column):
-        total = ia.add(total, ia.multiply(a, b))
-    return total
-
-
-def _solved(matrix: list[list[Interval]], right: list[list[Interval]], here: int) -> list[list[Interval]]:
-    """The solution of matrix X = right, by elimination with row exchanges."""
-    m = len(matrix)
-    rows = [list(a) + list(b) for a, b in zip(matrix, right)]
-    for k in range(m):
-        pivot = max(range(k, m), key=lambda i: min(abs(rows[i][k][0]), abs(rows[i][k][1])))
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        if rows[k][k][0] <= 0 <= rows[k][k][1]:
-            raise Rejected(f"the basis of part {here} is no basis")
-        for i in range(k + 1, m):
-            if rows[i][k] == ia.ZERO:
-                continue
-            factor = ia.divide(rows[i][k], rows[k][k])
-            for j in range(k, 2 * m):
-                rows[i][j] = ia.subtract(rows[i][j], ia.multiply(factor, rows[k][j]))
-    for k in range(m - 1, -1, -1):
-        for j in range(m, 2 * m):
-            value = rows[k][j]
-            for i in range(k + 1, m):
-                value = ia.subtract(value, ia.multiply(rows[k][i], rows[i][j]))
-            rows[k][j] = ia.divide(value, rows[k][k])
-    return [row[m:] for row in rows]

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
+from gsp.proofs.checked_tube import CheckedTube
+from gsp.proofs.interval_matrices import Matrix, decay, dot, is_positive, is_regular, norm
 from gsp.proofs.intervals import Interval
 from gsp.proofs.programs import Program, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
@@ -28,77 +29,6 @@ FORMAT = "gsp slow manifold 1"
 # Bounds: the order of the series, boxes of one test and of all, and the least share of a side.
 MOST_ORDER, MOST_BOXES, ALL_BOXES, NARROWEST = 20, 50_000, 500_000, Fraction(1, 2**16)
 Box = tuple[tuple[Fraction, Fraction], ...]
-Matrix = list[list[Interval]]
-
-
-@dataclass(frozen=True)
-class CheckedTube:
-    """What a file proves: for every epsilon in (0, `epsilon`], over `region`, |y - h| <= `reach` epsilon^(n+1) on a
-    locally invariant Lipschitz graph, h being the series through order n.
-    """
-
-    slow: tuple[str, ...]
-    parameters: tuple[str, ...]
-    fast: tuple[str, ...]
-    small: str
-    rates: tuple[str, ...]
-    equations: tuple[str, ...]
-    series: tuple[tuple[str, ...], ...]
-    region: tuple[tuple[float, float], ...]
-    epsilon: float
-    reach: tuple[float, ...]
-    stable: int
-    unstable: int
-    boundary: str
-    collar: float
-    boxes: int
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of z0, z1, ... in the expressions."""
-        return (*self.slow, *self.parameters, *self.fast, self.small)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        over = (*self.slow, *self.parameters)
-        return {
-            "rates": list(self.rates),
-            "equations": list(self.equations),
-            "series": [list(row) for row in self.series],
-            "variables": {f"z{i}": name for i, name in enumerate(self.variables)},
-            "region": dict(zip(over, map(list, self.region))),
-            "epsilon": self.epsilon,
-            "reach": dict(zip(self.fast, self.reach)),
-            "order": len(self.series) - 1,
-            "stable": self.stable,
-            "unstable": self.unstable,
-            "boundary": self.boundary,
-            "collar": self.collar,
-            "boxes": self.boxes,
-        }
-
-    def __str__(self) -> str:
-        over, n = (*self.slow, *self.parameters), len(self.series) - 1
-        box = ", ".join(f"{name} in [{low!r}, {high!r}]" for name, (low, high) in zip(over, self.region))
-        legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.variables))
-        rows = [
-            f"the proof holds: {self.boxes} boxes were checked",
-            f"  over {box}, for every {self.small} in (0, {self.epsilon!r}]",
-            f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, self.rates))},",
-            f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, self.equations))}",
-            f"  ({legend}; ` is the derivative by time)",
-            *(f"  h_{k} = ({', '.join(row)})" for k, row in enumerate(self.series)),
-            *(
-                f"  |{name} - h| <= {reach!r} {self.small}^{n + 1} on the graph of a Lipschitz map"
-                for name, reach in zip(self.fast, self.reach)
-            ),
-            f"  {self.stable} stable and {self.unstable} unstable fast directions, "
-            f"the slow flow at the sides: {self.boundary}",
-            "  one manifold lies in the tube, locally invariant"
-            if self.boundary == "overflowing"
-            else f"  invariant off a collar of width {self.collar!r} at the sides; every choice lies in the tube",
-        ]
-        return "\n".join(rows)
 
 
 def check(read: Any) -> CheckedTube:
@@ -314,10 +244,10 @@ class _TubeProof:
         for row, reach in zip(rows, self.reach):
             total = 0
             for block, width in zip(self.blocks, self.widths):
-                total += _up(_norm([row[j] for j in block]) * width)
+                total += _up(norm([row[j] for j in block]) * width)
             if total > ia.of(reach)[0]:
                 return False
-        return _is_regular(rows)
+        return is_regular(rows)
 
     def _faces(self, box: Box) -> bool:
         """lambda_min(Sym(s B_ii)) d_i - sum |B_ij| d_j - |rho_i| > 0 for every block."""
@@ -327,10 +257,10 @@ class _TubeProof:
         rho = self._rho(box)
         matrix = [row[self.n : self.n + self.m] for row in self.gamma.derivatives(arguments)]
         for i, (block, sign) in enumerate(zip(self.blocks, self.signs)):
-            margin = _down(_decay(matrix, block, sign) * self.widths[i]) - _norm([rho[k] for k in block])
+            margin = _down(decay(matrix, block, sign) * self.widths[i]) - norm([rho[k] for k in block])
             for j, other in enumerate(self.blocks):
                 if j != i:
-                    margin -= _up(_norm([matrix[k][q] for k in block for q in other]) * self.widths[j])
+                    margin -= _up(norm([matrix[k][q] for k in block for q in other]) * self.widths[j])
             if not margin > 0:
                 return False
         return True
@@ -360,7 +290,7 @@ class _TubeProof:
         length = ia.of(slope)
         w: Matrix = []
         for row in field:
-            along = [_dot(row[n : n + m], [other[j] for other in rows], ia.ZERO) for j in range(n + m)]
+            along = [dot(row[n : n + m], [other[j] for other in rows], ia.ZERO) for j in range(n + m)]
             by_x = [ia.multiply(small, ia.add(row[j], along[j])) for j in range(n)]
             by_z = [ia.multiply(ia.multiply(small, along[n + j]), length) for j in range(m)]
             w.append(by_x + by_z)
@@ -375,7 +305,7 @@ class _TubeProof:
             for i in block:
                 q[n + i] = 2 if sign == side else -1
             if sign == side:
-                decays.append(_decay(normal, block, sign))
+                decays.append(decay(normal, block, sign))
         cut = ia.multiply(ia.of(2 * collar), (0, small[1]))[1]
         # Any tau is a proof: between twice the slow rate and twice the fast one.
         slowest = 0
@@ -396,7 +326,7 @@ class _TubeProof:
                 # Q has halves: the entries of q are twice those of Q, and those of the form twice the theorem's.
                 less = tau * q[i] + (2 * cut if i < n else 0)
                 form[i][i] = form[i][i][0] - less, form[i][i][1] - less
-            if not _is_positive(form):
+            if not is_positive(form):
                 return False
         return True
 
@@ -405,7 +335,7 @@ class _TubeProof:
         arguments = self._arguments(box)
         rates = self.flow.values([*arguments[: self.n], *self.graph.values(arguments), arguments[-1]])
         least = min(collar for _, _, _, collar in self.cones)
-        return _norm(rates) < ia.of(least * self.collar)[0]
+        return norm(rates) < ia.of(least * self.collar)[0]
 
     def _sides(self, whole: Box) -> None:
         """What is claimed of the slow flow at the sides."""
@@ -448,24 +378,6 @@ def _down(product: int) -> int:
     return product >> ia.SHIFT
 
 
-def _norm(entries: list[Interval]) -> int:
-    """A bound of the Euclidean norm of every vector with these entries."""
-    if len(entries) == 1:
-        return ia.magnitude(entries[0])
-    return math.isqrt(sum(ia.magnitude(e) ** 2 for e in entries)) + 1
-
-
-def _decay(matrix: Matrix, block: list[int], sign: int) -> int:
-    """A number that lambda_min(Sym(s B_ii)) does not fall below, by Gershgorin's theorem; twice is halved down."""
-    least = None
-    for i in block:
-        entry = matrix[i][i] if sign > 0 else ia.negative(matrix[i][i])
-        row = 2 * entry[0] - sum(ia.magnitude(ia.add(matrix[i][j], matrix[j][i])) for j in block if j != i)
-        least = row if least is None else min(least, row)
-    assert least is not None
-    return least >> 1
-
-
 def _form(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
     """Twice the entry of s (W^T Q + Q W), q being twice the diagonal of Q."""
     low, high = ia.add(_times(w[j][i], q[j] * side), _times(w[i][j], q[i] * side))
@@ -474,39 +386,3 @@ def _form(w: Matrix, q: list[int], side: int, i: int, j: int) -> Interval:
 
 def _times(a: Interval, factor: int) -> Interval:
     return (a[0] * factor, a[1] * factor) if factor >= 0 else (a[1] * factor, a[0] * factor)
-
-
-def _dot(row: list[Interval], column: list[Interval], total: Interval) -> Interval:
-    for a, b in zip(row, column):
-        total = ia.add(total, ia.multiply(a, b))
-    return total
-
-
-def _is_positive(form: Matrix) -> bool:
-    """Whether every symmetric matrix in `form` is positive definite, by pivots."""
-    size = len(form)
-    rows = [list(row) for row in form]
-    for k in range(size):
-        if not rows[k][k][0] > 0:
-            return False
-        for i in range(k + 1, size):
-            factor = ia.divide(rows[i][k], rows[k][k])
-            for j in range(k + 1, size):
-                rows[i][j] = ia.subtract(rows[i][j], ia.multiply(factor, rows[k][j]))
-    return True
-
-
-def _is_regular(matrix: Matrix) -> bool:
-    """Whether every matrix in `matrix` is regular, by elimination with row exchanges."""
-    size = len(matrix)
-    rows = [list(row) for row in matrix]
-    for k in range(size):
-        pivot = max(range(k, size), key=lambda i: min(abs(rows[i][k][0]), abs(rows[i][k][1])))
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        if rows[k][k][0] <= 0 <= rows[k][k][1]:
-            return False
-        for i in range(k + 1, size):
-            factor = ia.divide(rows[i][k], rows[k][k])
-            for j in range(k, size):
-                rows[i][j] = ia.subtract(rows[i][j], ia.multiply(factor, rows[k][j]))
-    return True

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from gsp.proofs import checker, tube_checker
+from gsp.proofs.checked_tube import CheckedTube
 from gsp.proofs.checker import Checked
-from gsp.proofs.tube_checker import CheckedTube
 from gsp.proofs.untrusted import read_json
 
 

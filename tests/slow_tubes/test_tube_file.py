@@ -14,9 +14,9 @@ from click.testing import CliRunner
 from gsp.cli import cli
 from gsp.errors import GspError
 from gsp.proofs import intervals
+from gsp.proofs.checked_tube import CheckedTube
 from gsp.proofs.programs import Program, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
-from gsp.proofs.tube_checker import CheckedTube
 from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
 from tests.proofs.test_proof_file import changed, number

@@ -1,0 +1,76 @@
+"""What the proof of a tube about a slow manifold says, once it is checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class CheckedTube:
+    """What a file proves: for every epsilon in (0, `epsilon`], over `region`, |y - h| <= `reach` epsilon^(n+1) on a
+    locally invariant Lipschitz graph, h being the series through order n.
+    """
+
+    slow: tuple[str, ...]
+    parameters: tuple[str, ...]
+    fast: tuple[str, ...]
+    small: str
+    rates: tuple[str, ...]
+    equations: tuple[str, ...]
+    series: tuple[tuple[str, ...], ...]
+    region: tuple[tuple[float, float], ...]
+    epsilon: float
+    reach: tuple[float, ...]
+    stable: int
+    unstable: int
+    boundary: str
+    collar: float
+    boxes: int
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of z0, z1, ... in the expressions."""
+        return (*self.slow, *self.parameters, *self.fast, self.small)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        over = (*self.slow, *self.parameters)
+        return {
+            "rates": list(self.rates),
+            "equations": list(self.equations),
+            "series": [list(row) for row in self.series],
+            "variables": {f"z{i}": name for i, name in enumerate(self.variables)},
+            "region": dict(zip(over, map(list, self.region))),
+            "epsilon": self.epsilon,
+            "reach": dict(zip(self.fast, self.reach)),
+            "order": len(self.series) - 1,
+            "stable": self.stable,
+            "unstable": self.unstable,
+            "boundary": self.boundary,
+            "collar": self.collar,
+            "boxes": self.boxes,
+        }
+
+    def __str__(self) -> str:
+        over, n = (*self.slow, *self.parameters), len(self.series) - 1
+        box = ", ".join(f"{name} in [{low!r}, {high!r}]" for name, (low, high) in zip(over, self.region))
+        legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.variables))
+        rows = [
+            f"the proof holds: {self.boxes} boxes were checked",
+            f"  over {box}, for every {self.small} in (0, {self.epsilon!r}]",
+            f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, self.rates))},",
+            f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, self.equations))}",
+            f"  ({legend}; ` is the derivative by time)",
+            *(f"  h_{k} = ({', '.join(row)})" for k, row in enumerate(self.series)),
+            *(
+                f"  |{name} - h| <= {reach!r} {self.small}^{n + 1} on the graph of a Lipschitz map"
+                for name, reach in zip(self.fast, self.reach)
+            ),
+            f"  {self.stable} stable and {self.unstable} unstable fast directions, "
+            f"the slow flow at the sides: {self.boundary}",
+            "  one manifold lies in the tube, locally invariant"
+            if self.boundary == "overflowing"
+            else f"  invariant off a collar of width {self.collar!r} at the sides; every choice lies in the tube",
+        ]
+        return "\n".join(rows)
