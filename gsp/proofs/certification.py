@@ -19,7 +19,7 @@ from gsp.proofs.certificate import Certificate, ProofVerdict
 from gsp.proofs.covering import Covering, cover, glue, share_of
 from gsp.proofs.equations import Equations, limit_equations, without_decimals
 from gsp.proofs.refutation import refute
-from gsp.proofs.sides import rounded
+from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
@@ -51,9 +51,9 @@ def certify_branch(
     checked = check_region(
         region, [*(s.name for s in system.states), *parameters], required=[s.name for s in system.x]
     )
-    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
     names = [s.name for s in system.x] + [p for p in parameters if p in checked]
-    sides = [rounded(given[name], checked[name]) for name in names]
+    by_name = rounded_sides(region, checked)
+    sides = [by_name[name] for name in names]
     box: Box = tuple(outer for outer, _ in sides)
     fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
     with flint.ctx.workprec(balls.PRECISION):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
@@ -11,6 +12,12 @@ from typing import Any
 import sympy as sp
 
 Side = tuple[float, float]
+
+
+def rounded_sides(region: Mapping[Any, object], checked: Mapping[str, Side]) -> dict[str, tuple[Side, Side]]:
+    """The intervals of a `checked` region by name, as they were given in `region`, rounded outwards and inwards."""
+    given = {(key.name if isinstance(key, sp.Symbol) else key): ends for key, ends in region.items()}
+    return {name: rounded(given[name], ends) for name, ends in checked.items()}
 
 
 def rounded(given: object, nearest: Side) -> tuple[Side, Side]:

@@ -25,7 +25,7 @@ from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.sides import rounded
+from gsp.proofs.sides import rounded_sides
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
@@ -106,8 +106,7 @@ class SlowTube(Card):
         return f"SlowTube({self.verdict.name}, {self.reason})"
 
     def __str__(self) -> str:
-        box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
-        lines = [f"{self.verdict.value} on {box}", f"  {self.reason}"]
+        lines = head(self)
         if self.is_isolating:
             small, n = self.series.branch.system.epsilon.name, self.series.order
             lines.append(f"  for every {small} in (0, {self.epsilon_0:.6g}], with h through order {n}")
@@ -119,6 +118,12 @@ class SlowTube(Card):
                 lines.append(f"  that is {self.ratio:.4g} times the largest first term left out")
             lines += [f"  {sentence}" for sentence in self.statement]
         return "\n".join(lines)
+
+
+def head(tube: SlowTube | SolvedTube, at: str = "") -> list[str]:
+    """The first lines of a tube as text: its verdict on its region, and the reason."""
+    box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in tube.region.items())
+    return [f"{tube.verdict.value} on {box}{at}", f"  {tube.reason}"]
 
 
 def sentences(tube: SlowTube | SolvedTube) -> tuple[str, ...]:
@@ -169,8 +174,7 @@ def certify_tube(
     system = branch.system
     slow = [s.name for s in system.x]
     checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
-    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
-    box = {name: rounded(given[name], ends)[0] for name, ends in checked.items()}
+    box = {name: outwards for name, (outwards, _) in rounded_sides(region, checked).items()}
     with flint.ctx.workprec(balls.PRECISION):
         return _Search(series, box, most_boxes).result(epsilon)
 

@@ -21,14 +21,14 @@ from gsp.proofs import balls
 from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.sides import rounded
+from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box
 from gsp.results.card import Card
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.isolation import Tally, norm
-from gsp.slow_tubes.slow_tubes import sentences
+from gsp.slow_tubes.slow_tubes import head, sentences
 from gsp.slow_tubes.solved_flow import SolvedFlow
 from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch
 from gsp.systems.arguments import check_whole
@@ -76,9 +76,8 @@ class SolvedTube(Card):
         return f"SolvedTube({self.verdict.name}, {self.reason})"
 
     def __str__(self) -> str:
-        box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
         small = self.manifold.branch.system.epsilon.name
-        lines = [f"{self.verdict.value} on {box} at {small} = {self.epsilon:g}", f"  {self.reason}"]
+        lines = head(self, f" at {small} = {self.epsilon:g}")
         if self.is_isolating:
             lines.append(f"  |y - p| <= {self.delta:.6g}, p being the interpolant that was solved for")
             lines += [f"  {sentence}" for sentence in self.statement]
@@ -119,8 +118,8 @@ def certify_solved(
         )
     names = [s.name for s in system.x]
     checked = check_region(region, [s.name for s in system.states], required=names)
-    given = {(k.name if isinstance(k, sp.Symbol) else k): v for k, v in region.items()}
-    box = {name: rounded(given[name], checked[name])[0] for name in names}
+    sides = rounded_sides(region, checked)
+    box = {name: sides[name][0] for name in names}
     for (name, (low, high)), (first, last) in zip(box.items(), surface.box.tolist()):
         if low < first or high > last:
             raise DeclarationError(

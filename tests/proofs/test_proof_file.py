@@ -2,6 +2,8 @@
 
 import copy
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -279,3 +281,15 @@ def test_a_box_of_two_fast_variables_is_checked_by_few_operations(
     assert (found.stable, found.unstable) == (1, 1)
     # 135; it was half as many again when every derivative was taken for every box and every glue.
     assert calls[0] < 145 * found.boxes
+
+
+def test_the_checker_loads_nothing_of_the_prover() -> None:
+    code = (
+        "import sys, gsp.proofs.verification;"
+        "own = {'checked_tube', 'checker', 'interval_matrices', 'intervals', 'programs', 'rational_functions',"
+        " 'tube_checker', 'untrusted', 'verification'};"
+        "found = {name.split('.')[2] for name in sys.modules if name.startswith('gsp.proofs.')};"
+        "assert found == own, found ^ own;"
+        "assert not {'flint', 'numpy', 'sympy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
