@@ -21,7 +21,18 @@ from gsp.errors import printable
 from gsp.kernels import rodas5p_tableau
 
 # In the order in which they stand on the page: each uses those before.
-SCRIPTS = ("functions.js", "integrator.js", "reduction.js", "work.js", "state.js", "views.js", "page.js")
+SCRIPTS = (
+    "functions.js",
+    "integrator.js",
+    "reduction.js",
+    "state.js",
+    "views.js",
+    "pictures.js",
+    "work.js",
+    "controls.js",
+    "notes.js",
+    "page.js",
+)
 STYLE = "page.css"
 
 

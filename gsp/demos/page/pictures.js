@@ -1,0 +1,288 @@
+// The pictures of a page: plane, time, errors, path, and space.
+
+// Lines of the net of a surface in each direction.
+const NET = 22;
+
+// Curves of a plane: quantity `i` across, quantity `j` up. `i` null is time.
+function drawCurves(view, curves, i, j, colours) {
+  const across = (curve) => (i === null ? curve.t : curve.q[i]);
+  view.curve(across(curves.full), curves.full.q[j], colours.ink, 2.4);
+  for (const run of curves.reduced) {
+    view.curve(across(run), run.q[j], colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
+  }
+  curves.rivals.forEach((rival, k) => view.curve(across(rival), rival.q[j], colours.rivals[k], 1.6, [3, 4]));
+  if (curves.fixed) {
+    const [x, y] = [across(curves.fixed), curves.fixed.q[j]];
+    view.curve(x, y, colours.rivals[0], 1.4);
+    if (x.length <= DOTTED) x.forEach((value, k) => view.dot(value, y[k], colours.rivals[0], 2.5));
+  }
+}
+
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, { frame, window: shown }, marks) {
+  view.begin(colours);
+  const framed = (place, start) => rangeOf(curves, place, [start, ...(frame[model.quantities[place]] ?? [])]);
+  // A story may hold an axis still, where runs grow without bound.
+  const ranged = (place, start) => shown[model.quantities[place]] ?? framed(place, start);
+  view.setRanges(ranged(i, view.startAt[0]), ranged(j, view.startAt[1]));
+  view.axes(model.quantities[i], model.quantities[j]);
+  view.clipped(() => {
+    drawFibres(view, model, i, j, colours);
+    drawManifold(view, model, s, i, j, colours, orders);
+    drawCurves(view, curves, i, j, colours);
+    for (const fold of folds) {
+      const c = view.context;
+      c.strokeStyle = colours.rivals[0];
+      c.lineWidth = 2;
+      c.beginPath();
+      c.arc(view.X(fold[i]), view.Y(fold[j]), 6, 0, 2 * Math.PI);
+      c.stroke();
+    }
+    drawMarks(view, marks.filter((mark) => mark.axis === model.quantities[i]), colours);
+    if (now !== null) view.dot(valueAt(curves.full, i, now), valueAt(curves.full, j, now), colours.ink);
+  });
+}
+
+// Upright lines with a name each, at values of the quantity across.
+function drawMarks(view, marks, colours) {
+  for (const mark of marks) {
+    view.curve([mark.at, mark.at], [view.box[2], view.box[3]], colours.rivals[1], 1.5, [6, 4]);
+    view.word(mark.name, view.X(mark.at) - 8 - view.context.measureText(mark.name).width, MARGIN.top + 10, colours.rivals[1]);
+  }
+}
+
+// Fast fibres of a planar system, x = const.
+function drawFibres(view, model, i, j, colours) {
+  if (!model.reducible || model.nSlow !== 1) return;
+  const slow = model.quantities.indexOf(model.reduction.slow[0]);
+  const fast = model.reduction.fast.map((name) => model.quantities.indexOf(name));
+  const c = view.context;
+  const upright = i === slow && fast.includes(j);
+  if (!upright && !(j === slow && fast.includes(i))) return;
+  c.strokeStyle = colours.faint;
+  c.globalAlpha = 0.35;
+  c.lineWidth = 1;
+  c.setLineDash([1, 5]);
+  c.beginPath();
+  const count = 12;
+  for (let k = 1; k < count; k++) {
+    const [x0, x1, y0, y1] = view.box;
+    const at = upright ? view.X(x0 + ((x1 - x0) * k) / count) : view.Y(y0 + ((y1 - y0) * k) / count);
+    if (upright) {
+      c.moveTo(at, MARGIN.top);
+      c.lineTo(at, view.height);
+    } else {
+      c.moveTo(MARGIN.left, at);
+      c.lineTo(view.width, at);
+    }
+  }
+  c.stroke();
+  c.setLineDash([]);
+  c.globalAlpha = 1;
+}
+
+// M0, solid where it attracts and dashed where it does not, and M_epsilon through the highest order shown.
+function drawManifold(view, model, s, i, j, colours, orders) {
+  if (!model.reducible) return;
+  const { coordinates } = model.seriesAt(s);
+  if (!coordinates || coordinates.length !== 1) return;
+  const name = [...model.reduction.slow, ...model.reduction.fast][coordinates[0]];
+  const place = model.quantities.indexOf(name);
+  const [x0, x1, y0, y1] = view.box;
+  const interval = place === i ? [x0, x1] : place === j ? [y0, y1] : null;
+  if (!interval) return;
+  const p = model.constants(s);
+  const values = new Float64Array(model.quantities.length);
+  const highest = Math.max(0, ...orders);
+  for (const order of highest > 0 ? [0, highest] : [0]) {
+    const points = model.manifoldCurve(s, order, interval, 160);
+    if (!points) return;
+    for (const attracts of [true, false]) {
+      const x = new Float64Array(points.length).fill(NaN);
+      const y = new Float64Array(points.length).fill(NaN);
+      points.forEach((point, k) => {
+        const neighbour = points[k + 1] ?? point;
+        if (!(order === 0 || point.valid) || (point.attracts !== attracts && neighbour.attracts !== attracts)) return;
+        model.quantitiesAt(point.z, p, values);
+        x[k] = values[i];
+        y[k] = values[j];
+      });
+      const colour = order === 0 ? colours.manifold : colours.orders[order];
+      view.curve(x, y, colour, order === 0 ? 3 : 1.2, attracts ? [] : [7, 6]);
+    }
+  }
+}
+
+function drawTrace(view, model, s, curves, j, now, colours, layerEnd, { logarithmic, window: shown }) {
+  const yLog = logarithmic.includes(model.quantities[j]);
+  view.begin(colours);
+  const taken = yLog ? logarithms(curves, j) : curves;
+  view.setRanges([s.span[0], s.span[1]], shown[model.quantities[j]] ?? rangeOf(taken, j), { steady: false });
+  view.axes("t", model.quantities[j], { yLog });
+  view.clipped(() => {
+    if (layerEnd > s.span[0]) {
+      view.context.fillStyle = colours.manifold;
+      view.context.globalAlpha = 0.16;
+      view.context.fillRect(view.X(s.span[0]), 0, view.X(layerEnd) - view.X(s.span[0]), view.height);
+      view.context.globalAlpha = 1;
+    }
+    drawCurves(view, taken, null, j, colours);
+    if (now !== null) {
+      view.curve([now, now], [view.box[2], view.box[3]], colours.faint, 1);
+      view.dot(now, valueAt(taken.full, j, now), colours.ink);
+    }
+  });
+}
+
+// The same curves with the decimal logarithm of quantity j; NaN where it is not positive.
+function logarithms(curves, j) {
+  const of = (curve) => {
+    const q = curve.q.slice();
+    q[j] = q[j].map((value) => (value > 0 ? Math.log10(value) : NaN));
+    return { ...curve, q };
+  };
+  return { full: of(curves.full), reduced: curves.reduced.map(of), rivals: curves.rivals.map(of), fixed: curves.fixed && of(curves.fixed) };
+}
+
+// Errors against epsilon, both logarithmic, with the present epsilon marked.
+function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
+  view.begin(colours);
+  const lines = orders.length + rivals.length;
+  const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
+  const all = points.flatMap((row) => [...orders.map((order) => row.orders[order]), ...rivals.map((name) => row.rivals[name])]);
+  const good = all.filter((e) => e > 0 && Number.isFinite(e)).map(Math.log10);
+  const x = Math.log10(epsilon);
+  view.setRanges([x - 1.1, x + 0.7], good.length ? [Math.min(...good) - 0.4, Math.max(...good) + 0.4] : [-8, 0], {
+    steady: false,
+  });
+  view.axes("epsilon", "error", { xLog: true, yLog: true });
+  view.clipped(() => {
+    view.curve([x, x], [view.box[2], view.box[3]], colours.faint, 1);
+    const line = (read, colour, dash = []) => {
+      const known = points.filter((row) => read(row) > 0 && Number.isFinite(read(row)));
+      const xs = known.map((row) => Math.log10(row.epsilon));
+      const ys = known.map((row) => Math.log10(read(row)));
+      view.curve(xs, ys, colour, 2, dash);
+      xs.forEach((value, k) => view.dot(value, ys[k], colour, 3.2));
+    };
+    for (const order of orders) line((row) => row.orders[order], colours.orders[order]);
+    rivals.forEach((name, k) => line((row) => row.rivals[name], colours.rivals[k], [3, 4]));
+  });
+  if (lines === 0) {
+    view.context.textAlign = "center";
+    view.context.fillStyle = colours.faint;
+    view.context.fillText("Switch an order on to measure its error.", view.width / 2, view.height / 2);
+  }
+}
+
+// A path in the plane of two quantities, with a body where data tells how it looks.
+function drawPath(view, model, curves, places, body, now, colours) {
+  view.begin(colours);
+  const reach = body ? body.reach : 0;
+  const widened = (range) => [range[0] - reach, range[1] + reach];
+  const [i, j] = places;
+  view.setRanges(widened(extent([curves.full.q[i]])), widened(extent([curves.full.q[j]])), { equal: true });
+  view.axes(model.quantities[i], model.quantities[j]);
+  view.clipped(() => {
+    drawCurves(view, curves, i, j, colours);
+    const t = now === null ? curves.full.t[curves.full.t.length - 1] : now;
+    const at = [valueAt(curves.full, i, t), valueAt(curves.full, j, t)];
+    if (!body) {
+      view.dot(...at, colours.ink);
+      return;
+    }
+    const angle = valueAt(curves.full, model.quantities.indexOf(body.angle), t);
+    const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+    const c = view.context;
+    for (const part of body.parts) {
+      c.beginPath();
+      for (const [u, v] of part.points) {
+        c.lineTo(view.X(at[0] + u * cos - v * sin), view.Y(at[1] + u * sin + v * cos));
+      }
+      if (part.closed) c.closePath();
+      c.strokeStyle = part.strong ? colours.rivals[0] : colours.ink;
+      c.lineWidth = part.strong ? 5 : 1.5;
+      if (part.closed) {
+        c.fillStyle = colours.manifold;
+        c.globalAlpha = 0.35;
+        c.fill();
+        c.globalAlpha = 1;
+      }
+      c.stroke();
+    }
+  });
+}
+
+// The net of M0 over the box: {rows, attracts}, the points of row i one behind the other. It changes with the setting and not
+// with the angles, so that it is kept while the picture is turned.
+let net = { key: "" };
+
+function netOf(model, s, places, box) {
+  const p = model.constants(s);
+  const key = [...p, ...places].join();
+  if (net.key === key) return net;
+  const surface = model.manifoldSurface(s, box, NET) ?? [];
+  const side = surface.length;
+  const at = new Float64Array(3 * side * side);
+  const attracts = new Uint8Array(side * side);
+  const values = new Float64Array(model.quantities.length);
+  surface.flat().forEach((point, k) => {
+    model.quantitiesAt(point.z, p, values);
+    for (let axis = 0; axis < 3; axis++) at[3 * k + axis] = values[places[axis]];
+    attracts[k] = point.attracts ? 1 : 0;
+  });
+  const along = [0, 1, 2].map((axis) => at.filter((_, k) => k % 3 === axis));
+  net = { key, side, along, attracts };
+  return net;
+}
+
+// Three quantities in space, turned by two angles: M0 as a net, the runs, and the start.
+function drawSpace(view, model, s, curves, places, angles, box, now, colours) {
+  view.begin(colours);
+  const { side, along, attracts } = netOf(model, s, places, box);
+  const spans = places.map((place, k) => extent([curves.full.q[place], along[k]]));
+  const [turn, tilt] = angles;
+  const [ct, st, ci, si] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
+  const unit = 0.56 * Math.min(view.width, view.height * 1.15);
+  const scaled = (value, k) => (value - spans[k][0]) / (spans[k][1] - spans[k][0]) - 0.5;
+  const project = (q) => {
+    const [x, y, z] = [scaled(q[0], 0), scaled(q[1], 1), scaled(q[2], 2)];
+    return [view.width / 2 + unit * (x * ct - y * st), view.height / 2 - unit * (z * ci + (x * st + y * ct) * si)];
+  };
+  view.X = (value) => value;
+  view.Y = (value) => value;
+  // A curve of `count` points, `from` on and every `stride`-th of three arrays.
+  const polyline = ([a, b, c], colour, width, dash = [], from = 0, stride = 1, count = a.length, shown = null) => {
+    const x = new Float64Array(count);
+    const y = new Float64Array(count);
+    for (let i = 0; i < count; i++) {
+      const k = from + i * stride;
+      [x[i], y[i]] = shown === null || attracts[k] === shown ? project([a[k], b[k], c[k]]) : [NaN, NaN];
+    }
+    view.curve(x, y, colour, width, dash);
+  };
+  const c = view.context;
+  // Lines of the net, in pieces that attract and pieces that do not.
+  for (const shown of [1, 0]) {
+    c.globalAlpha = shown ? 0.75 : 0.3;
+    for (let line = 0; line < side; line++) {
+      polyline(along, colours.manifold, 1, [], line * side, 1, side, shown);
+      polyline(along, colours.manifold, 1, [], line, side, side, shown);
+    }
+  }
+  c.globalAlpha = 1;
+  const corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map((corner) => corner.map((k, i) => spans[i][k]));
+  corners.slice(1).forEach((corner, k) => {
+    polyline(corner.map((value, i) => [corners[0][i], value]), colours.faint, 1);
+    const [px, py] = project(corner);
+    c.fillStyle = colours.ink;
+    c.textAlign = "center";
+    c.textBaseline = "middle";
+    c.fillText(model.quantities[places[k]], Math.min(view.width - 14, Math.max(14, px)), Math.min(view.height - 10, Math.max(10, py - 9)));
+  });
+  const inSpace = (curve) => places.map((place) => curve.q[place]);
+  polyline(inSpace(curves.full), colours.ink, 2.4);
+  for (const run of curves.reduced) polyline(inSpace(run), colours.orders[run.order], 1.9, [[], [9, 4], [5, 3], [2, 3]][run.order]);
+  const at = now === null ? curves.full.t[0] : now;
+  const [px, py] = project(places.map((place) => valueAt(curves.full, place, at)));
+  view.dot(px, py, now === null ? colours.rivals[1] : colours.ink);
+}
