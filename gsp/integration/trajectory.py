@@ -38,6 +38,7 @@ from gsp.integration.methods import (
     fast_times,
 )
 from gsp.integration.output import Output, read
+from gsp.integration.watching import ending_of, search_of
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
@@ -47,7 +48,6 @@ from gsp.systems.flow import Flow, Point, Question, frozen
 
 if TYPE_CHECKING:
     from gsp.integration.reduced_flow import ReducedFlow
-    from gsp.integration.reduction_end.endings import Ending
 
 _SHOWN_STATES = 4
 _NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
@@ -320,9 +320,9 @@ def trajectory_of(
         stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
         state = np.array(y)  # pyright: ignore[reportAssignmentType]
         if flow.is_reduced:
-            ending = _ending(flow, stepper, (first, last), state, stops_of(grid, first, last))  # pyright: ignore[reportArgumentType]
+            ending = ending_of(flow, stepper, (first, last), state, stops_of(grid, first, last))  # pyright: ignore[reportArgumentType]
             begun = ending.at_start(first, state)  # pyright: ignore[reportArgumentType]
-        search = _search(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
+        search = search_of(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
     if begun is not None:
         record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
     elif record is None or (status is not Status.SUCCESS and status is not Status.INTERRUPTED):
@@ -358,40 +358,6 @@ def trajectory_of(
         if not dense:
             record = record._replace(dense=record.dense[:0].copy())
     return _trajectory(flow, small, grid, record, output, crossings, note, override)
-
-
-def _ending(
-    flow: Flow, stepper: Stepper, span: tuple[float, float], y: np.ndarray, stops: np.ndarray
-) -> Ending:
-    """What watches the run of a reduced flow."""
-    # Imported here: all that series need would be an eighth of the first solve of a flow that is not reduced.
-    from gsp.integration.reduced_flow import ReducedFlow
-    from gsp.integration.reduction_end.endings import Ending
-
-    assert isinstance(flow, ReducedFlow)
-    return Ending(flow, stepper, span, y, stops)
-
-
-def _search(
-    asked: CompiledEvents | None,
-    ending: Ending | None,
-    stepper: Stepper,
-    span: tuple[float, float],
-    y: np.ndarray,
-) -> Search:
-    """What watches the run: the events asked for, then the reduced flow's own tests."""
-    first, last = span
-    watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
-    signs = [] if asked is None else [asked.signs(first, y, last > first)]
-    parts = [part.values for part in (asked, ending) if part is not None]
-    # Events are looked for step by step; the tests of a reduced flow alone are passed over quickly.
-    quiet = ending.quiet if ending is not None and asked is None else None
-
-    def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
-        return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
-
-    signs += [ending.signs] if ending else []
-    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
 
 
 def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:

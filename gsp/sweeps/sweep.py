@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib.metadata
 import json
 import math
 import os
@@ -19,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.results.card import Card
 from gsp.sweeps.execution import connect, run_here, run_in_processes, run_on_cluster
+from gsp.sweeps.fingerprint import PACKAGES, fingerprint_of
 from gsp.sweeps.ledger import is_gone, this_host, write_whole
 from gsp.sweeps.plan import Plan, Variable, block_of, check_axes
 from gsp.sweeps.store import STATUS, Store, zarr_or_remedy
-from gsp.sweeps.tasks import as_numbers, check_options, meaning_of, name_of, source_of, variables_of
+from gsp.sweeps.tasks import as_numbers, check_options, meaning_of, name_of, variables_of
 from gsp.sweeps.worker import Subject, compute_point, subject_of
 from gsp.systems.arguments import check_flag, check_progress, check_whole, shown
 
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 # Seconds of work in a chunk, and how many points are tried for one that tells what a point records.
 CHUNK_SECONDS = 1.0
 TRIED = 16
-PACKAGES = ("gsp-toolkit", "numpy", "scipy", "sympy", "numba")
 
 
 class Sweep(Card):
@@ -221,7 +219,7 @@ def _prepared(
     content, name = _model(model)
     subject = _subject(content, name)
     subject.check(axes, options, task)
-    fingerprint = _fingerprint(task, options, subject.scene)
+    fingerprint = fingerprint_of(task, options, subject.scene)
     if anew:
         for folder in root.glob("data-*"):
             shutil.rmtree(folder)
@@ -290,40 +288,6 @@ def _plain(options: Mapping[str, object] | None) -> dict[str, object]:
         with suppress(TypeError, ValueError):
             return json.loads(json.dumps(dict(options or {}), allow_nan=False))
     raise DeclarationError(f"options maps names to numbers, text and sequences of them. Got {shown(options)}.")
-
-
-def _fingerprint(task: str, options: Mapping[str, object], scene: Scene | None) -> dict[str, str]:
-    """By parts, what results depend on besides the axes."""
-    found = {package: _version(package) for package in PACKAGES}
-    found["task"] = source_of(task)
-    found["options"] = json.dumps(options, sort_keys=True)
-    if scene is not None:
-        import sympy as sp
-
-        flow = scene.full_flow
-        parts = {
-            "equations": {str(k): sp.srepr(v) for k, v in flow.equations.items()},
-            "parameters": {str(k): sp.srepr(v) for k, v in flow.parameters.items()},
-            "region": dict(scene.region),
-            "start": dict(scene.full_start),
-            "span": scene.span,
-            "epsilon": scene.epsilon,
-            "tolerance": scene.tolerance,
-        }
-        found |= {
-            part: hashlib.sha256(json.dumps(value, default=str).encode()).hexdigest()
-            for part, value in parts.items()
-        }
-    return found
-
-
-def _version(package: str) -> str:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        import gsp
-
-        return gsp.__version__
 
 
 def _refuse_changes(root: Path, fingerprint: Mapping[str, str]) -> None:

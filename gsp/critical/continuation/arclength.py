@@ -98,8 +98,8 @@ Finder = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], tuple[np.ndarray, 
 class PointTracer(arclength.Tracer[Place]):
     """Continues one curve; holds its scales, bounds and counters.
 
-    `find` decides about a change of orientation within a step; `refresh` exchanges what F keeps fixed, such as
-    borders, at every point reached.
+    `find`, where it is set, decides about a change of orientation within a step; `refresh` exchanges what F keeps
+    fixed, such as borders, at every point reached.
     """
 
     def __init__(
@@ -111,7 +111,6 @@ class PointTracer(arclength.Tracer[Place]):
         names: tuple[str, ...],
         controls: Controls,
         refresh: Callable[[Equations, np.ndarray], Equations] | None = None,
-        find: Finder | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.equations = equations
@@ -124,7 +123,7 @@ class PointTracer(arclength.Tracer[Place]):
             controls.step, controls.max_step, SMALLEST * controls.max_step, AIM, AIM_ANGLE, LARGEST_ANGLE
         )
         self.refresh = refresh
-        self.find = find
+        self.find: Finder | None = None
         self.progress = progress
         self.counters = Counters()
         self._first_scales = scales.copy()
