@@ -62,10 +62,29 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     return result
 
 
+def slopes(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> dict[tuple[int, int], Any]:
+    """Those `derivative`s of `expressions` by `symbols` that are not 0, by row and column, in the order of rows."""
+    columns = {s: j for j, s in enumerate(symbols)}
+    found: dict[tuple[int, int], Any] = {}
+    for i, expression in enumerate(expressions):
+        for s in sorted(expression.free_symbols & columns.keys(), key=columns.__getitem__):
+            slope = derivative(expression, s)
+            if slope != 0:
+                found[i, columns[s]] = slope
+    return found
+
+
+def entries(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> list[Any]:
+    """The `derivative`s of `expressions` by `symbols`, row by row."""
+    rows, columns = list(expressions), list(symbols)
+    known = slopes(rows, columns)
+    return [known.get((i, j), sp.S.Zero) for i in range(len(rows)) for j in range(len(columns))]
+
+
 def jacobian(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> sp.Matrix:
     """The matrix of `derivative`s, a row for each of `expressions`."""
-    columns = list(symbols)
-    return sp.Matrix([[derivative(e, s) for s in columns] for e in expressions])
+    rows, columns = list(expressions), list(symbols)
+    return sp.Matrix(len(rows), len(columns), entries(rows, columns))
 
 
 def without_overflow(expression: Any) -> Any:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import flint
 import sympy as sp
@@ -319,10 +320,8 @@ class LocalisedRing:
         return sp.Mul(numerator, *powers)
 
 
-def read(
-    expression: sp.Expr, ring: LocalisedRing, environment: dict[sp.Symbol, Element], cache: dict | None = None
-) -> Element:
-    """The element of a SymPy expression, symbols looked up in `environment` first, then in the ring."""
+def read(expression: sp.Expr, ring: Any, environment: dict[sp.Symbol, Any], cache: dict | None = None) -> Any:
+    """The element of a SymPy expression, symbols looked up in `environment` first, then in the ring, of either kind."""
     cache = {} if cache is None else cache
     if expression in cache:
         return cache[expression]

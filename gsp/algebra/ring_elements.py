@@ -56,6 +56,11 @@ class Element:
     __rmul__ = __mul__
 
     @property
+    def length(self) -> int:
+        """Terms of the numerator."""
+        return len(self.numerator)
+
+    @property
     def is_zero(self) -> bool:
         """Whether the numerator is the zero polynomial."""
         return self.numerator == 0

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative
+from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
@@ -23,6 +23,7 @@ from gsp.critical.sheet_points import (
     guesses,
     newton_at_each,
     place,
+    signs,
     solve_each,
 )
 from gsp.errors import BranchError
@@ -252,7 +253,7 @@ class Branch(Portable, Card):
         """Sign of det g_y: constant on a sheet, since it changes at folds only."""
         n = y.shape[1]
         jacobian = self._jacobian(np.hstack([x, y]), self._values).reshape(-1, n, n)
-        return np.sign(np.linalg.det(np.nan_to_num(jacobian)))
+        return signs(np.nan_to_num(jacobian))
 
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""
@@ -287,13 +288,11 @@ class Branch(Portable, Card):
 
     @cached_property
     def _jacobian(self):
-        entries = [derivative(e, y) for e in self.equations for y in self.system.y]
-        return self._compiled(tuple(entries), (*self.system.x, *self.system.y))
+        return self._compiled(tuple(entries(self.equations, self.system.y)), self.system.states)
 
     @cached_property
     def _slow_jacobian(self):
-        entries = [derivative(e, x) for e in self.equations for x in self.system.x]
-        return self._compiled(tuple(entries), (*self.system.x, *self.system.y))
+        return self._compiled(tuple(entries(self.equations, self.system.x)), self.system.states)
 
     @cached_property
     def _graph_function(self):

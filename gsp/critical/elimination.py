@@ -10,10 +10,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import prod
 
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import (
     coefficients,
     degree,
@@ -24,6 +26,7 @@ from gsp.algebra.factorisation import (
     numerator,
     quotient,
 )
+from gsp.algebra.functions import NON_SMOOTH
 from gsp.algebra.inversion import one_inverse
 from gsp.algebra.laurent import laurent
 from gsp.algebra.substitution import substituted
@@ -34,6 +37,8 @@ COMPONENT_LIMIT = 256
 # A variable is eliminated only while what remains has this degree at most, or about so many operations.
 DEGREE_LIMIT = 9
 OPERATION_LIMIT = 200
+# Terms of all equations together up to which they may grow while variables are eliminated.
+TERM_LIMIT = 400
 
 Graph = dict[sp.Symbol, sp.Expr]
 
@@ -105,9 +110,12 @@ def _eliminate(
     step = _linear_step(equations, remaining, system)
     if step is not None and _stays_small(equations, *step, system):
         place, y, value = step
-        rest = [numerator(substituted(e, {y: value})) for i, e in enumerate(equations) if i != place]
-        below = list(_branching(rest, {**known, y: value}, system, found))
+        rest = [_replaced(e, y, value) for i, e in enumerate(equations) if i != place]
         here = (*equations, *(symbol - known[symbol] for symbol in known))
+        if _terms(rest) > max(TERM_LIMIT, _terms(equations)):
+            yield here, None
+            return
+        below = list(_branching(rest, {**known, y: value}, system, found))
         # A substitution serves a formula or a factor. One that gave neither and made the equations longer is undone.
         if len(below) == 1 and below[0][1] is None and _operations(below[0][0]) > _operations(here):
             below = [(here, None)]
@@ -123,8 +131,21 @@ def _eliminate(
     yield (*equations, *(y - value for y, value in known.items())), None
 
 
+def _replaced(equation: sp.Expr, y: sp.Symbol, value: sp.Expr) -> sp.Expr:
+    return numerator(substituted(equation, {y: value})) if y in equation.free_symbols else equation
+
+
 def _operations(equations: Sequence[sp.Expr]) -> int:
-    return sum(int(sp.count_ops(equation)) for equation in equations)
+    return sum(map(_count, equations))
+
+
+@lru_cache(maxsize=4096)
+def _count(equation: sp.Expr) -> int:
+    return int(sp.count_ops(equation))
+
+
+def _terms(equations: Sequence[sp.Expr]) -> int:
+    return sum(len(sp.Add.make_args(equation)) for equation in equations)
 
 
 def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], system: SlowFastSystem):
@@ -133,18 +154,32 @@ def _linear_step(equations: Sequence[sp.Expr], remaining: Sequence[sp.Symbol], s
     A coefficient that depends on x may vanish somewhere, and then the substitution has a pole that M0 has not.
     """
     best = None
+    fast, slow = frozenset(system.y), frozenset(system.x)
     for place, equation in enumerate(equations):
+        present = equation.free_symbols
         for y in remaining:
-            slope = sp.diff(equation, y)
-            if slope == 0 or slope.has(*system.y) or _is_zero_at_values(slope, system):
+            if y not in present:
                 continue
-            rank = 0 if slope.is_number else 1 if not slope.has(*system.x) else 2
+            slope = _slope(equation, y)
+            used = slope.free_symbols
+            if slope == 0 or not fast.isdisjoint(used) or _is_zero_at_values(slope, system):
+                continue
+            rank = 0 if not used else 1 if slow.isdisjoint(used) else 2
             if best is None or rank < best[0]:
                 best = (rank, place, y, slope)
+        if best is not None and best[0] == 0:
+            break
     if best is None:
         return None
     _, place, y, slope = best
     return place, y, lowest_terms(-equations[place].subs(y, 0) / slope)
+
+
+# A step of the elimination changes few equations; the others are asked again in the next one.
+@lru_cache(maxsize=4096)
+def _slope(equation: sp.Expr, y: sp.Symbol) -> sp.Expr:
+    # Off its jumps sign(y) has the slope 0, and yet no equation with it is linear in y.
+    return sp.diff(equation, y) if equation.has(*NON_SMOOTH) else derivative(equation, y)
 
 
 def _stays_small(
@@ -166,12 +201,12 @@ def _branching(
     """Factor what a substitution has left, and go on with every factor."""
     choices = []
     for equation in equations:
-        if numerator(equation) == 0:
+        if _is_nothing(equation):
             _note(found.unsolved, sp.Add(*(y - value for y, value in known.items())))
             return
         if equation is sp.nan:
             return
-        parts = factors(equation, system.y)
+        parts = _factors(equation, system.y)
         if not parts:
             if equation.has(*system.x):
                 _note(found.unsolved, equation)
@@ -179,6 +214,14 @@ def _branching(
         choices.append(parts)
     for choice in itertools.product(*choices):
         yield from _eliminate(list(choice), known, system, found)
+
+
+_factors = lru_cache(maxsize=4096)(factors)
+
+
+@lru_cache(maxsize=4096)
+def _is_nothing(equation: sp.Expr) -> bool:
+    return numerator(equation) == 0
 
 
 def _univariate(equation: sp.Expr, y: sp.Symbol, system: SlowFastSystem, found: Pieces) -> list[sp.Expr] | None:
@@ -262,7 +305,8 @@ def _polynomial(expression: sp.Expr, system: SlowFastSystem) -> sp.Poly | None:
     found = quotient(expression.subs(dict(system.parameters)))
     if found is None or not found.denominator.is_constant() or not set(found.atoms) <= set(system.states):
         return None
-    return sp.Poly(found.expression(found.numerator), *system.states)
+    used = [symbol for symbol in system.states if symbol in found.atoms]
+    return sp.Poly(found.expression(found.numerator), *(used or system.states))
 
 
 def _has_sign(polynomial: sp.Poly, sign: int) -> bool:
@@ -289,9 +333,9 @@ def _undefined(graph: Mapping[sp.Symbol, sp.Expr], system: SlowFastSystem) -> bo
 
 
 def _back_substituted(known: Graph, system: SlowFastSystem) -> Graph:
-    graph = dict(known)
-    for _ in known:
-        if not any(value.has(*system.y) for value in graph.values()):
-            break
-        graph = {y: substituted(value, graph) for y, value in graph.items()}
-    return {y: lowest_terms(v) if v.is_rational_function(*system.x) else _shortest(v) for y, v in graph.items()}
+    graph: Graph = {}
+    # What was eliminated first is given by those that were eliminated after it.
+    for y, value in reversed(known.items()):
+        whole = substituted(value, graph)
+        graph[y] = lowest_terms(whole) if whole.is_rational_function(*system.x) else _shortest(whole)
+    return graph

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative, without_overflow
+from gsp.algebra.differentiation import entries, slopes, without_overflow
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
-from gsp.critical.sheet_points import Allowance
-from gsp.critical.spectrum import eigenvalues
+from gsp.critical.sheet_points import Allowance, solve_each
+from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function, finite_rows
 from gsp.systems.region import Interval
@@ -20,6 +21,14 @@ from gsp.systems.region import Interval
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
 GRID = {1: 257, 2: 33}
 SOBOL = 11
+# With more fast variables than this all eigenvalues of one sample take milliseconds: fewer samples are taken, and
+# between them the eigenvalues nearest to the axis are followed by shift and invert.
+LARGE = 32
+COARSE = {1: 33, 2: 9}
+COARSE_SOBOL = 6
+SOME = 8
+# Eigenvalues that are followed, the vectors by which they are found, and their relative accuracy.
+FOLLOWED, VECTORS, ACCURACY = 2, 40, 1e-9
 # A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts.
 EDGE = 1e-9
 # Least singular value of g_y, relative to the largest, at which Newton's method has lost half of its digits.
@@ -37,6 +46,15 @@ class Sampler:
         self.f = [laurent(e, epsilon, order=0).get(0, zero) for e in self.system.f]
         self.g = [laurent(e, epsilon, order=0).get(0, zero) for e in self.system.g]
         self.p = compile_flow(self.system).constants
+
+    @property
+    def is_large(self) -> bool:
+        """Whether there are so many fast variables that samples are few."""
+        return len(self.system.y) > LARGE
+
+    def grid(self, box: Mapping[str, Interval]) -> np.ndarray:
+        """Slow points (m, n_slow) over `box`, at which the branch is sampled."""
+        return grid(np.array([box[s.name] for s in self.system.x]), coarse=self.is_large)
 
     # -- points ------------------------------------------------------------------------------------
 
@@ -130,16 +148,19 @@ class Sampler:
 
     @cached_property
     def _g_y(self):
-        return self._derivatives([derivative(g, y) for g in self.g for y in self.system.y])
+        return self._derivatives(entries(self.g, self.system.y))
 
     @cached_property
     def _all_jacobians(self):
-        return self._derivatives([derivative(e, s) for e in (*self.f, *self.g) for s in self.system.states])
+        return self._derivatives(entries((*self.f, *self.g), self.system.states))
 
     @cached_property
     def _second(self):
-        entries = [derivative(g, y) for g in self.g for y in self.system.y]
-        return self._derivatives([derivative(entry, s) for entry in entries for s in self.system.states])
+        """Where d(g_y)/dz is not 0 throughout, three arrays (k,) for row, column and state; and its values there."""
+        first = slopes(self.g, self.system.y)
+        places, values = list(first), slopes(first.values(), self.system.states)
+        rows = np.array([(*places[e], k) for e, k in values], dtype=int).reshape(-1, 3).T
+        return rows, self._derivatives(list(values.values()))
 
     @cached_property
     def _rates(self):
@@ -175,20 +196,87 @@ class Sampler:
     def second(self, z: np.ndarray) -> np.ndarray:
         """d(g_y)/dz at `z` (m, n): (m, n_fast, n_fast, n)."""
         n = len(self.system.y)
-        return self._second(z, self.p).reshape(-1, n, n, z.shape[1])
+        (i, j, k), values = self._second
+        found = np.zeros((len(z), n, n, z.shape[1]))
+        found[:, i, j, k] = values(z, self.p)
+        return found
+
+    def bent(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """d(g_y v)/dz at one point z (n,) for a vector v (n_fast,): (n_fast, n)."""
+        (i, j, k), values = self._second
+        found = np.zeros((len(v), len(z)))
+        np.add.at(found, (i, k), values(z[None, :], self.p)[0] * v[j])
+        return found
+
+    def followed(self, z: np.ndarray, near: complex) -> np.ndarray:
+        """The eigenvalues (k,) of g_y at z (n,) nearest to the point of the axis beside `near`, by shift and invert.
+
+        All of them where g_y is as good as symmetric; one that lies on that point is given alone. Not a number where
+        g_y is not finite.
+        """
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import ArpackError, eigs
+
+        matrix = self.fast_jacobian(z[None, :])[0]
+        if not np.isfinite(matrix).all():
+            return np.array([complex(np.nan)])
+        symmetric = symmetrised(matrix)
+        if symmetric is not None:
+            return np.linalg.eigvalsh(symmetric)
+        shift = 1j * near.imag if near.imag else 0.0
+        whole = csc_matrix(matrix.astype(complex) if near.imag else matrix)
+        n = len(matrix)
+        try:
+            # The same start each time, for the same answer.
+            found: Any = eigs(
+                whole,
+                k=min(FOLLOWED, n - 2),
+                ncv=min(VECTORS, n),
+                sigma=shift,
+                v0=np.ones(n),
+                tol=ACCURACY,  # pyright: ignore[reportArgumentType]
+                return_eigenvectors=False,
+            )
+            return found
+        except ArpackError:
+            return eigenvalues(matrix[None])[0]
+        except RuntimeError:
+            # The shifted matrix has no decomposition.
+            return np.array([complex(0.0, near.imag)])
 
     def eigenvalues(self, z: np.ndarray) -> np.ndarray:
         """Eigenvalues of g_y at `z` (m, n): complex (m, n_fast), not a number where g_y is not finite."""
+        if not self.is_large:
+            return self._spectra(z)
+        # Samples are asked for theirs as ends of links again.
+        rows = [row.tobytes() for row in np.ascontiguousarray(z)]
+        new = [i for i, row in enumerate(rows) if row not in self._known]
+        self._known |= dict(zip([rows[i] for i in new], self._spectra(z[new])))
+        return np.array([self._known[row] for row in rows]).reshape(len(z), len(self.system.y))
+
+    @cached_property
+    def _known(self) -> dict[bytes, np.ndarray]:
+        return {}
+
+    @cached_property
+    def is_constant(self) -> bool:
+        """Whether g_y is the same everywhere."""
+        return not len(self._second[0][0])
+
+    def _spectra(self, z: np.ndarray) -> np.ndarray:
         matrices = self.fast_jacobian(z)
         finite = np.isfinite(matrices).all(axis=(1, 2))
         values = np.full(matrices.shape[:2], complex(np.nan))
-        if finite.any():
+        if finite.all() and self.is_large and self.is_constant and len(matrices):
+            values[:] = eigenvalues(matrices[:1])
+        elif finite.any():
             values[finite] = eigenvalues(matrices[finite])
         return values
 
     def is_singular(self, z: np.ndarray) -> bool:
         """Whether g_y is nearly singular at most of the points `z` (m, n)."""
-        matrices = self.fast_jacobian(z)
+        # Singular values of a large matrix take long, and most of the points are told by some.
+        matrices = self.fast_jacobian(z[:: SOME if self.is_large else 1])
         sizes = np.linalg.svd(matrices[np.isfinite(matrices).all(axis=(1, 2))], compute_uv=False)
         return bool(len(sizes)) and bool(np.mean(sizes[:, -1] <= NEARLY_SINGULAR * sizes.max()) > 0.5)
 
@@ -202,7 +290,13 @@ class Sampler:
         nx, n = len(self.system.x), len(self.system.states)
         J = self._all_jacobians(z, self.p).reshape(-1, n, n)
         usable = finite_rows(J)
-        usable[usable] = np.abs(np.linalg.det(J[usable][:, nx:, nx:])) > 0.0
+        if self.is_large:
+            columns = [solve_each(J[usable][:, nx:, nx:], J[usable][:, nx:, k]) for k in range(nx)]
+            slope = np.stack(columns, axis=2)
+            good = finite_rows(slope)
+            usable[usable] = good
+            return J[usable], slope[good], usable
+        usable[usable] = np.linalg.slogdet(J[usable][:, nx:, nx:])[0] != 0.0
         J = J[usable]
         return J, np.linalg.solve(J[:, nx:, nx:], J[:, nx:, :nx]), usable
 
@@ -228,20 +322,28 @@ class Sampler:
         _, slope, usable = self._slopes(z)
         if not usable.all() or len(z) == 0:
             return float("inf")
-        T = self.second(z)
-        return float(np.abs(T[..., :nx] - np.einsum("mijk,mkl->mijl", T[..., nx:], slope)).max())
+        (i, j, k), values = self._second
+        if not len(i):
+            return 0.0
+        # z along x: x itself, and y = -g_y^-1 g_x.
+        along = np.concatenate([np.broadcast_to(np.eye(nx), (len(z), nx, nx)), -slope], axis=1)
+        moved = values(z, self.p)[:, :, None] * along[:, k]
+        # What belongs to one entry of g_y stands in a row.
+        starts = np.flatnonzero(np.append(True, (np.diff(i) != 0) | (np.diff(j) != 0)))
+        return float(np.abs(np.add.reduceat(moved, starts, axis=1)).max())
 
 
-def grid(box: np.ndarray) -> np.ndarray:
+def grid(box: np.ndarray, *, coarse: bool = False) -> np.ndarray:
     """Sample points (m, n) of a box (n, 2): a grid with its corners in one and two dimensions, else Sobol."""
     n = len(box)
-    if n in GRID:
-        axes = [np.linspace(low, high, GRID[n]) for low, high in box]
+    sides = COARSE if coarse else GRID
+    if n in sides:
+        axes = [np.linspace(low, high, sides[n]) for low, high in box]
         return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
     from scipy.stats import qmc
 
-    unit = qmc.Sobol(n, scramble=False).random_base2(SOBOL)
-    corners = (np.arange(2 ** min(n, 10))[:, None] >> np.arange(n)) & 1
+    unit = qmc.Sobol(n, scramble=False).random_base2(COARSE_SOBOL if coarse else SOBOL)
+    corners = (np.arange(2 ** min(n, 5 if coarse else 10))[:, None] >> np.arange(n)) & 1
     points = np.vstack([unit, corners])
     return box[:, 0] + points * (box[:, 1] - box[:, 0])
 
@@ -251,6 +353,6 @@ def neighbours(rows: int, dimension: int) -> tuple[np.ndarray, np.ndarray]:
     index = np.arange(rows)
     if dimension not in GRID:
         return index[:-1], index[1:]
-    table = index.reshape((GRID[dimension],) * dimension)
+    table = index.reshape((round(rows ** (1 / dimension)),) * dimension)
     pairs = [(np.delete(table, -1, axis), np.delete(table, 0, axis)) for axis in range(dimension)]
     return tuple(np.concatenate([pair[side].ravel() for pair in pairs]) for side in (0, 1))  # pyright: ignore[reportReturnType]

@@ -15,6 +15,8 @@ from gsp.systems.system import SlowFastSystem
 # A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
 NEWTON_TOLERANCE = 1e-12
 NEWTON_STEPS = 40
+# Matrices of more rows are solved as sparse ones.
+DENSE = 32
 
 
 class Allowance:
@@ -31,8 +33,40 @@ class Allowance:
         return not self.spent
 
 
+def signs(matrices: np.ndarray) -> np.ndarray:
+    """Signs (m,) of the determinants of finite matrices (m, n, n)."""
+    if matrices.shape[-1] <= DENSE:
+        return np.linalg.slogdet(matrices)[0]
+    return np.array([_sign(_decomposed(matrix)) for matrix in matrices])
+
+
+def _decomposed(matrix: np.ndarray):
+    """The sparse LU factors of a matrix (n, n), None of a singular one."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    try:
+        return splu(csc_matrix(matrix))
+    except RuntimeError:
+        return None
+
+
+def _sign(factors) -> float:
+    if factors is None:
+        return 0.0
+    swaps = sum(len(order) - len(_cycles(order)) for order in (factors.perm_r, factors.perm_c))
+    return float(np.prod(np.sign(factors.U.diagonal()))) * (-1.0) ** swaps
+
+
 def solve_each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Batched solution of A s = b; not a number where A is singular."""
+    if matrices.shape[-1] > DENSE:
+        result = np.full_like(vectors, np.nan)
+        for i, (matrix, vector) in enumerate(zip(matrices, vectors)):
+            factors = _decomposed(matrix) if np.isfinite(matrix).all() else None
+            if factors is not None:
+                result[i] = factors.solve(vector)
+        return result
     if matrices.shape[-1] == 1:
         with np.errstate(divide="ignore", invalid="ignore"):
             return vectors / matrices[:, :, 0]
@@ -107,3 +141,16 @@ def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]
     """(x, y) of a point that names every state; raises `DeclarationError` otherwise."""
     values = np.array(complete(point, system.states, what="point"))
     return values[: len(system.x)], values[len(system.x) :]
+
+
+def _cycles(order: np.ndarray) -> list[int]:
+    """The lengths of the cycles of a permutation (n,)."""
+    lengths, seen = [], np.zeros(len(order), dtype=bool)
+    for first in range(len(order)):
+        length, k = 0, first
+        while not seen[k]:
+            seen[k] = True
+            length, k = length + 1, order[k]
+        if length:
+            lengths.append(length)
+    return lengths

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import flint
 import numpy as np
 
-from gsp.critical.sampling import Sampler
+from gsp.critical.sampling import LARGE, Sampler
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.covering import Covering, Part, cover, share_of
@@ -77,6 +77,9 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     system = sampler.system
     names = [s.name for s in system.x]
     whole: Box = tuple(box[name] for name in names)
+    if sampler.is_large:
+        reason = f"enclosures are sought for {LARGE} fast variables at most, and there are {len(system.y)}"
+        return Exclusion(0, (dict(zip(names, whole)),), 1.0, reason)
     g = [e.xreplace(dict(system.parameters)) for e in sampler.g]
     try:
         # Overflow is no bound, and what is no bound excludes nothing.

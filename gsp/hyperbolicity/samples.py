@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.sampling import Sampler, grid
+from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
 from gsp.hyperbolicity.exclusion import Exclusion
 from gsp.hyperbolicity.losses import Loss, ends_on_grid, examine, sheet_ends, singular_points
@@ -52,7 +52,7 @@ class Samples:
 
 def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     branch = sampler.branch
-    x = grid(np.array([box[s.name] for s in sampler.system.x]))
+    x = sampler.grid(box)
     z, rows = points_of(sampler, x, box)
     missing = len(x) - len(np.unique(rows))
     ends = ends_on_grid(z, rows, x) if missing else []

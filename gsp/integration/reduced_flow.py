@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.sharing import plus, replaced, times
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.results.card import Card
@@ -211,9 +212,15 @@ def restrict(
     values = dict(system.parameters)
     renamed = _renamed(cut, rates_driven)
 
+    known = {ring.generator(s).index: name for s, name in renamed.items()} if cut.is_program else {}
+
+    def written(element) -> sp.Expr:
+        return ring.written([element], known)[0] if cut.is_program else ring.horner(element).xreplace(renamed)
+
     def total(elements) -> sp.Expr:
-        terms = [ring.horner(element) * epsilon**k for k, element in enumerate(elements)]
-        return sp.Add(*terms).xreplace(renamed)
+        if cut.is_program:
+            return plus([times(written(e), epsilon**k) for k, e in enumerate(elements)])
+        return sp.Add(*[written(e) * epsilon**k for k, e in enumerate(elements)])
 
     rates = []
     for coordinate in cut.coordinates:
@@ -235,11 +242,11 @@ def restrict(
     for i, y in enumerate(system.y):
         observables[y] = total(cut._h[i])
     for symbol, expression in system.observables.items():
-        observables[symbol] = expression.xreplace(values).xreplace(observables)
+        observables[symbol] = replaced(expression.xreplace(values), observables)
     states = tuple(renamed.get(c, c) for c in cut.coordinates)
     driven = tuple(rates_driven)
     for rate in rates_driven.values():
-        rates.append(rate.xreplace(values).xreplace(observables))
+        rates.append(replaced(rate.xreplace(values), observables))
     return ReducedFlow(
         manifold=manifold,
         order=cut.order,
@@ -250,7 +257,7 @@ def restrict(
         driven=driven,
         base=tuple(total([cut.chart.elements[s]]) for s in system.states),
         last_terms=tuple(
-            tuple((ring.horner(h[k]) * epsilon**k).xreplace(renamed) for h in cut._h)
+            tuple(times(written(h[k]), epsilon**k) for h in cut._h)
             for k in (cut.order - 1, cut.order)
             if cut.order > 1
         ),
@@ -273,6 +280,8 @@ def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Sym
             name = symbol.name + "0"
             while name in taken:
                 name += "0"
+            # y1 becomes y10, and then a y10 of its own may not become the same.
+            taken.add(name)
             result[symbol] = sp.Symbol(name)
     return result
 

@@ -21,11 +21,13 @@ from gsp.errors import GspError
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.lowering.steps.emission import LIBRARY, Emitter
-from gsp.lowering.steps.values import SIGNATURE, load, store
+from gsp.lowering.steps.values import SIGNATURE, constant, fill, load, store
 from gsp.systems.flow import Values
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
+# More outputs that are 0 are written by a loop.
+FEW_ZEROS = 64
 # One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
 MAKING = RLock()
 
@@ -125,7 +127,13 @@ def _compile(
     values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
     symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
     values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
-    for i, value in enumerate(Emitter(builder, values).write(outputs)):
+    # A store for each entry of a sparse matrix that is 0 would be most of the code.
+    is_sparse_output = outputs.count(sp.S.Zero) > FEW_ZEROS
+    kept = [i for i, e in enumerate(outputs) if not (is_sparse_output and e is sp.S.Zero)]
+    written = Emitter(builder, values).write([outputs[i] for i in kept])
+    if is_sparse_output:
+        fill(builder, constant(0.0), out, len(outputs))
+    for i, value in zip(kept, written):
         store(builder, value, out, i)
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)

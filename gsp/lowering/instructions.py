@@ -40,9 +40,8 @@ def write_instructions(states: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) 
     7
     """
     writer = _Writer(states)
-    for output in outputs:
-        for landing in landings(output):
-            writer.read(landing)
+    for landing in landings(*outputs):
+        writer.read(landing)
     rows = tuple(writer.row(writer.read(output)) for output in outputs)
     return Instructions(tuple(writer.rows), rows, tuple(writer.constants))
 
@@ -241,13 +240,13 @@ def every_part(expression: sp.Expr) -> Iterator[sp.Basic]:
         stack.extend(part.args)
 
 
-def landings(expression: sp.Expr) -> list[sp.Expr]:
+def landings(*expressions: sp.Expr) -> list[sp.Expr]:
     """Subexpressions, lowest first, such that between one and the next nothing is nested deeper than `_DEEPEST`.
 
     Horner forms of long series are nested a thousand deep, beyond what Python's stack holds.
     """
     heights: dict[sp.Basic, int] = {}
-    stack: list[Any] = [expression]
+    stack: list[Any] = list(expressions)
     while stack:
         top = stack[-1]
         pending = [part for part in top.args if part not in heights]

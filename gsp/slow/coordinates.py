@@ -8,31 +8,50 @@ D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import flint
 import sympy as sp
 
-from gsp.algebra.differentiation import derivative, jacobian
-from gsp.algebra.factorisation import quotient
+from gsp.algebra.circuits import CircuitRing, Factors, Gate
+from gsp.algebra.differentiation import derivative, slopes
+from gsp.algebra.factorisation import degree, quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import Element, number_of
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import HyperbolicityError
+from gsp.lowering.steps.straight_line import eliminate
+
+# So many fast variables that depend on one another have polynomials that can be written out; with more, the
+# determinant of their Jacobian has thousands of terms.
+WRITTEN = 5
+# Variables are eliminated by polynomials of this degree at most: a chain of cubics triples it with each link.
+MOST_DEGREES = 15
 
 
 @dataclass(frozen=True)
 class Chart:
-    """The ring of functions on a branch: `coordinates`, the element of every x and y, and g_y^-1."""
+    """The functions on a branch: their `ring`, `coordinates`, the element of every x and y, and g_y^-1.
+
+    The ring is a `CircuitRing` where more than `WRITTEN` fast variables depend on one another, else a `LocalisedRing`.
+    """
 
     branch: Branch
-    ring: LocalisedRing
+    ring: Any
     coordinates: tuple[sp.Symbol, ...]
-    elements: dict[sp.Symbol, Element]
-    inverse_jacobian: list[list[Element]]
+    elements: dict[sp.Symbol, Any]
+    inverse_jacobian: list[list[Element]] | Factors
+
+    def solve(self, b: Sequence[Any]) -> list[Any]:
+        """g_y^-1 b."""
+        if isinstance(self.inverse_jacobian, Factors):
+            return self.inverse_jacobian.solve(b)
+        return [dot(row, b, self.ring) for row in self.inverse_jacobian]
 
 
 def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None) -> Chart:
@@ -46,21 +65,29 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     def put(expression: sp.Expr) -> sp.Expr:
         return expression.xreplace(values)
 
-    graph = _eliminated(branch)
-    graph = {symbol: put(value) for symbol, value in graph.items()}
-    coordinates = tuple(symbol for symbol in (*system.x, *system.y) if symbol not in graph)
-    parameters = tuple(p for p in system.parameters if p not in values)
     require_rules({f"{s.name}'": rate for s, rate in zip(system.states, (*system.f, *system.g))})
     g0 = [put(laurent(g, system.epsilon, order=0).get(0, sp.Integer(0))) for g in system.g]
-    g_y, g_x = jacobian(g0, system.y), jacobian(g0, system.x)
+    g_y, g_x = slopes(g0, system.y), slopes(g0, system.x)
+    parameters = tuple(p for p in system.parameters if p not in values)
+    is_written = largest_block(g_y, len(g0), lambda e: not e.is_number) <= WRITTEN
+    # The coordinates are the same whether the parameters have their values or not.
+    states = frozenset(system.states)
+    is_short = largest_block(g_y, len(g0), lambda e: not states.isdisjoint(e.free_symbols)) <= WRITTEN
+    graph = _eliminated(branch) if is_short else dict(branch.graph or {})
+    graph = {symbol: put(value) for symbol, value in graph.items()}
+    coordinates = tuple(symbol for symbol in (*system.x, *system.y) if symbol not in graph)
     # Functions of eliminated variables become functions of their graphs, so those are counted too.
-    expressions = [put(e) for e in (*system.f, *system.g)] + [*g_y, *g_x, *graph.values()]
-    ring = LocalisedRing(
-        coordinates,
-        constants=parameters,
-        functions=not are_rational(expressions),
-        derivations=len(system.x),
-    )
+    expressions = [put(e) for e in (*system.f, *system.g)] + [*g_y.values(), *g_x.values(), *graph.values()]
+    ring: Any
+    if is_written:
+        ring = LocalisedRing(
+            coordinates,
+            constants=parameters,
+            functions=not are_rational(expressions),
+            derivations=len(system.x),
+        )
+    else:
+        ring = CircuitRing(coordinates, constants=parameters, derivations=len(system.x))
     for j, x in enumerate(system.x):
         if x in coordinates:
             ring.set_derivative(x, j, ring.one)
@@ -69,22 +96,49 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     for symbol, value in graph.items():
         elements[symbol] = read(value, ring, {}, cache).reduced()
     cache = {}
-    matrix = [[read(g_y[i, j], ring, elements, cache) for j in range(g_y.cols)] for i in range(g_y.rows)]
+    entries = {place: read(e, ring, elements, cache) for place, e in g_y.items()}
     try:
-        inverse = invert(matrix, ring)
+        inverse = inverted(entries, len(g0), ring) if is_written else factorised(entries, len(g0), ring)
     except HyperbolicityError:
         raise HyperbolicityError(
             f"the fast Jacobian g_y is singular on the whole branch {branch}: det g_y = 0 for every "
             f"{', '.join(s.name for s in system.x)}. The branch is nowhere normally hyperbolic; "
             "check which variables are fast."
         ) from None
-    for i, y in enumerate(system.y):
-        if y in coordinates:
-            for j in range(len(system.x)):
-                column = [read(g_x[k, j], ring, elements, cache) for k in range(g_x.rows)]
-                slope = dot(inverse[i], column, ring)
-                ring.set_derivative(y, j, (-slope).reduced())
-    return Chart(branch, ring, coordinates, elements, inverse)
+    found = Chart(branch, ring, coordinates, elements, inverse)
+    if any(y in coordinates for y in system.y):
+        for j in range(len(system.x)):
+            column = [
+                read(g_x[i, j], ring, elements, cache) if (i, j) in g_x else ring.zero for i in range(len(g0))
+            ]
+            for y, slope in zip(system.y, found.solve(column)):
+                if y in coordinates:
+                    ring.set_derivative(y, j, (-slope).reduced())
+    return found
+
+
+def largest_block(entries: Mapping[tuple[int, int], sp.Expr], n: int, counts: Callable[[sp.Expr], bool]) -> int:
+    """How many fast variables depend on one another at most, in blocks of which an entry `counts`; 1 without any."""
+    pattern = [[False] * n for _ in range(n)]
+    for i, j in entries:
+        pattern[i][j] = True
+    largest = 1
+    for block in triangular_blocks(pattern):
+        members = set(block)
+        if any(i in members and j in members and counts(e) for (i, j), e in entries.items()):
+            largest = max(largest, len(block))
+    return largest
+
+
+def factorised(entries: Mapping[tuple[int, int], Gate], n: int, ring: CircuitRing) -> Factors:
+    """The factors of a matrix (n, n) of programs by its entries, eliminated in Markowitz's order."""
+    elimination = eliminate(n, entries)
+    return Factors(ring, entries, elimination.order, elimination.rows, elimination.columns)
+
+
+def inverted(entries: Mapping[tuple[int, int], Element], n: int, ring: LocalisedRing) -> list[list[Element]]:
+    """The inverse of a matrix (n, n) by its entries."""
+    return invert([[entries.get((i, j), ring.zero) for j in range(n)] for i in range(n)], ring)
 
 
 def dot(a: Sequence[Element], b: Sequence[Element], ring: LocalisedRing) -> Element:
@@ -118,9 +172,16 @@ def invert(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Elemen
 def _invert_block(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
     """Inverse by the Faddeev-LeVerrier recursion, which divides by integers and by the determinant only.
 
-    Gaussian elimination would make every pivot a denominator of the ring.
+    Gaussian elimination would make every pivot a denominator of the ring. It is what inverts numbers.
     """
     n = len(matrix)
+    numbers: Any = [[number_of(entry) for entry in row] for row in matrix]
+    if n > 1 and all(number is not None for row in numbers for number in row):
+        try:
+            inverse = flint.fmpq_mat(numbers).inv()
+        except ZeroDivisionError:
+            raise HyperbolicityError("the matrix is singular.") from None
+        return [[ring.one * inverse[i, j] for j in range(n)] for i in range(n)]
     identity = [[ring.one if i == j else ring.zero for j in range(n)] for i in range(n)]
     adjugate, product, coefficient = identity, matrix, ring.one
     for k in range(1, n + 1):
@@ -172,6 +233,10 @@ def _eliminations(
             value = -equation.subs(symbol, 0) / slope
             rest = [e.subs(symbol, value) for j, e in enumerate(equations) if j != i]
             values = {s: v.subs(symbol, value) for s, v in graph.items()}
-            if all(quotient(e) is not None for e in (value, *rest, *values.values())):
+            if all(_is_short(e, variables) for e in (value, *rest, *values.values())):
                 expanded = {s: sp.expand(v) for s, v in values.items()}
                 yield symbol, [sp.numer(sp.together(e)) for e in rest], {**expanded, symbol: sp.expand(value)}
+
+
+def _is_short(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> bool:
+    return quotient(expression) is not None and (degree(expression, variables) or 0) <= MOST_DEGREES

@@ -99,8 +99,8 @@ class Expansion:
                 rates = [rate.coefficients[k - 1 - lower] for rate in self._f]
                 total = total - dot(self._slopes[lower][i], rates, ring)
             defect.append(total.reduced())
-        for i, row in enumerate(self._h):
-            row[k] = (-dot(self._chart.inverse_jacobian[i], defect, ring)).reduced()
+        for row, value in zip(self._h, self._chart.solve(defect)):
+            row[k] = (-value).reduced()
         self._program.extend(k)
         for row, rate in zip(self._rates, self._f):
             row.append(rate.coefficients[k].reduced())

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.circuits import CircuitRing
 from gsp.algebra.ring_elements import Element
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
@@ -96,14 +97,22 @@ class SeriesManifold(Card):
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
-        """Terms in the longest numerator of h_k and f_k, for k = 0, ..., n: what printing them would take."""
+        """Terms in the longest numerator of h_k and f_k, for k = 0, ..., n: what printing them would take.
+
+        Steps of the longest program where the coefficients are programs.
+        """
         rows = (*self._h, *self._f)
-        return tuple(max(len(row[k].numerator) for row in rows) for k in range(self.order + 1))
+        return tuple(max(row[k].length for row in rows) for k in range(self.order + 1))
 
     @property
     def coordinates(self) -> tuple[sp.Symbol, ...]:
         """The symbols in which the coefficients are written."""
         return self.chart.coordinates
+
+    @property
+    def is_program(self) -> bool:
+        """Whether the coefficients are straight-line programs, too long to be written out as polynomials."""
+        return isinstance(self.chart.ring, CircuitRing)
 
     def at_order(self, order: int) -> SeriesManifold:
         """The same series cut at a lower order."""

@@ -112,7 +112,8 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
 def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:
     """The loss of a branch on which every sample is singular, or has an imaginary pair."""
     sizes = np.abs(eigenvalues).min(axis=1)
-    singular = is_singular(diagnosis.sampler.fast_jacobian(z)).all()
+    # One matrix after the other: the first that is not singular decides.
+    singular = all(is_singular(matrix[None])[0] for matrix in diagnosis.sampler.fast_jacobian(z))
     if singular or (sizes.max() <= ZERO_TOLERANCE * diagnosis.scale and _has_zero_row(diagnosis, z)):
         return degenerate_branch(diagnosis, z)
     # A rate that is small beside the others is a rate all the same; beside its own frequency it is none.
@@ -140,13 +141,18 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     changed = np.flatnonzero(unstable(sampler.eigenvalues(a)) != unstable(sampler.eigenvalues(b)))
     # Spread over all changes, so that no part of a long curve of losses takes every place.
     changed = changed[np.linspace(0, len(changed) - 1, min(len(changed), LOCATED)).astype(int)]
-    nearest = np.argsort(sizes)[:LOCATED] if len(sampler.system.x) == 1 else spread(z, sizes, LOCATED)
-    locator.zeros(np.vstack([a[changed], z[nearest]]))
+    starts = REFINED if sampler.is_large else LOCATED
+    nearest = np.argsort(sizes)[:starts] if len(sampler.system.x) == 1 else spread(z, sizes, starts)
+    # A matrix that is the same everywhere has its zeros everywhere.
+    searched = not (sampler.is_large and sampler.is_constant)
+    locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
     locator.changes(a[changed], b[changed])
     locator.poles(z)
     distance = signed_gap(eigenvalues, unstable(eigenvalues))
     if any(not place.is_pole for place in locator.found):
         return 0.0
+    if not searched:
+        return float(distance.min())
     refined = locator.refine(z[np.argsort(distance)[:REFINED]])
     if any(not place.is_pole for place in locator.found):
         return 0.0

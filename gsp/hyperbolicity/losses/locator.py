@@ -49,6 +49,10 @@ SEARCHED = 0.02
 # Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
 # beyond a fold about 80, because the sheet is followed up to the fold each time.
 SEARCH_STEPS = 1250
+# Steps towards a zero, and with many fast variables, where each takes milliseconds.
+STEPS, STEPS_OF_LARGE = 60, 20
+# How near in x the least gap is found, and with many fast variables as a share of the region.
+NEAR, NEAR_OF_LARGE = 1e-10, 1e-4
 # Neutral saddles that are looked at.
 SUMS = 6
 
@@ -110,12 +114,14 @@ class Locator:
             value = np.concatenate([equations(point)[0], g_y @ v, [v @ v - 1.0]])
             slope = np.zeros((len(value), len(u)))
             slope[:ny, :n] = jacobian(point)[0]
-            slope[ny : 2 * ny, :n] = np.einsum("ijk,j->ik", sampler.second(point)[0], v)
+            slope[ny : 2 * ny, :n] = sampler.bent(u[:n], v)
             slope[ny : 2 * ny, n:] = g_y
             slope[-1, n:] = 2.0 * v
             return value, slope
 
-        found = gauss_newton(evaluate, unknown)
+        found = gauss_newton(
+            evaluate, unknown, steps=STEPS_OF_LARGE if sampler.is_large else STEPS, sparse=sampler.is_large
+        )
         if found is None:
             return None
         # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
@@ -183,7 +189,12 @@ class Locator:
         if len(sampler.system.y) < 2 or not len(a):
             return []
         before, after = sampler.eigenvalues(a), sampler.eigenvalues(b)
-        same = (unstable(before) == unstable(after)) & np.isfinite(before + after).all(axis=1)
+        counts = unstable(before)
+        # Eigenvalues on one side of the axis have no sum that is zero.
+        mixed = (counts > 0) & (counts < before.shape[1])
+        same = mixed & (counts == unstable(after)) & np.isfinite(before + after).all(axis=1)
+        if not same.any():
+            return []
         tests = pair_test(before), pair_test(after)
         zero = np.flatnonzero(same & (np.abs(tests[0]) <= ZERO_TOLERANCE))
         found = [a[i] for i in zero[:SUMS]]
@@ -227,13 +238,21 @@ class Locator:
                 continue
             searched.append(z[:nx])
             allowance = Allowance(SEARCH_STEPS)
-            count = unstable(sampler.eigenvalues(z[None, :]))[0]
+            values = sampler.eigenvalues(z[None, :])
+            count = unstable(values)[0]
+            # With eigenvalues of one sign those nearest to the axis tell, which are found faster than all.
+            follows = sampler.is_large and count in (0, values.shape[1])
+            near = complex(values[0, np.argmin(np.abs(values[0].real))])
 
-            def distance(x: np.ndarray, z=z, count=count, allowance=allowance) -> float:
+            def distance(
+                x: np.ndarray, z=z, count=count, allowance=allowance, follows=follows, near=near
+            ) -> float:
                 y, good = sampler.over(x[None, :], z[None, :], allowance=allowance)
                 point = np.hstack([x[None, :], y])
                 if not good[0] or not sampler.inside(point, self.box)[0]:
                     return float("inf")
+                if follows:
+                    return float(((1 if count else -1) * np.real(sampler.followed(point[0], near))).min())
                 return float(signed_gap(sampler.eigenvalues(point), np.array([count]))[0])
 
             found: Any = minimize(
@@ -241,7 +260,10 @@ class Locator:
                 z[:nx],
                 method="Nelder-Mead",
                 bounds=bounds,
-                options={"maxfev": 60 * nx, "xatol": 1e-10},
+                options={
+                    "maxfev": 60 * nx,
+                    "xatol": NEAR_OF_LARGE * float(widths.min()) if sampler.is_large else NEAR,
+                },
             )
             cut = cut or allowance.spent
             if not np.isfinite(found.fun):

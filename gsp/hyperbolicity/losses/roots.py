@@ -8,16 +8,24 @@ import numpy as np
 
 
 def gauss_newton(
-    evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray, *, steps: int = 60
+    evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    start: np.ndarray,
+    *,
+    steps: int = 60,
+    sparse: bool = False,
 ) -> np.ndarray | None:
-    """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None."""
+    """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None.
+
+    A large Jacobian with few entries is taken apart as a `sparse` matrix; where its rows depend on one another there
+    is no step then.
+    """
     u = start.copy()
     limit = 0.5 * (1.0 + np.linalg.norm(start))
     for _ in range(steps):
         value, slope = evaluate(u)
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
-        step = np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        step = _least_norm(slope, value) if sparse else np.linalg.lstsq(slope, value, rcond=1e-12)[0]
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.linalg.norm(step)
@@ -29,3 +37,16 @@ def gauss_newton(
     value, _ = evaluate(u)
     # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
     return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None
+
+
+def _least_norm(slope: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """The shortest step s with J s = v, by the sparse system s + J^T m = 0, J s = v; not a number without one."""
+    from scipy.sparse import bmat, csc_matrix, eye
+    from scipy.sparse.linalg import splu
+
+    J, n = csc_matrix(slope), slope.shape[1]
+    try:
+        decomposed = splu(csc_matrix(bmat([[eye(n), J.T], [J, None]])))
+    except RuntimeError:
+        return np.full(n, np.nan)
+    return decomposed.solve(np.concatenate([np.zeros(n), value]))[:n]

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import sympy as sp
 
+from gsp.algebra.sharing import plus, size, times
 from gsp.algebra.triangular_blocks import triangular_blocks
 
 Matrix = list[list[sp.Expr]]
@@ -170,29 +171,3 @@ def _trace_of_product(a: Matrix, b: Matrix) -> sp.Expr:
 
 def _dot(a: Sequence[sp.Expr], b: Sequence[sp.Expr]) -> sp.Expr:
     return plus([times(x, y) for x, y in zip(a, b)])
-
-
-# SymPy would distribute and reorder these sums and products, and ask for the assumptions of each.
-
-
-def plus(terms: Sequence[sp.Expr]) -> sp.Expr:
-    left = [term for term in terms if term is not sp.S.Zero]
-    if all(term.is_Number for term in left):
-        return sp.Add(*left)
-    return left[0] if len(left) == 1 else sp.Add(*left, evaluate=False)
-
-
-def times(*factors: sp.Expr) -> sp.Expr:
-    if sp.S.Zero in factors:
-        return sp.S.Zero
-    left = [factor for factor in factors if factor is not sp.S.One]
-    if all(factor.is_Number for factor in left):
-        return sp.Mul(*left)
-    # A sign in front would be taken out again when code is written.
-    left.sort(key=lambda factor: bool(factor.is_Number))
-    return left[0] if len(left) == 1 else sp.Mul(*left, evaluate=False)
-
-
-def size(expression: sp.Expr) -> sp.Expr:
-    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
-    return sp.Abs(expression, evaluate=False)

@@ -28,14 +28,19 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
+from gsp.algebra.sharing import plus, size, times
+from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.reduction_end.fast_blocks import FastBlocks, plus, size, times
+from gsp.integration.reduction_end.fast_blocks import FastBlocks
+from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
 from gsp.systems.flow import Flow, Portable, Values
 
 # A polynomial within these is freed of repeated factors in milliseconds.
 MOST_OPERATIONS, MOST_DEGREES = 200, 12
+# Adjugates of more fast variables that depend on one another are not written out.
+LARGEST_BLOCK = 8
 # The first outputs of `Validity.tests`; the borders follow.
 TESTS = ("det g_y", "pair", "series", "rounding of det g_y", "size of pair")
 
@@ -225,7 +230,10 @@ class Validity(Portable):
         return self._over(self.states, self._parts.pulled())
 
     @cached_property
-    def _parts(self) -> FastBlocks:
+    def _parts(self) -> FastBlocks | SparseFastPart:
+        pattern = [[entry is not sp.S.Zero for entry in row] for row in self.g_y]
+        if max(map(len, triangular_blocks(pattern))) > LARGEST_BLOCK:
+            return SparseFastPart(self.g_y, self.g_x, self.f, self.states)
         return FastBlocks(self.g_y, self.g_x, self.f, self.second)
 
     def _over(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> CompiledFunction:

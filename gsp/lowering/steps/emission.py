@@ -73,12 +73,9 @@ class Emitter:
 
         Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
         """
-        written = []
-        for expression in expressions:
-            for landing in landings(expression):
-                self._value(landing)
-            written.append(self._value(expression))
-        return written
+        for landing in landings(*expressions):
+            self._value(landing)
+        return [self._value(expression) for expression in expressions]
 
     def _value(self, expression: sp.Basic) -> Any:
         found = self._values.get(expression)

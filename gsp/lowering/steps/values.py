@@ -65,6 +65,21 @@ def store(builder: Any, value: Any, array: ir.Value, i: int) -> None:
     builder.store(value, address(builder, array, i))
 
 
+def fill(builder: Any, value: ir.Value, array: ir.Value, count: int) -> None:
+    """`array[:count] = value` by a loop, `count` at least 1; the builder goes on behind it."""
+    before = builder.block
+    loop, behind = builder.append_basic_block(), builder.append_basic_block()
+    builder.branch(loop)
+    builder.position_at_end(loop)
+    i = builder.phi(_INDEX)
+    i.add_incoming(_place(0), before)
+    builder.store(value, builder.gep(array, [i]))
+    following = builder.add(i, _place(1))
+    i.add_incoming(following, loop)
+    builder.cbranch(builder.icmp_unsigned("<", following, _place(count)), loop, behind)
+    builder.position_at_end(behind)
+
+
 def load_vector(builder: Any, array: ir.Value, i: int, width: int) -> Any:
     """`array[i : i + width]`, at any multiple of a double's address."""
     start = builder.bitcast(address(builder, array, i), ir.VectorType(DOUBLE, width).as_pointer())

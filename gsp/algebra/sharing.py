@@ -1,0 +1,175 @@
+"""Sums, products and powers that share their parts and are left as they are: never expanded, reordered or searched.
+
+A straight-line program of a thousand steps is an expression whose parts are shared; written out it would fill no disk.
+Each node here is known by a digest of how it was made, so that to compare two takes no walk, and shows itself by the
+number of its operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from hashlib import blake2b
+from typing import Any
+
+import sympy as sp
+
+Expr = Any
+
+
+@lru_cache(maxsize=65536)
+def _digest(part: Any) -> bytes:
+    if isinstance(part, _Shared):
+        return part.digest
+    if not part.args:
+        return blake2b(f"{sp.srepr(part)}{getattr(part, 'dummy_index', '')}".encode(), digest_size=16).digest()
+    return _combined(type(part).__name__, part.args)
+
+
+def _combined(name: str, parts: Sequence[Any]) -> bytes:
+    digest = blake2b(name.encode(), digest_size=16)
+    for part in parts:
+        digest.update(_digest(part))
+    return digest.digest()
+
+
+class _Shared:
+    """What nodes that share their parts have in common."""
+
+    __slots__ = ()
+    args: tuple[Expr, ...]
+
+    # SymPy makes some of these itself, so that what is known of a node is found when it is first asked for.
+
+    @property
+    def digest(self) -> bytes:
+        """How it was made, in 16 bytes."""
+        if not hasattr(self, "_digest"):
+            self._digest = _combined(type(self).__name__, self.args)
+        return self._digest
+
+    def _hashable_content(self) -> tuple:
+        return (self.digest,)
+
+    @property
+    def free_symbols(self) -> frozenset[sp.Symbol]:
+        if not hasattr(self, "_symbols"):
+            self._symbols = frozenset().union(*(part.free_symbols for part in self.args))
+        return self._symbols
+
+    def has(self, *patterns: Expr) -> bool:
+        if all(isinstance(pattern, sp.Symbol) for pattern in patterns):
+            return not self.free_symbols.isdisjoint(patterns)
+        return any(part.has(*patterns) for part in parts_of(self) if not isinstance(part, _Shared))
+
+    def xreplace(self, rule: Mapping[Expr, Expr]) -> Expr:
+        return replaced(self, rule)
+
+    def _sympystr(self, _printer: object) -> str:
+        return f"({len(parts_of(self))} shared operations)"
+
+    def _latex(self, _printer: object) -> str:
+        return rf"\text{{({len(parts_of(self))} shared operations)}}"
+
+    def __reduce_ex__(self, _protocol: object) -> tuple:
+        return _made, (type(self).__name__, self.args)
+
+
+class SharedSum(_Shared, sp.Add):
+    """A sum as it stands."""
+
+    __slots__ = ("_digest", "_symbols")
+
+
+class SharedProduct(_Shared, sp.Mul):
+    """A product as it stands."""
+
+    __slots__ = ("_digest", "_symbols")
+
+
+class SharedPower(_Shared, sp.Pow):
+    """A power as it stands."""
+
+    __slots__ = ("_digest", "_symbols")
+
+
+_KINDS: dict[str, Any] = {kind.__name__: kind for kind in (SharedSum, SharedProduct, SharedPower)}
+
+
+def _made(name: str, args: Sequence[Expr]) -> Expr:
+    kind = _KINDS[name]
+    node = kind(*args, evaluate=False)
+    # Asked from below upwards, so that no question goes deep.
+    hash(node)
+    _ = node.free_symbols
+    return node
+
+
+def parts_of(expression: Expr) -> list[Expr]:
+    """Every different part of `expression` that has parts itself, each once."""
+    found: dict[Expr, None] = {}
+    stack = [expression]
+    while stack:
+        part = stack.pop()
+        if part.args and part not in found:
+            found[part] = None
+            stack.extend(part.args)
+    return list(found)
+
+
+def plus(terms: Sequence[Expr]) -> Expr:
+    """Their sum; zeros are left out, and numbers alone are added."""
+    left = [term for term in terms if term is not sp.S.Zero]
+    if all(term.is_Number for term in left):
+        return sp.Add(*left)
+    return left[0] if len(left) == 1 else _made("SharedSum", left)
+
+
+def times(*factors: Expr) -> Expr:
+    """Their product; ones are left out, and numbers alone are multiplied."""
+    if sp.S.Zero in factors:
+        return sp.S.Zero
+    left = [factor for factor in factors if factor is not sp.S.One]
+    if all(factor.is_Number for factor in left):
+        return sp.Mul(*left)
+    # A sign in front would be taken out again when code is written.
+    left.sort(key=lambda factor: bool(factor.is_Number))
+    return left[0] if len(left) == 1 else _made("SharedProduct", left)
+
+
+def reciprocal(factor: Expr) -> Expr:
+    """One over it."""
+    return 1 / factor if factor.is_Number else _made("SharedPower", [factor, sp.S.NegativeOne])
+
+
+def size(expression: Expr) -> Expr:
+    """Its absolute value."""
+    # Evaluated, SymPy takes Abs apart into real and imaginary parts of symbols.
+    return sp.Abs(expression, evaluate=False)
+
+
+def replaced(expression: Expr, rule: Mapping[Expr, Expr]) -> Expr:
+    """`expression` with what `rule` says in the place of its keys, each shared part once, however deep."""
+    keys = frozenset(rule)
+    done: dict[Expr, Expr] = {}
+    stack = [expression]
+    while stack:
+        top: Any = stack[-1]
+        if top in done:
+            stack.pop()
+            continue
+        if top in keys:
+            done[top] = rule[top]
+        elif not top.args or keys.isdisjoint(top.free_symbols):
+            done[top] = top
+        else:
+            pending = [part for part in top.args if part not in done]
+            if pending:
+                stack.extend(pending)
+                continue
+            parts = [done[part] for part in top.args]
+            kind = next((name for name, kind in _KINDS.items() if isinstance(top, kind.__mro__[2])), None)
+            shares = any(isinstance(part, _Shared) for part in (top, *parts))
+            done[top] = _made(kind, parts) if shares and kind is not None else top.func(*parts)
+        stack.pop()
+    return done[expression]

@@ -1,0 +1,142 @@
+"""Series and reduced flows of many coupled fast variables, as programs: what they equal, and their order in epsilon."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import SlowFastSystem, expand, integrate, restrict, solve_critical
+from gsp.critical.sampling import Sampler
+from gsp.errors import HyperbolicityError, Status
+from gsp.integration.reduction_end import validity
+from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.slow import coordinates
+from gsp.slow.coordinates import largest_block
+
+x, eps = sp.symbols("x epsilon")
+
+
+def chain(links: int, *, power: int = 3) -> SlowFastSystem:
+    y = sp.symbols(f"y1:{links + 1}")
+    rates = {
+        s: (y[i - 1] if i else x) - 2 * s - s**power + (y[i + 1] / 2 if i + 1 < links else 0)
+        for i, s in enumerate(y)
+    }
+    return SlowFastSystem(slow={x: y[-1] - x + eps * y[0]}, fast=rates, epsilon=eps)
+
+
+def sheet(system: SlowFastSystem):
+    return solve_critical(system).nearest({"x": 1.0, **{s.name: 0.0 for s in system.y}})
+
+
+def first_order(system: SlowFastSystem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """h_1, Dh_0 and f through order 1 at z (n,) by dense matrices, from the definitions."""
+    sampler = Sampler(sheet(system))
+    J, f = sampler.jacobians(z[None])[0], sampler.rates(z[None])[0][:1]
+    Dh = -np.linalg.solve(J[1:, 1:], J[1:, :1])
+    h1 = np.linalg.solve(J[1:, 1:], Dh @ f)
+    return h1, Dh, np.array([f[0], J[0, 1:] @ h1 + z[1]])
+
+
+@pytest.mark.parametrize("links", [6, 12, 20])
+def test_series_and_reduced_flow_equal_those_of_dense_matrices(links: int) -> None:
+    system = chain(links)
+    branch = sheet(system)
+    series = expand(branch, order=1)
+    assert series.is_program
+    y = branch.points({"x": 1.0})
+    z = np.array([1.0, *y])
+    h1, Dh, f = first_order(system, z)
+    np.testing.assert_allclose(series.terms(1.0, 1.0), [y, h1], rtol=1e-12, atol=1e-16)
+    flow = restrict(series)
+    # y1 is renamed to y10, and a y10 of its own to something else.
+    assert len(set(flow.states)) == links + 1
+    rates = compile_flow(flow).rates(z, parameter_vector(flow, 0.01))
+    moved = f[0] + 0.01 * f[1]
+    np.testing.assert_allclose(rates, [moved, *(Dh[:, 0] * moved)], rtol=1e-12, atol=1e-16)
+
+
+def test_programs_and_polynomials_are_one_series(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = chain(3)
+    branch = sheet(system)
+    written = expand(branch, order=3)
+    at = {"x": np.array([0.6, 1.0, 1.4])}
+    expected = written.terms(at, 0.1)
+    one = integrate(restrict(written), start={"x": 1.0}, span=(0, 2), epsilon=0.05, rtol=1e-9)
+    monkeypatch.setattr(coordinates, "WRITTEN", 2)
+    programs = expand(branch, order=3)
+    assert programs.is_program
+    assert not written.is_program
+    np.testing.assert_allclose(programs.terms(at, 0.1), expected, rtol=1e-10, atol=1e-16)
+    two = integrate(restrict(programs), start={"x": 1.0}, span=(0, 2), epsilon=0.05, rtol=1e-9)
+    assert one["x"][-1] == pytest.approx(two["x"][-1], rel=1e-8)
+
+
+def test_the_defect_of_invariance_falls_with_the_square_of_epsilon() -> None:
+    series = expand(sheet(chain(40)), order=1)
+    sizes = [np.linalg.norm(series.residual(1.0, small)) for small in (1e-2, 1e-3)]
+    assert sizes[0] / sizes[1] == pytest.approx(100.0, rel=0.05)
+    lower = [np.linalg.norm(series.residual(1.0, small, order=0)) for small in (1e-2, 1e-3)]
+    assert lower[0] / lower[1] == pytest.approx(10.0, rel=0.05)
+
+
+def test_a_reduced_run_of_a_long_chain_stays_on_the_manifold_and_by_the_full_run() -> None:
+    system = chain(40)
+    branch = sheet(system)
+    series = expand(branch, order=1)
+    run = integrate(restrict(series), start={"x": 1.0}, span=(0, 2), epsilon=1e-3, rtol=1e-8)
+    assert run.status is Status.SUCCESS
+    start = {"x": 1.0, **{s.name: v for s, v in zip(system.y, series.evaluate(1.0, 1e-3))}}
+    full = integrate(system, start=start, span=(0, 2), epsilon=1e-3, rtol=1e-8)
+    # Of the second order in epsilon.
+    assert run["x"][-1] == pytest.approx(full["x"][-1], abs=1e-5)
+
+
+def test_the_steps_of_a_series_grow_with_the_chain_and_no_faster() -> None:
+    spent = [expand(sheet(chain(links)), order=1).chart.ring.spent for links in (20, 40, 80)]
+    assert spent[2] - spent[1] == pytest.approx(2 * (spent[1] - spent[0]), rel=0.05)
+
+
+def test_numbers_are_inverted_whatever_their_count() -> None:
+    series = expand(sheet(chain(40, power=1)), order=1)
+    assert not series.is_program
+    assert series.coefficients[1]["y40"].has(x)
+    assert largest_block({(0, 1): sp.Integer(1), (1, 0): sp.Integer(2)}, 2, lambda e: e.has(x)) == 1
+    assert largest_block({(0, 1): x, (1, 0): sp.Integer(2)}, 2, lambda e: e.has(x)) == 2
+
+
+def test_what_is_watched_along_a_run_is_what_smaller_blocks_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    flow = restrict(expand(sheet(chain(5)), order=1))
+    z = np.array([0.8, 0.4, 0.3, 0.2, 0.1, 0.05])
+    p = np.array([0.01])
+    blocks = validity.Validity(flow)
+    assert blocks.watches_pairs
+    monkeypatch.setattr(validity, "LARGEST_BLOCK", 2)
+    sparse = validity.Validity(flow)
+    assert not sparse.watches_pairs
+    J = blocks.fast_jacobian(z, p).reshape(5, 5)
+    det, rate = sparse.crossing([*z, 0.0], p)
+    assert det == pytest.approx(np.linalg.det(J) / np.prod(np.linalg.norm(J, axis=1)), rel=1e-12)
+    # By what D is larger, time is slower.
+    desingularised = [compile_flow(v.desingularised).rates([*z, 0.0], p) for v in (blocks, sparse)]
+    np.testing.assert_allclose(
+        desingularised[0] / desingularised[0][-1], desingularised[1] / desingularised[1][-1], rtol=1e-11
+    )
+    # tr J^-1 along the flow, by differences.
+    velocity = desingularised[1][:-1] / desingularised[1][-1]
+    traces = [
+        np.trace(np.linalg.inv(sparse.fast_jacobian(z + h * velocity, p).reshape(5, 5))) for h in (1e-5, -1e-5)
+    ]
+    q = sparse._over(sparse.states, [sparse._parts.inverse_trace_rate()])(z, p)[0] / det**3
+    assert q == pytest.approx((traces[0] - traces[1]) / 2e-5, rel=1e-6)
+    dets = [sparse.crossing([*(z + h * velocity), 0.0], p)[0] for h in (1e-5, -1e-5)]
+    assert rate == pytest.approx(det * (dets[0] - dets[1]) / 2e-5, rel=1e-6)
+
+
+def test_a_matrix_that_is_singular_throughout_is_refused() -> None:
+    y = sp.symbols("y1:8")
+    rates = {s: x - y[0] - y[0] ** 3 + 0 * s for s in y}
+    system = SlowFastSystem(slow={x: -x}, fast=rates, epsilon=eps)
+    from gsp.critical.branch import Branch
+
+    with pytest.raises(HyperbolicityError, match="singular on the whole branch"):
+        expand(Branch(system, tuple(rates.values()), None), order=1)
