@@ -174,6 +174,7 @@ def test_nothing_is_scrolled_within_the_panel(width, written, page):
         "const look = () => (frame.style.height ? done() : setTimeout(look, 20)); look();",
         frame,
     )
+    page.run("arguments[0].scrollIntoView()", frame)
     page.settle()
     shown = page.run("return arguments[0].clientHeight", frame)
     assert page.run("return document.documentElement.scrollWidth") <= width

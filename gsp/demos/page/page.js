@@ -277,13 +277,17 @@ function begin() {
     changed();
   });
   darkness.addEventListener("change", (event) => setTheme(event.matches ? "dark" : "light"));
-  if (window.parent !== window) new ResizeObserver(tellHeight).observe(document.body);
   setTheme(theme);
   if (data.story.length) turnTo(0);
   state = decodeState(location.hash, state, data);
   showStep();
   update();
   timings.first = performance.now();
+  if (window.parent !== window) {
+    tellHeight();
+    // No change is observed while the frame is out of sight.
+    new ResizeObserver(tellHeight).observe(document.body);
+  }
 }
 
 begin();
