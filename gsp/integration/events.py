@@ -70,6 +70,11 @@ class Crossings(NamedTuple):
     times: np.ndarray
     states: np.ndarray
 
+    def within(self, first: float, last: float) -> Crossings:
+        """Those between two times, the ends with them."""
+        inside = (self.times - first) * (self.times - last) <= 0.0
+        return Crossings(self.times[inside], self.states[:, inside])
+
 
 @dataclass(frozen=True, eq=False)
 class CompiledEvents:

@@ -89,6 +89,13 @@ class ReducedFlow(Flow, Card):
         return (*[values[name] for name in own], *[given.get(name, 0.0) for name in driven])
 
     @cached_property
+    def leaves_pairs(self) -> bool:
+        """Whether imaginary pairs are sought in finished runs, there being too many coupled fast variables."""
+        from gsp.integration.reduction_end.validity import validity_of
+
+        return validity_of(self).leaves_pairs
+
+    @cached_property
     def tests(self) -> Tests:
         """What compiled code takes to see whether anything may happen along a run."""
         # Imported here: what is watched is made of this flow.

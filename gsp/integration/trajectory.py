@@ -38,7 +38,7 @@ from gsp.integration.methods import (
     fast_times,
 )
 from gsp.integration.output import Output, read
-from gsp.integration.watching import ending_of, search_of
+from gsp.integration.watching import ending_of, pair_passed, search_of
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
@@ -347,6 +347,11 @@ def trajectory_of(
         if begun is None and ending is not None and search.end is None:
             record, note, override = ending.after_failure(record)
         crossings = _crossings(asked, search, len(flow.states))
+    cut = pair_passed(flow, p, record) if flow.is_reduced and cast("ReducedFlow", flow).leaves_pairs else None
+    if cut is not None:
+        record, note, override = cut
+        reached = (first, float(record.times[-1]))
+        crossings = MappingProxyType(Named({name: c.within(*reached) for name, c in crossings.items()}))
     if record.status is not Status.SUCCESS:
         known, remedy = explain(flow, np.array(p), record, last)
         note, override = note or known, override or remedy

@@ -64,7 +64,7 @@ class WatchedMembers:
                 Ending(flow, stepper, span, starts[i])
             except GspError as error:
                 raise type(error)(f"member {i}: {error}") from None
-        self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1)
+        self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1) & (not validity.leaves_pairs)
         self._tests = (validity.functions, signs)
 
     def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:

@@ -25,6 +25,8 @@ class FastBlocks:
     their parts and are never expanded or searched: code is written once for each part.
     """
 
+    leaves_pairs = False
+
     def __init__(
         self,
         g_y: Matrix,

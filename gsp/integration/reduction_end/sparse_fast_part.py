@@ -5,7 +5,7 @@ log det (J + s 1) = sum_k log p_k, so that tr J^-1 is its derivative by s at 0, 
 the program. The determinant is taken by the sizes of the rows, D = prod_k p_k/|J_k|, which keeps it within doubles; it
 has the zeros of det J. A fixed order has no value where a pivot vanishes by chance.
 
-Imaginary pairs are not watched: their test is a determinant of order n (n - 1)/2.
+Imaginary pairs are not watched: their test is a determinant of order n (n - 1)/2. `passed_pairs` looks at what was run.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ class SparseFastPart:
     """D, J^-1 and what else is made of g_y, g_x and the slow rates f in the `states` (x, y)."""
 
     watches_pairs = False
+    leaves_pairs = True
     hurwitz = sp.S.One
 
     def __init__(self, g_y: Matrix, g_x: Matrix, f: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> None:

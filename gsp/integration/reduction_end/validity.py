@@ -30,6 +30,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.algebra.sharing import plus, size, times
 from gsp.algebra.triangular_blocks import triangular_blocks
+from gsp.critical import spectrum
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.fast_blocks import FastBlocks
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
@@ -196,10 +197,27 @@ class Validity(Portable):
         """(x, y) on M0 over one state of the reduced flow."""
         return self.lift(y, p)[:-1]
 
+    @property
+    def leaves_pairs(self) -> bool:
+        """Whether imaginary pairs may come along a run that no test function sees."""
+        return self._parts.leaves_pairs and bool(self.second)
+
+    def fast_jacobian(self, z: np.ndarray) -> np.ndarray:
+        """g_y (n, n) at z = (x, y)."""
+        matrix = np.zeros((len(self.fast), len(self.fast)))
+        rows, columns = self._places
+        matrix[rows, columns] = self._entries(z, _NO_CONSTANTS)
+        return matrix
+
     @cached_property
-    def fast_jacobian(self) -> CompiledFunction:
-        """g_y at (x, y), row by row."""
-        return self._over(self.states, [e for row in self.g_y for e in row])
+    def _places(self) -> tuple[list[int], list[int]]:
+        """Rows and columns of what is not 0 throughout in g_y."""
+        places = [(i, j) for i, row in enumerate(self.g_y) for j, e in enumerate(row) if e is not sp.S.Zero]
+        return [i for i, _ in places], [j for _, j in places]
+
+    @cached_property
+    def _entries(self) -> CompiledFunction:
+        return self._over(self.states, [self.g_y[i][j] for i, j in zip(*self._places)])
 
     @cached_property
     def derivatives(self) -> CompiledFunction:
@@ -264,9 +282,10 @@ def _without_repetition(base: sp.Expr) -> sp.Expr:
 
 def eigenvalues(validity: Validity, z: np.ndarray) -> np.ndarray:
     """Eigenvalues of g_y at z = (x, y)."""
-    n = len(validity.fast)
-    matrix = validity.fast_jacobian(z, _NO_CONSTANTS).reshape(n, n)
-    return np.linalg.eigvals(matrix) if np.isfinite(matrix).all() else np.full(n, np.nan)
+    matrix = validity.fast_jacobian(z)
+    if not np.isfinite(matrix).all():
+        return np.full(len(matrix), np.nan)
+    return spectrum.eigenvalues(matrix[np.newaxis])[0]
 
 
 _NO_CONSTANTS = np.array([float("nan")])
