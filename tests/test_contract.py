@@ -365,7 +365,8 @@ CONTRACTS = {
         lambda: {"region": {"s": (0.1, 1.0), "c": (0.0, 1.0)}, "start": ENZYME, "span": (0.0, 1.0), "epsilon": 0.01,
                  "epsilons": (0.02, 0.01), "tolerance": 1e-4},
         {**dict.fromkeys(("name", "title", "source", "description"), kind("text")),
-         "reconstruction_start": POINT, "path": kind(), "claims": kind("[]"),
+         "reconstruction_start": POINT, "path": kind(), "claims": kind("[]"), "starts": kind(inside=POINT),
+         "units": kind(inside=kind("text")),
          "reconstruction": kind("None", inside=EXPRESSIONS.inside)},
     ),
     "Event": Contract(

@@ -32,16 +32,17 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
     The base point is where the fast fibre through the start meets the slow manifold, through epsilon^N.
     """
     _check_target(output)
-    from gsp.integration.trajectory import integrate
+    from gsp.integration.trajectory import trajectory_of
 
     with progress_bar("run") as show:
         if order is None:
-            found = integrate(scene, progress=show)
+            flow, start, span, epsilon = scene.asked(None, None, None)
+            found = trajectory_of(flow, start, span, epsilon, progress=show)
         else:
             from gsp.scenes.study import study_of
 
             study = study_of(scene)
-            found = integrate(
+            found = trajectory_of(
                 study.reduced(order),
                 start=study.base_point(order),
                 span=scene.span,

@@ -285,8 +285,7 @@ def _has_no_zero(equation: sp.Expr, system: SlowFastSystem) -> bool:
     constant = polynomial.coeff_monomial(1)
     if constant != 0 and (_has_sign(polynomial, 1) or _has_sign(polynomial, -1)):
         return True
-    used = polynomial.free_symbols
-    return len(used) == 1 and polynomial.exclude().count_roots() == 0
+    return len(polynomial.free_symbols) == 1 and polynomial.count_roots() == 0
 
 
 def _is_nowhere_positive(expression: sp.Expr, system: SlowFastSystem) -> bool:
@@ -297,7 +296,7 @@ def _is_nowhere_positive(expression: sp.Expr, system: SlowFastSystem) -> bool:
     if _has_sign(polynomial, -1):
         return True
     one = len(polynomial.free_symbols) == 1
-    return one and polynomial.coeff_monomial(1) < 0 and polynomial.exclude().count_roots() == 0
+    return one and polynomial.coeff_monomial(1) < 0 and polynomial.count_roots() == 0
 
 
 def _polynomial(expression: sp.Expr, system: SlowFastSystem) -> sp.Poly | None:
@@ -305,8 +304,9 @@ def _polynomial(expression: sp.Expr, system: SlowFastSystem) -> sp.Poly | None:
     found = quotient(expression.subs(dict(system.parameters)))
     if found is None or not found.denominator.is_constant() or not set(found.atoms) <= set(system.states):
         return None
-    used = [symbol for symbol in system.states if symbol in found.atoms]
-    return sp.Poly(found.expression(found.numerator), *(used or system.states))
+    polynomial = found.expression(found.numerator)
+    used = [symbol for symbol in system.states if symbol in polynomial.free_symbols]
+    return sp.Poly(polynomial, *(used or system.states[:1]))
 
 
 def _has_sign(polynomial: sp.Poly, sign: int) -> bool:

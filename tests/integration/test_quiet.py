@@ -43,8 +43,8 @@ def test_a_run_away_from_every_loss_is_that_of_the_long_way_and_never_goes_it(na
     times = np.linspace(*found.scene.span, 17)[1:-1]
     on_grid = integrate(flow, progress=lambda done: None, at=times, **options)
     looked = []
-    ending = module._ending
-    monkeypatch.setattr(module, "_ending", lambda *arguments: looked.append(1) or ending(*arguments))
+    ending = module.ending_of
+    monkeypatch.setattr(module, "ending_of", lambda *arguments: looked.append(1) or ending(*arguments))
     quick = integrate(flow, **options)
     assert quick.status is long.status
     assert np.array_equal(quick.t, long.t)

@@ -431,7 +431,7 @@ def test_the_test_functions_are_what_they_are_called():
     validity = Validity(gsp.restrict(gsp.expand(branch, order=0)))
     point = np.array([0.5, *branch.points({"x": 0.5}, near=[0.4, 0.2])])
     delta, hurwitz, q, *_ = validity.tests(np.append(point, 0.0), [0.01])
-    J = validity.fast_jacobian(point, [np.nan]).reshape(2, 2)
+    J = validity.fast_jacobian(point)
     values = np.linalg.eigvals(J)
     assert delta == pytest.approx(np.linalg.det(J), rel=1e-13)
     assert hurwitz == pytest.approx(-values.sum().real, rel=1e-13)
@@ -440,7 +440,7 @@ def test_the_test_functions_are_what_they_are_called():
     rates = compile_flow(flow).rates(np.append(point, 0.0), [np.nan])[:3] / delta
 
     def inverse_trace(h: float) -> float:
-        return float(np.trace(np.linalg.inv(validity.fast_jacobian(point + h * rates, [np.nan]).reshape(2, 2))))
+        return float(np.trace(np.linalg.inv(validity.fast_jacobian(point + h * rates))))
 
     slope = (inverse_trace(1e-5) - inverse_trace(-1e-5)) / 2e-5
     assert q == pytest.approx(abs(delta) ** 3 * (1 - 0.01 * abs(slope)), rel=1e-8)
@@ -556,7 +556,7 @@ def test_the_test_functions_of_blocks_are_those_of_the_whole_jacobian(case):
     point = np.array([0.5, *at])
 
     def jacobian(h: float, rates: np.ndarray) -> np.ndarray:
-        return validity.fast_jacobian(point + h * rates, [np.nan]).reshape(3, 3)
+        return validity.fast_jacobian(point + h * rates)
 
     delta, hurwitz, q, rounding, size, *_ = validity.tests(np.append(point, 0.0), [0.01])
     J, g_x = jacobian(0.0, point), validity.derivatives(point, [np.nan])[9:]

@@ -19,6 +19,7 @@ from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import validity_of
 from gsp.integration.trajectory import integrate
 from gsp.lowering import compiled_flow as lowering
+from gsp.lowering import compiled_function
 from gsp.lowering.remembering import remembered
 from gsp.lowering.tape import write_tape
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -240,14 +241,14 @@ def test_systems_are_released():
 
 
 def test_machine_code_is_released(monkeypatch):
-    build, engines = lowering.build, []
+    build, engines = compiled_function.build, []
 
     def counted(*args, **options):
         engine = build(*args, **options)
         engines.append(weakref.ref(engine))
         return engine
 
-    monkeypatch.setattr(lowering, "build", counted)
+    monkeypatch.setattr(compiled_function, "build", counted)
     count = lowering.MOST_KEPT + 30
     for i in range(count):
         field = VectorField({x: -x * sp.Rational(i + 1, 7919)}, epsilon=None)
