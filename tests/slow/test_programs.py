@@ -113,7 +113,7 @@ def test_what_is_watched_along_a_run_is_what_smaller_blocks_watch(monkeypatch: p
     monkeypatch.setattr(validity, "LARGEST_BLOCK", 2)
     sparse = validity.Validity(flow)
     assert not sparse.watches_pairs
-    J = blocks.fast_jacobian(z, p).reshape(5, 5)
+    J = blocks.fast_jacobian(z)
     det, rate = sparse.crossing([*z, 0.0], p)
     assert det == pytest.approx(np.linalg.det(J) / np.prod(np.linalg.norm(J, axis=1)), rel=1e-12)
     # By what D is larger, time is slower.
@@ -123,9 +123,7 @@ def test_what_is_watched_along_a_run_is_what_smaller_blocks_watch(monkeypatch: p
     )
     # tr J^-1 along the flow, by differences.
     velocity = desingularised[1][:-1] / desingularised[1][-1]
-    traces = [
-        np.trace(np.linalg.inv(sparse.fast_jacobian(z + h * velocity, p).reshape(5, 5))) for h in (1e-5, -1e-5)
-    ]
+    traces = [np.trace(np.linalg.inv(sparse.fast_jacobian(z + h * velocity))) for h in (1e-5, -1e-5)]
     q = sparse._over(sparse.states, [sparse._parts.inverse_trace_rate()])(z, p)[0] / det**3
     assert q == pytest.approx((traces[0] - traces[1]) / 2e-5, rel=1e-6)
     dets = [sparse.crossing([*(z + h * velocity), 0.0], p)[0] for h in (1e-5, -1e-5)]
