@@ -169,12 +169,12 @@ def test_the_panel_at_the_top_runs_the_model(written, page):
 def test_nothing_is_scrolled_within_the_panel(width, written, page):
     page.open(written / "report.html", width=width, height=800)
     frame = page.driver.find_element("css selector", "iframe.panel")
+    page.run("arguments[0].scrollIntoView()", frame)
     page.driver.execute_async_script(
         "const done = arguments[1]; const frame = arguments[0];"
         "const look = () => (frame.style.height ? done() : setTimeout(look, 20)); look();",
         frame,
     )
-    page.run("arguments[0].scrollIntoView()", frame)
     page.settle()
     shown = page.run("return arguments[0].clientHeight", frame)
     assert page.run("return document.documentElement.scrollWidth") <= width

@@ -5,3 +5,7 @@ window.addEventListener("message", (event) => {
     if (frame.contentWindow === event.source && height > 0) frame.style.height = `${Math.min(20000, Math.ceil(height) + 2)}px`;
   }
 });
+// What a demo said before it was laid out, or before this page was whole, is asked for again.
+window.addEventListener("load", () => {
+  for (const frame of document.querySelectorAll("iframe")) frame.contentWindow.postMessage({ askHeight: true }, "*");
+});

@@ -285,6 +285,9 @@ function begin() {
   timings.first = performance.now();
   if (window.parent !== window) {
     tellHeight();
+    window.addEventListener("message", (event) => {
+      if (event.source === window.parent && event.data && event.data.askHeight) tellHeight();
+    });
     // No change is observed while the frame is out of sight.
     new ResizeObserver(tellHeight).observe(document.body);
   }
