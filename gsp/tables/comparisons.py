@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from gsp.comparison.comparison import Comparison
 from gsp.comparison.failures import FailureMap
 from gsp.comparison.survey import Claim
 from gsp.comparison.work_curves import WorkPrecision
-from gsp.tables.table import Column, Table, texts
+from gsp.tables.table import Column, Table, numbers, texts
 
 
 def comparison(found: Comparison) -> Table:
@@ -72,7 +72,7 @@ def method_table(found: MethodTable) -> Table:
     variables = {
         "error": Column(("method", "epsilon"), np.array([row.errors for row in found.rows])),
         "fitted": Column(each, np.array([row.fitted for row in found.rows])),
-        "expected": Column(each, _numbers(row.expected for row in found.rows)),
+        "expected": Column(each, numbers(row.expected for row in found.rows)),
         "microseconds": Column(each, np.array([row.microseconds for row in found.rows])),
         "evaluations": Column(each, np.array([row.evaluations for row in found.rows])),
         "preparation": Column(each, np.array([row.preparation for row in found.rows])),
@@ -92,12 +92,12 @@ def work_precision(found: WorkPrecision) -> Table:
     variables = {
         name: Column(
             both,
-            np.array([_numbers(getattr(run.get(r), name, None) for r in rtols) for run in runs]),
+            np.array([numbers(getattr(run.get(r), name, None) for r in rtols) for run in runs]),
         )
         for name in ("error", "end_error", "seconds", "steps", "field_calls")
     }
     variables["kind"] = Column(each, texts(curve.kind for curve in found.curves))
-    variables["model_order"] = Column(each, _numbers(curve.order for curve in found.curves))
+    variables["model_order"] = Column(each, numbers(curve.order for curve in found.curves))
     variables["preparation"] = Column(each, np.array([curve.preparation for curve in found.curves]))
     variables["ended"] = Column(each, texts(curve.ended for curve in found.curves))
     coordinates = {
@@ -114,7 +114,7 @@ def choice(found: Choice) -> Table:
     over = ("model",)
     candidates = found.candidates
     variables = {
-        name: Column(over, _numbers(getattr(c, name) for c in candidates))
+        name: Column(over, numbers(getattr(c, name) for c in candidates))
         for name in ("order", "predicted", "holds_until", "seconds", "preparation", "steps", "field_calls")
     }
     variables["kind"] = Column(over, texts(c.kind for c in candidates))
@@ -140,8 +140,3 @@ def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]
         f"{name}_measure": Column(dimensions, np.array([claim.measure for claim in claims.values()])),
         f"{name}_holds": Column(dimensions, np.array([claim.holds for claim in claims.values()])),
     }
-
-
-def _numbers(values: Iterable[float | None]) -> np.ndarray:
-    """Doubles, nan for None."""
-    return np.array([np.nan if value is None else float(value) for value in values])

@@ -7,6 +7,7 @@ import numpy as np
 from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
+from gsp.systems.system import SlowFastSystem
 from gsp.tables.table import Column, Names, Table, complexes, texts
 
 _Curve = CriticalCurve | FoldCurve
@@ -58,9 +59,7 @@ def slow_points(found: SlowPoints) -> Table:
     point = names("point")
     over = (point,)
     x, y = np.atleast_2d(found.x), np.atleast_2d(found.y)
-    coordinates = {s.name: Column(over, x[:, i]) for i, s in enumerate(system.x)}
-    coordinates[system.epsilon.name] = Column((), np.array(found.epsilon))
-    variables = {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}
+    coordinates, variables = _over_slow(system, over, x, y, found.epsilon)
     variables[names("order")] = Column(over, np.atleast_1d(found.order))
     variables[names("error")] = Column(over, np.atleast_1d(found.error))
     told = {"status": found.status.name, "message": found.message, "tolerance": found.tolerance}
@@ -73,12 +72,19 @@ def sampled_manifold(found: SampledManifold) -> Table:
     names = Names([s.name for s in (*system.x, *system.y, system.epsilon)])
     node = names("node")
     over = (node,)
-    coordinates = {s.name: Column(over, found.nodes[:, i]) for i, s in enumerate(system.x)}
-    coordinates[system.epsilon.name] = Column((), np.array(found.epsilon))
-    variables = {s.name: Column(over, found.values[:, i]) for i, s in enumerate(system.y)}
+    coordinates, variables = _over_slow(system, over, found.nodes, found.values, found.epsilon)
     variables[names("error")] = Column(over, found.node_errors)
     told = {
         "status": found.status.name, "message": found.message, "tolerance": found.tolerance,
         "kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate,
     }  # fmt: skip
     return Table("SampledManifold", coordinates, variables, told, over)
+
+
+def _over_slow(
+    system: SlowFastSystem, over: tuple[str, ...], x: np.ndarray, y: np.ndarray, epsilon: float
+) -> tuple[dict[str, Column], dict[str, Column]]:
+    """Slow variables (m, slow) and epsilon as coordinates, the fast ones (m, fast) as variables."""
+    coordinates = {s.name: Column(over, x[:, i]) for i, s in enumerate(system.x)}
+    coordinates[system.epsilon.name] = Column((), np.array(epsilon))
+    return coordinates, {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}

@@ -13,7 +13,7 @@ from gsp.integration.trajectory import Trajectory
 from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
 from gsp.systems.flow import Flow
-from gsp.tables.table import Column, Names, Table, complexes, texts
+from gsp.tables.table import Column, Names, Table, complexes, numbers, texts
 
 
 def trajectory(run: Trajectory) -> Table:
@@ -95,9 +95,7 @@ def canard_orbits(found: CanardOrbits) -> Table:
     }
     variables[names("kind")] = Column(over, texts(c.kind for c in canards))
     for label in ("half_turns", "time_before", "time_after", "crossing_gap", "residual", "error"):
-        values = [getattr(c, label) for c in canards]
-        column = np.array([np.nan if value is None else float(value) for value in values])
-        variables[names(label)] = Column(over, column)
+        variables[names(label)] = Column(over, numbers(getattr(c, label) for c in canards))
     coordinates = {canard: Column(over, texts(c.name for c in canards))}
     coordinates |= _scalars(_constants(found.system, found.epsilon))
     section, value = found.section

@@ -127,6 +127,11 @@ def texts(values: Iterable[object]) -> np.ndarray:
     return np.array([str(value) for value in values], dtype=str)
 
 
+def numbers(values: Iterable[float | None]) -> np.ndarray:
+    """Doubles, nan for None."""
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
 def complexes(name: str, dimensions: tuple[str, ...], values: np.ndarray) -> dict[str, Column]:
     """Real and imaginary parts: JSON knows no complex numbers, and no frame's file does."""
     return {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.algebra import factorisation
 from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
@@ -82,6 +83,12 @@ def test_exponentials_and_hyperbolic_cosines_are_no_poles_and_others_are() -> No
     assert denominators([sp.exp(-(x**2)) / sp.cosh(x)], (x,)) == []
     assert denominators([y / (x - 1) + sp.exp(-x)], (x, y)) == [x - 1]
     assert denominators([1 / (sp.exp(-x) - 2)], (x,)) == [sp.exp(-x) - 2]
+
+
+def test_denominators_beyond_the_budget_are_what_stands_below_a_line(monkeypatch):
+    monkeypatch.setattr(factorisation, "TERM_PRODUCTS", 2)
+    found = denominators([y / (x - 1) + 1 / (sp.exp(-x) - 2) ** 2 + x**2 + 1 / (y + 3)], (x,))
+    assert set(found) == {x - 1, sp.exp(-x) - 2}
 
 
 def test_a_pole_between_exponentials_is_found_and_a_removable_one_is_not() -> None:

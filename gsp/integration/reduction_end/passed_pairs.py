@@ -12,12 +12,12 @@ import numpy as np
 from gsp.errors import Status
 from gsp.integration.loop import Record
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.endings import ACROSS
 from gsp.integration.reduction_end.validity import Validity, eigenvalues, validity_of
 
 # All eigenvalues of n by n take about 25 n^3 operations. So many are spent on a run: a second or two.
 OPERATIONS = 1e10
 FEWEST = 8
-REMEDY = "the reduction ends there; integrate the full system across"
 
 
 def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Record, str, str] | None:
@@ -48,7 +48,7 @@ def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Recor
         status=Status.HYPERBOLICITY_LOST,
     )
     between = f"between t = {record.times[good]:.6g} and t = {record.times[bad]:.6g}"
-    return kept, f"an imaginary pair of eigenvalues of the fast Jacobian is passed {between}", REMEDY
+    return kept, f"an imaginary pair of eigenvalues of the fast Jacobian is passed {between}", ACROSS
 
 
 def _unstable(validity: Validity, state: np.ndarray, p: np.ndarray) -> int:
