@@ -19,7 +19,8 @@ from gsp.integration.events import Event, compile_events
 from gsp.integration.reduced_flow import restrict
 from gsp.kernels import ledger, radau, step_control
 from gsp.kernels import rodas5p_tableau as rodas
-from gsp.readers.expressions import CONSTANTS, parse_expression
+from gsp.readers.expressions import parse_expression
+from gsp.readers.nodes import CONSTANTS
 from gsp.readers.toml import _symbols
 from gsp.report import folder as reports
 from gsp.report.mathml import operator

@@ -80,7 +80,7 @@ def asked(
     intervals: tuple[str, ...],
     start: str | None = None,
 ) -> Scene:
-    from gsp.readers.toml import read_number
+    from gsp.readers import toml_values
     from gsp.scenes.settings import ask_again
 
     def pairs(option: str, texts: tuple[str, ...], form: str) -> Iterator[tuple[str, str]]:
@@ -91,7 +91,8 @@ def asked(
             yield name.strip(), value.strip()
 
     parameters: dict[str, Any] = {
-        name: read_number(value, what=f"--set {name}") for name, value in pairs("--set", settings, "NAME=VALUE")
+        name: toml_values.number(value, f"--set {name}")
+        for name, value in pairs("--set", settings, "NAME=VALUE")
     }
     region = {}
     for name, value in pairs("--region", intervals, "NAME=LOW:HIGH"):
@@ -99,10 +100,10 @@ def asked(
         if not found:
             raise DeclarationError(f"--region is given as NAME=LOW:HIGH. Got {name}={value[:80]!r}.")
         region[name] = (
-            float(read_number(low.strip(), what=f"--region {name}")),
-            float(read_number(high.strip(), what=f"--region {name}")),
+            float(toml_values.number(low.strip(), f"--region {name}")),
+            float(toml_values.number(high.strip(), f"--region {name}")),
         )
-    small = None if epsilon is None else float(read_number(epsilon, what="--epsilon"))
+    small = None if epsilon is None else float(toml_values.number(epsilon, "--epsilon"))
     if not parameters and not region and small is None and start is None:
         return scene
     return ask_again(scene, parameters=parameters, epsilon=small, region=region, start=start)

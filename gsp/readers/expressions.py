@@ -8,7 +8,7 @@
 
 Text never reaches `eval`, `sympify` or `parse_expr`, and no `Symbol` is made from it: names come from the
 caller. Numbers stay exact rationals. What a short text could blow up to is bounded before SymPy is asked to
-build it.
+build it, in `gsp.readers.nodes`.
 """
 
 from __future__ import annotations
@@ -19,35 +19,16 @@ from typing import NamedTuple, NoReturn
 
 import sympy as sp
 
-from gsp.algebra.substitution import BITS, bits_of, is_long_power
 from gsp.errors import ModelFileError, nearest
+from gsp.readers.nodes import Node, NodeBuilder
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
-from gsp.systems.declaration import DEGREE
 
 CHARACTERS = 10_000
 DEPTH = 100
-CALLS = 120
-CALL_DEPTH = 8
-COST = {"sinh": 3, "cosh": 4, "tanh": 3, "sqrt": 3}
-"""Weight of a call, 1 unless listed: bounded by `CALL_DEPTH` along a nesting, by `CALLS` over an expression,
-where a call counts once for itself and once for each unit nested in it.
-
-SymPy asks for signs when it builds a node, in time exponential in nested hyperbolic functions: a sum of 25
-terms with four tanh in each other takes 20 s. With these numbers the worst text found takes about half a
-second.
-"""
-EXTREMA = 12
-"""SymPy compares the arguments of nested min and max pairwise: 0.3 s for 12, 6 s for 32."""
-CONSTANTS = 16
-"""Bound on functions and roots of numbers, each of which SymPy factors and evaluates: 1 s for 32 long roots."""
 WRITTEN = 20_000
 """Bound on the symbols of an expression with its definitions written out: a few lines can double ten times over."""
 ALL_WRITTEN, ALL_CALLS = 400_000, 10_000
 """The same for all expressions of a file that use definitions, and their weighted calls."""
-LARGEST = sp.Integer(10) ** 300
-# Digits in which a sum of constants must not cancel: fewer, and 1 - tanh(14) would be refused.
-CANCELLING = 25
-
 FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
     "sin": (1, sp.sin),
     "cos": (1, sp.cos),
@@ -73,7 +54,6 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
 RESERVED = frozenset(FUNCTIONS) - {"ln"} | {"pi"}
 """Words of the grammar, which cannot be names of states or parameters; `ln`, the second name of log, can."""
 
-_UNITS: frozenset[sp.Expr] = frozenset({sp.S.Zero, sp.S.One, sp.S.NegativeOne})
 _SUM, _PRODUCT, _POWER = 1, 2, 3
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "^": _POWER, "**": _POWER}
 
@@ -103,14 +83,6 @@ class Definitions(dict[str, Definition]):
                 f"with the definitions written out the file has more than {ALL_WRITTEN} symbols or {ALL_CALLS} "
                 "functions. Make one of them a state, or shorten them."
             )
-
-
-class _Node(NamedTuple):
-    """An expression, a bound on its total degree, and the weight of the calls nested in it."""
-
-    expression: sp.Expr
-    degree: int
-    calls: int
 
 
 def parse_expression(
@@ -147,9 +119,10 @@ class _Parser:
         self.symbols = symbols
         self.definitions = definitions
         # What the arguments of the definition that is being written out stand for, and how much has been written out.
-        self.arguments: Mapping[str, _Node] = {}
+        self.arguments: Mapping[str, Node] = {}
         self.written = 0
-        self.depth = self.calls = self.extrema = self.constants = self.bits = 0
+        self.depth = 0
+        self.nodes = NodeBuilder(self.fail)
         self.index = 0
         self.tokens = tokenise(text, FUNCTIONS)
 
@@ -172,12 +145,12 @@ class _Parser:
             raise ModelFileError("the expression is empty. Write 0 for a rate that vanishes.")
         node = self.whole()
         for number in node.expression.atoms(sp.Rational):
-            self.check_size(number, 0)
+            self.nodes.check_size(number, 0)
         if self.written:
-            self.definitions.spend(self.written, self.calls)
+            self.definitions.spend(self.written, self.nodes.calls)
         return node.expression
 
-    def whole(self) -> _Node:
+    def whole(self) -> Node:
         node = self.expression(_SUM)
         token = self.token
         if token.kind != "end":
@@ -202,7 +175,7 @@ class _Parser:
         if self.depth > DEPTH:
             self.fail(f"the expression is nested more than {DEPTH} deep", position, "Remove parentheses.")
 
-    def expression(self, minimum: int) -> _Node:
+    def expression(self, minimum: int) -> Node:
         """Operators that bind at least as tightly as `minimum`; runs of + and of * are built in one call."""
         left = self.operand()
         while (token := self.token).kind == "operator":
@@ -212,7 +185,7 @@ class _Parser:
             if binding == _POWER:
                 self.index += 1
                 self.enter(token.position)
-                left = self.power(left, self.expression(_POWER), token)
+                left = self.nodes.power(left, self.expression(_POWER), token)
                 self.depth -= 1
             elif binding == _PRODUCT:
                 left = self.product(left)
@@ -220,14 +193,14 @@ class _Parser:
                 left = self.sum(left)
         return left
 
-    def operand(self) -> _Node:
+    def operand(self) -> Node:
         token = self.token
         negative = False
         while sign := self.accept("+", "-"):
             negative ^= sign.text == "-"
         if self.token is not token:
             node = self.expression(_POWER)
-            return node._replace(expression=-node.expression) if negative else node
+            return node.negated() if negative else node
         self.index += 1
         if token.kind == "number":
             return self.number(token)
@@ -253,16 +226,14 @@ class _Parser:
             self.fail("this parenthesis is not closed", opening.position, "Add the missing ).")
         self.unexpected(self.token)
 
-    def number(self, token: Token) -> _Node:
+    def number(self, token: Token) -> Node:
         try:
             value = parse_number(token.text)
         except NumberError as error:
             self.fail(error.fact, token.position, error.remedy)
-        if "e" in token.text or "E" in token.text:
-            self.spend(value, token.position)
-        return _Node(value, 0, 0)
+        return self.nodes.number(value, token)
 
-    def name(self, token: Token) -> _Node:
+    def name(self, token: Token) -> Node:
         follows = self.token.kind == "operator" and self.token.text == "("
         if token.text in self.arguments and not follows:
             return self.arguments[token.text]
@@ -274,9 +245,9 @@ class _Parser:
         if is_function:
             self.fail(f"{token.text} is a function", token.position, f"Give it an argument: {token.text}(x).")
         if token.text == "pi":
-            return _Node(sp.pi, 1, 0)
+            return Node(sp.pi, 1)
         if token.text in self.symbols:
-            return _Node(self.symbols[token.text], 1, 0)
+            return Node(self.symbols[token.text], 1)
         shown, known = token.text[:64], [*self.symbols, *self.definitions, *FUNCTIONS, "pi"]
         if follows:
             self.fail(
@@ -290,7 +261,7 @@ class _Parser:
             remedy = "Write exp(1) for Euler's number, or declare it as a parameter."
         self.fail(f'the name "{shown}" is not declared', token.position, remedy)
 
-    def defined(self, token: Token, follows: bool) -> _Node:
+    def defined(self, token: Token, follows: bool) -> Node:
         """The definition that `token` names, written out: its text is read with the arguments in their places."""
         definition = self.definitions[token.text]
         wanted = definition.arguments
@@ -327,7 +298,7 @@ class _Parser:
         self.depth -= 1
         return node
 
-    def given(self, token: Token) -> list[_Node]:
+    def given(self, token: Token) -> list[Node]:
         """The arguments that stand in parentheses behind `token`."""
         opening = self.token
         self.index += 1
@@ -339,7 +310,7 @@ class _Parser:
         self.depth -= 1
         return arguments
 
-    def call(self, token: Token) -> _Node:
+    def call(self, token: Token) -> Node:
         count, function = FUNCTIONS[token.text]
         arguments = self.given(token)
         if len(arguments) != count:
@@ -348,177 +319,20 @@ class _Parser:
                 token.position,
                 f"Write {token.text}({', '.join('xyz'[:count])}).",
             )
-        if token.text == "sqrt":
-            return self.power(arguments[0], _Node(sp.Rational(1, 2), 0, 0), token)
-        self.extrema += count == 2
-        if self.extrema > EXTREMA:
-            self.fail(f"there are more than {EXTREMA} min and max", token.position, "Simplify.")
-        calls = self.count_call(arguments, token)
-        values = [node.expression for node in arguments]
-        degree = max(1, *(node.degree for node in arguments))
-        if token.text == "exp":
-            degree *= self.check_exponent(values[0], token.position)
-            self.check_degree(degree, token.position)
-        if count == 2:
-            self.sum_value([values[0], -values[1]], token.position)
-        return _Node(self.checked(lambda: function(*values), values, token), degree, calls)
+        return self.nodes.call(function, arguments, token)
 
-    def count_call(self, arguments: list[_Node], token: Token) -> int:
-        """Weight of the calls nested in this one, itself included; an operator counts as a root."""
-        cost = COST["sqrt"] if token.kind == "operator" else COST.get(token.text, 1)
-        nested = max(node.calls for node in arguments)
-        calls = cost + nested
-        self.calls += cost * (1 + nested)
-        if self.calls > CALLS:
-            self.fail(
-                f"there are more than {CALLS} functions (roots, hyperbolic and nested ones count more)",
-                token.position,
-                "Simplify, or use more states.",
-            )
-        if calls > CALL_DEPTH:
-            self.fail(
-                "functions and roots stand too deep in each other",
-                token.position,
-                "Simplify, or make the inner one a state of its own.",
-            )
-        return calls
-
-    def sum(self, first: _Node) -> _Node:
+    def sum(self, first: Node) -> Node:
         position = self.token.position
         terms = [first]
         while sign := self.accept("+", "-"):
             node = self.expression(_PRODUCT)
-            terms.append(node._replace(expression=-node.expression) if sign.text == "-" else node)
-        value = self.sum_value([node.expression for node in terms], position)
-        return _Node(value, max(n.degree for n in terms), max(n.calls for n in terms))
+            terms.append(node.negated() if sign.text == "-" else node)
+        return self.nodes.sum(terms, position)
 
-    def sum_value(self, terms: list[sp.Expr], position: int) -> sp.Expr:
-        """The sum, unless its constants cancel to nothing: SymPy would try to prove that they do."""
-        value = sp.Add(*terms)
-        constants = [term for term in sp.Add.make_args(value) if term.is_number]
-        if any(not term.is_Rational for term in constants):
-            sizes = [self.evaluated(term, position, digits=CANCELLING + 5) for term in constants]
-            if abs(sum(sizes)) <= sp.Float(10) ** -CANCELLING * sum(abs(size) for size in sizes):
-                self.fail("a sum of constants cancels up to rounding", position, "Write 0 in its place.")
-        self.check_size(sp.Add.make_args(value)[0], position)
-        return value
-
-    def product(self, first: _Node) -> _Node:
+    def product(self, first: Node) -> Node:
         position = self.token.position
         factors = [first]
         while operator := self.accept("*", "/"):
             node = self.expression(_POWER)
-            if operator.text == "/":
-                if node.expression == 0:
-                    self.fail("the expression divides by zero", operator.position, "Remove the division.")
-                node = self.power(node, _Node(sp.Integer(-1), 0, 0), operator)
-            factors.append(node)
-        degree = sum(node.degree for node in factors)
-        self.check_degree(degree, position)
-        value = sp.Mul(*(node.expression for node in factors))
-        self.check_size(value.as_coeff_Mul()[0], position)
-        return _Node(value, degree, max(node.calls for node in factors))
-
-    def power(self, base: _Node, exponent: _Node, token: Token) -> _Node:
-        position = token.position
-        b: sp.Expr = base.expression
-        e: sp.Expr = exponent.expression
-        degree = base.degree + exponent.degree
-        if e.is_Rational:
-            if not b.free_symbols and not e.is_Integer and is_long_power(b, e):
-                self.fail("the exponent of a number has too many digits", position, "Round it, or write 1/3.")
-            size = _ceiling(e)
-            degree = base.degree * size
-            coefficient = b.as_coeff_Mul()[0]
-            bits = _bits(coefficient)
-            if coefficient not in _UNITS:
-                # Bounded before it is computed: 9^9^9^9 has more digits than there are atoms.
-                if bits * size > BITS:
-                    self.fail("a power of a number is too large", position, "Use a smaller exponent.")
-                self.bits += bits * size
-                self.spend(sp.Integer(0), position)
-        else:
-            degree *= self.check_exponent(e, position)
-            # SymPy works b^(c + x) out as b^c b^x.
-            if b.is_Rational and b not in _UNITS and _bits(b) * _ceiling(e.as_coeff_Add()[0]) > BITS:
-                self.fail("a power of a number is too large", position, "Use a smaller exponent.")
-        self.check_degree(degree, position)
-        if b.is_number and b.is_zero is True and not (e.is_Rational and e >= 0):
-            self.fail(
-                "zero is raised to a power that is not positive", position, "Remove the division by zero."
-            )
-        if b.is_Rational and e.is_Integer:
-            return _Node(sp.Pow(b, e), 0, 0)
-        calls = base.calls if e.is_Integer else self.count_call([base, exponent], token)
-        return _Node(self.checked(lambda: sp.Pow(b, e), [b, e], token), max(1, degree), calls)
-
-    def checked(self, build: Callable[[], sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
-        """What `build` returns, once it is known to be real and finite where it is a constant."""
-        constant = all(argument.is_number for argument in arguments)
-        if constant:
-            self.constants += 1
-            if self.constants > CONSTANTS:
-                self.fail(
-                    f"there are more than {CONSTANTS} functions, roots and divisions of constants",
-                    token.position,
-                    "Work them out, or declare parameters.",
-                )
-        try:
-            value = build()
-        # AttributeError: SymPy's cache stumbles over the message of a TypeError.
-        except (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError) as error:
-            reason = "" if isinstance(error, AttributeError) else f" ({error})"
-            self.fail(
-                f"{token.text!r} cannot be worked out here{reason}", token.position, "Correct its argument."
-            )
-        if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
-            self.fail(f"{token.text!r} is not real and finite here", token.position, "Correct its argument.")
-        if value.is_number and not value.is_Rational:
-            self.evaluated(value, token.position)
-        return value
-
-    def evaluated(self, constant: sp.Expr, position: int, *, digits: int = 15) -> sp.Expr:
-        value = constant.evalf(digits)
-        if not (value.is_Float or value.is_Rational):
-            self.fail("a constant is not a real number", position, "Keep roots and logarithms in their domain.")
-        if value != 0 and not 1 / LARGEST < abs(value) < LARGEST:
-            self.fail("a constant lies beyond 1e300 or below 1e-300", position, "Rescale the variables.")
-        return value
-
-    def check_exponent(self, exponent: sp.Expr, position: int) -> int:
-        """Bound on the power hidden in `exponent`: SymPy turns exp(9*log(x)) into x^9 unasked."""
-        if not exponent.free_symbols and abs(self.evaluated(exponent, position)) > 690:
-            self.fail("an exponential is too large for a double", position, "Rescale the variables.")
-        largest = 1
-        for term in sp.Add.make_args(exponent):
-            if term.has(sp.log):
-                largest = max(largest, _ceiling(term.as_coeff_Mul()[0]))
-        return largest
-
-    def check_degree(self, degree: int, position: int) -> None:
-        if degree > DEGREE:
-            self.fail(
-                f"powers and products reach a total degree above {DEGREE}", position, "Use smaller exponents."
-            )
-
-    def check_size(self, number: sp.Expr, position: int) -> None:
-        if _bits(number) > BITS:
-            self.fail("a number worked out to more than 1200 digits", position, "Round it, or rescale.")
-
-    def spend(self, number: sp.Rational, position: int) -> None:
-        """Count digits that an exponent made, so that many large powers are refused as one is."""
-        self.bits += 2 * _bits(number)
-        if self.bits > 4 * BITS:
-            self.fail(
-                "the expression holds too many large powers of numbers", position, "Rescale the variables."
-            )
-
-
-def _bits(number: sp.Expr) -> int:
-    """Bits of the larger of numerator and denominator; 0 for what is no rational number."""
-    return bits_of(number) if isinstance(number, sp.Rational) else 0
-
-
-def _ceiling(number: sp.Expr) -> int:
-    """The magnitude of a rational number, rounded up; 1 for what is none."""
-    return -(-abs(int(number.p)) // int(number.q)) if isinstance(number, sp.Rational) else 1
+            factors.append(self.nodes.inverse(node, operator) if operator.text == "/" else node)
+        return self.nodes.product(factors, position)

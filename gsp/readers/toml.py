@@ -58,16 +58,15 @@ from pathlib import Path
 import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
+from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
-from gsp.readers.tokens import parse_number
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
 STATES = 2000
 PARAMETERS = 2000
-LISTED = 64
 TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
 DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
@@ -151,40 +150,44 @@ NEEDED = {"span": "span = [0, 5]", "epsilon": "epsilon = 0.01"}
 
 def scene_of(document: dict, file: Path) -> Scene:
     """The scene that a document says; its name is that of `file` unless it has one. Raises `ModelFileError`."""
-    _check_keys(document, ("epsilon", *TEXT, *_TABLES), "")
-    texts = {key: _text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
+    values.check_keys(document, ("epsilon", *TEXT, *_TABLES), elsewhere={"scene": _SCENE})
+    texts = {key: values.text(document.get(key, ""), key, limit) for key, limit in TEXT.items()}
     name = texts["name"] or re.sub(r"[^A-Za-z0-9]+", "_", file.stem).strip("_")[:64] or "scene"
-    tables = {key: _table(document, key) for key in _TABLES}
+    tables = {key: values.table(document, key) for key in _TABLES}
     system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
-    _check_keys(scene, _SCENE, "scene.")
+    values.check_keys(scene, _SCENE, "scene.")
     missing = {key: line for key, line in NEEDED.items() if key not in scene}
     if missing:
         raise ModelFileError(
             f"{' and '.join(f'scene.{key}' for key in missing)} {'are' if len(missing) > 1 else 'is'} missing. "
             f"Write {' and '.join(missing.values())} under [scene]."
         )
-    epsilon = _number(scene["epsilon"], "scene.epsilon")
+    epsilon = values.number(scene["epsilon"], "scene.epsilon")
     ladder = (
-        _numbers(scene["epsilons"], "scene.epsilons") if "epsilons" in scene else [epsilon * k for k in LADDER]
+        values.numbers(scene["epsilons"], "scene.epsilons")
+        if "epsilons" in scene
+        else [epsilon * k for k in LADDER]
     )
     drivers = tables["reconstruction"]
     return Scene(
         system=system,
-        region={key: _pair(value, f"region.{key}") for key, value in tables["region"].items()},
-        start={key: float(_number(value, f"start.{key}")) for key, value in tables["start"].items()},
-        span=_pair(scene["span"], "scene.span"),
+        region={key: values.pair(value, f"region.{key}") for key, value in tables["region"].items()},
+        start={key: float(values.number(value, f"start.{key}")) for key, value in tables["start"].items()},
+        span=values.pair(scene["span"], "scene.span"),
         epsilon=float(epsilon),
         epsilons=tuple(float(value) for value in ladder),
-        tolerance=float(_number(scene.get("tolerance", Decimal("1e-6")), "scene.tolerance")),
+        tolerance=float(values.number(scene.get("tolerance", Decimal("1e-6")), "scene.tolerance")),
         reconstruction={
             symbols[key]: _expression(value, f"reconstruction.{key}", symbols, definitions)
             for key, value in drivers.items()
         },
-        path=_path(scene.get("path")),
+        path=values.path(scene.get("path")),
         claims=_claims(tables["claims"], symbols, definitions),
         starts=_starts(tables["starts"]),
-        units={key: _text(value, f"units.{key[:64]}", TEXT["name"]) for key, value in tables["units"].items()},
+        units={
+            key: values.text(value, f"units.{key[:64]}", TEXT["name"]) for key, value in tables["units"].items()
+        },
         name=name,
         title=texts["title"],
         source=texts["source"],
@@ -199,7 +202,7 @@ def _system(
     if not isinstance(epsilon, str):
         raise ModelFileError(
             "epsilon, at the top of the file, names the symbol of the small parameter and is text. "
-            f"Got a {_kind(epsilon)}. Its value belongs under [scene]."
+            f"Got a {values.kind(epsilon)}. Its value belongs under [scene]."
         )
     standard = "slow" in document or "fast" in document
     if standard == ("states" in document):
@@ -236,7 +239,7 @@ def _system(
         return result
 
     parameters = {
-        symbols[key]: _number(value, f"parameters.{key}") for key, value in tables["parameters"].items()
+        symbols[key]: values.number(value, f"parameters.{key}") for key, value in tables["parameters"].items()
     }
     observables = rates("observables")
     if standard:
@@ -291,7 +294,7 @@ def _claims(
             raise ModelFileError(f"{key}: the name has {len(name)} characters; {TEXT['name']} are allowed.")
         if not isinstance(rates, dict):
             raise ModelFileError(
-                f"{key} is a table of rates. Got a {_kind(rates)}. Write [claims.{name[:64]}]."
+                f"{key} is a table of rates. Got a {values.kind(rates)}. Write [claims.{name[:64]}]."
             )
         claims[name] = {}
         for state, rate in rates.items():
@@ -309,41 +312,18 @@ def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
     for name, table in tables.items():
         key = f"starts.{name[:64]}"
         if not isinstance(table, dict):
-            raise ModelFileError(f"{key} is a table of numbers. Got a {_kind(table)}. Write [{key}].")
-        found[name] = {state: float(_number(value, f"{key}.{state[:64]}")) for state, value in table.items()}
+            raise ModelFileError(f"{key} is a table of numbers. Got a {values.kind(table)}. Write [{key}].")
+        found[name] = {
+            state: float(values.number(value, f"{key}.{state[:64]}")) for state, value in table.items()
+        }
     return found
-
-
-def _check_keys(table: Mapping, known: tuple[str, ...], prefix: str) -> None:
-    for key in table:
-        if key in known:
-            continue
-        remedy = nearest(key[:64], known)
-        if not prefix and key in _SCENE:
-            remedy = f" It belongs under [scene]: scene.{key}."
-        raise ModelFileError(f"{prefix}{key[:64]} is unknown.{remedy} The keys here are {', '.join(known)}.")
-
-
-def _table(document: dict, key: str) -> dict:
-    table = document.get(key, {})
-    if not isinstance(table, dict):
-        raise ModelFileError(f"{key} is a table. Got a {_kind(table)}. Write [{key}] on a line of its own.")
-    return table
-
-
-def _text(value: object, key: str, limit: int) -> str:
-    if not isinstance(value, str):
-        raise ModelFileError(f"{key} is text. Got a {_kind(value)}. Put it in quotes.")
-    if len(value) > limit:
-        raise ModelFileError(f"{key} has {len(value)} characters; {limit} are allowed. Shorten it.")
-    return value
 
 
 def _body(value: object, key: str) -> str:
     """Text of a definition."""
     if isinstance(value, str):
-        return _text(value, key, CHARACTERS)
-    number = _number(value, key)
+        return values.text(value, key, CHARACTERS)
+    number = values.number(value, key)
     return f"{number.p}/{number.q}" if isinstance(number, sp.Rational) else str(number)
 
 
@@ -353,58 +333,4 @@ def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], defin
             return parse_expression(value, symbols=symbols, definitions=definitions)
         except ModelFileError as error:
             raise ModelFileError(f"{key}: {error}") from None
-    return _number(value, key)
-
-
-def read_number(text: object, *, what: str) -> sp.Expr:
-    """Exact value of a number of a file, or of constant text such as "1/3"; `what` names it in errors.
-
-    >>> read_number("0.1", what="epsilon")
-    1/10
-    """
-    return _number(text, what)
-
-
-def _number(value: object, key: str) -> sp.Expr:
-    """Exact value of a number of the file, or of constant text such as "1/3"."""
-    try:
-        if isinstance(value, str):
-            return parse_expression(value, symbols={})
-        if isinstance(value, (int, Decimal)) and not isinstance(value, bool):
-            if not Decimal(value).is_finite():
-                raise ModelFileError(f"Got {value}. Give a finite number.")
-            magnitude = parse_number(str(value.copy_abs() if isinstance(value, Decimal) else abs(value)))
-            return -magnitude if value < 0 else magnitude
-    except (ModelFileError, ValueError) as error:
-        raise ModelFileError(f"{key}: {error}") from None
-    raise ModelFileError(f"{key} is a number, or text to be worked out. Got a {_kind(value)}.")
-
-
-def _numbers(value: object, key: str) -> list[sp.Expr]:
-    if not isinstance(value, list):
-        raise ModelFileError(
-            f"{key} is a list of numbers. Got a {_kind(value)}. Write {key.split('.')[-1]} = [1, 2]."
-        )
-    if len(value) > LISTED:
-        raise ModelFileError(f"{key} has {len(value)} numbers; {LISTED} are allowed. Shorten it.")
-    return [_number(item, key) for item in value]
-
-
-def _pair(value: object, key: str) -> tuple[float, float]:
-    numbers = _numbers(value, key)
-    if len(numbers) != 2:
-        raise ModelFileError(f"{key} is a pair of numbers. Got {len(numbers)} of them. Write [low, high].")
-    return float(numbers[0]), float(numbers[1])
-
-
-def _path(value: object) -> tuple[str, str] | None:
-    if value is None:
-        return None
-    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
-        raise ModelFileError('scene.path is a pair of names. Write path = ["x", "y"].')
-    return value[0], value[1]
-
-
-def _kind(value: object) -> str:
-    kinds = {str: "text", bool: "boolean", int: "number", Decimal: "number", list: "list", dict: "table"}
-    return kinds.get(type(value), type(value).__name__)
+    return values.number(value, key)

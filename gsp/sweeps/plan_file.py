@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from gsp.errors import DeclarationError, ModelFileError, nearest, printable
-from gsp.readers.toml import read_document, read_number
+from gsp.readers import toml_values
+from gsp.readers.toml import read_document
 from gsp.sweeps.tasks import VERBS
 from gsp.systems.arguments import check_whole, shown
 
@@ -82,7 +83,7 @@ def _plain(value: Any) -> Any:
 
 def _values(values: Any, key: str) -> list[float]:
     if isinstance(values, list):
-        return [float(read_number(value, what=key)) for value in values]
+        return [float(toml_values.number(value, key)) for value in values]
     if not isinstance(values, dict):
         raise ModelFileError(
             f"{key} is a list of numbers, or a range such as {{ from = 0, to = 1, count = 11 }}. Got {shown(values)}."
@@ -93,7 +94,7 @@ def _values(values: Any, key: str) -> list[float]:
     missing = [name for name in RANGE[:3] if name not in values]
     if missing:
         raise ModelFileError(f"{key} lacks {', '.join(missing)}. Write {{ from = 0, to = 1, count = 11 }}.")
-    low, high = (float(read_number(values[name], what=f"{key}.{name}")) for name in RANGE[:2])
+    low, high = (float(toml_values.number(values[name], f"{key}.{name}")) for name in RANGE[:2])
     count = check_whole(values["count"], what=f"{key}.count", least=1, most=COUNT)
     spacing = values.get("spacing", "linear")
     if spacing not in ("linear", "log"):

@@ -1,0 +1,97 @@
+"""The values of a TOML file, each checked for its kind and size; errors begin with the key it stands under."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+
+import sympy as sp
+
+from gsp.errors import ModelFileError, nearest
+from gsp.readers.expressions import parse_expression
+from gsp.readers.tokens import parse_number
+
+LISTED = 64
+
+
+def check_keys(
+    table: Iterable[str], known: Sequence[str], prefix: str = "", *, elsewhere: Mapping[str, Iterable[str]] = {}
+) -> None:
+    """Refuse a key of `table` that is none of `known`; `elsewhere` tells the keys of other tables, named so."""
+    for key in table:
+        if key in known:
+            continue
+        remedy = nearest(key[:64], known)
+        for other in (other for other, keys in elsewhere.items() if key in keys):
+            remedy = f" It belongs under [{other}]: {other}.{key}."
+        raise ModelFileError(f"{prefix}{key[:64]} is unknown.{remedy} The keys here are {', '.join(known)}.")
+
+
+def table(document: dict, key: str) -> dict:
+    """The table under `key`; empty where there is none."""
+    found = document.get(key, {})
+    if not isinstance(found, dict):
+        raise ModelFileError(f"{key} is a table. Got a {kind(found)}. Write [{key}] on a line of its own.")
+    return found
+
+
+def text(value: object, key: str, limit: int) -> str:
+    """Text of at most `limit` characters."""
+    if not isinstance(value, str):
+        raise ModelFileError(f"{key} is text. Got a {kind(value)}. Put it in quotes.")
+    if len(value) > limit:
+        raise ModelFileError(f"{key} has {len(value)} characters; {limit} are allowed. Shorten it.")
+    return value
+
+
+def number(value: object, key: str) -> sp.Expr:
+    """Exact value of a number of the file, or of constant text such as "1/3".
+
+    >>> number("0.1", "epsilon")
+    1/10
+    """
+    try:
+        if isinstance(value, str):
+            return parse_expression(value, symbols={})
+        if isinstance(value, (int, Decimal)) and not isinstance(value, bool):
+            if not Decimal(value).is_finite():
+                raise ModelFileError(f"Got {value}. Give a finite number.")
+            magnitude = parse_number(str(value.copy_abs() if isinstance(value, Decimal) else abs(value)))
+            return -magnitude if value < 0 else magnitude
+    except (ModelFileError, ValueError) as error:
+        raise ModelFileError(f"{key}: {error}") from None
+    raise ModelFileError(f"{key} is a number, or text to be worked out. Got a {kind(value)}.")
+
+
+def numbers(value: object, key: str) -> list[sp.Expr]:
+    """Exact values of a list of numbers."""
+    if not isinstance(value, list):
+        raise ModelFileError(
+            f"{key} is a list of numbers. Got a {kind(value)}. Write {key.split('.')[-1]} = [1, 2]."
+        )
+    if len(value) > LISTED:
+        raise ModelFileError(f"{key} has {len(value)} numbers; {LISTED} are allowed. Shorten it.")
+    return [number(item, key) for item in value]
+
+
+def pair(value: object, key: str) -> tuple[float, float]:
+    """Two numbers, low and high as they stand."""
+    found = numbers(value, key)
+    if len(found) != 2:
+        raise ModelFileError(f"{key} is a pair of numbers. Got {len(found)} of them. Write [low, high].")
+    return float(found[0]), float(found[1])
+
+
+def path(value: object) -> tuple[str, str] | None:
+    """A pair of names, or None."""
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
+        raise ModelFileError('scene.path is a pair of names. Write path = ["x", "y"].')
+    return value[0], value[1]
+
+
+def kind(value: object) -> str:
+    """What a value of a TOML file is, in a word for errors."""
+    kinds = {str: "text", bool: "boolean", int: "number", Decimal: "number", list: "list", dict: "table"}
+    return kinds.get(type(value), type(value).__name__)
