@@ -77,7 +77,8 @@ def _imported(file: Path, small: str | None = None) -> tuple[Import, Scene]:
     if small is not None and suffix == ".ode":
         # Capital letters are small ones for XPPAUT.
         small = small.lower()
-    model = FORMATS[suffix](text_of(file))
+    # Comments in .ode files are older than UTF-8.
+    model = FORMATS[suffix](text_of(file, other_bytes=suffix == ".ode"))
     found, scene = imported(model, small=small, read=lambda draft: scene_of(parsed(draft), file))
     if len(found.text.encode()) > BYTES:
         raise ModelFileError(

@@ -105,8 +105,11 @@ def read_document(file: Path) -> dict:
     return parsed(text_of(file))
 
 
-def text_of(file: Path) -> str:
-    """The text of a model file; raises `ModelFileError` for one that is unreadable, too large or no UTF-8."""
+def text_of(file: Path, *, other_bytes: bool = False) -> str:
+    """The text of a model file; raises `ModelFileError` for one that is unreadable, too large or no UTF-8.
+
+    With `other_bytes` what is no UTF-8 becomes U+FFFD, which no expression may hold and any comment.
+    """
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
@@ -123,7 +126,7 @@ def text_of(file: Path) -> str:
     if len(data) > BYTES:
         raise ModelFileError(f"the file is larger than {BYTES // 1024} KiB. A model file holds equations only.")
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig", "replace" if other_bytes else "strict")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ModelFileError(f"the file is not UTF-8 text (line {line}). Save it as UTF-8.") from None

@@ -7,9 +7,8 @@ Everything in an .ode file is lower case for XPPAUT. Arrays are written out firs
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import NoReturn
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.conditions import POSITIVE
@@ -17,58 +16,45 @@ from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
 from gsp.readers.xppaut_arrays import without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
-from gsp.readers.xppaut_order import check_order_of_quantities
+from gsp.readers.xppaut_lines import (
+    MISSING,
+    WORD,
+    Kind,
+    Statement,
+    fail,
+    lines_of,
+    number_at,
+    pieces_of,
+    start_at,
+    statement_of,
+)
+from gsp.readers.xppaut_order import taken_a_step_late
 
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"
 NAMES = 4000
-LINE = 20_000
 # Characters of all expressions, arrays and sums written out.
 WRITTEN = 1_000_000
 
-_WORD = r"[a-z][a-z0-9_]{0,63}"
-_PARAMETERS = re.compile(r"(?:p|par|param|params|parameter|parameters|number|num)\s+(.*)", re.DOTALL)
-_INITIAL = re.compile(r"(?:i|init)\s+(.*)", re.DOTALL)
-_AUXILIARY = re.compile(rf"aux\s+({_WORD})\s*=(.*)", re.DOTALL)
-_RATE = re.compile(rf"(?:d({_WORD})\s*/\s*dt|({_WORD})\s*')\s*=(.*)", re.DOTALL)
-_START = re.compile(rf"({_WORD})\s*\(\s*0\s*\)\s*=(.*)", re.DOTALL)
-_FUNCTION = re.compile(rf"({_WORD})\s*\(\s*({_WORD}(?:\s*,\s*{_WORD})*)\s*\)\s*=(.*)", re.DOTALL)
-_FIXED = re.compile(rf"!?\s*({_WORD})\s*=(.*)", re.DOTALL)
-_SETTING = re.compile(rf"({_WORD})\s*=\s*([^\s,]+)")
-_ASSIGNED = re.compile(rf"({_WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)|({_WORD})(?=[\s,]|$)")
-_VALUE = re.compile(rf"({_WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
+_SETTING = re.compile(rf"({WORD})\s*=\s*([^\s,]+)")
+_VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")
 _TOKENS = re.compile(r"[a-z0-9_.]+|[^\sa-z0-9_.]")
-_SET = re.compile(rf"set\s+({_WORD})\s*\{{([^{{}}]*)\}}")
+_SET = re.compile(rf"set\w* ({WORD}) ?\{{([^{{}}]*)\}}")
 _WORDS = re.compile(r"(?<![a-z0-9_.])[a-z_][a-z0-9_]*")
-
-_REFUSED: dict[str, str] = {
-    "global": "an event that changes the state",
-    "table": "a table of numbers",
-    "markov": "a Markov process",
-    "wiener": "noise",
-    "w": "noise",
-    "volt": "an integral equation",
-    "volterra": "an integral equation",
-    "bdry": "a boundary-value problem",
-    "bndry": "a boundary-value problem",
-    "b": "a boundary-value problem",
-    "solv": "an algebraic equation",
-    "solve": "an algebraic equation",
-    "special": "a sum over a network",
-    "export": "a call of a library",
-    "vector": "an array",
-    "#include": "another file",
-    "include": "another file",
-}
-_LEFT_OUT = ("set", "only", "options")
 _NO_FUNCTIONS = {
     **dict.fromkeys(("delay", "del_shft"), "a delay"),
     **dict.fromkeys(("ran", "normal"), "noise"),
-    **dict.fromkeys(("mod", "flr", "atan2"), "a jump"),
+    "atan2": "a jump",
     "ishift": "an array of tables",
     **dict.fromkeys(("besselj", "bessely", "lgamma"), "a special function"),
     "int": "an integral",
     "hom_bcs": "a boundary condition",
+}
+# What a step is made of, and XPPAUT's jumps: atan(tan(u)) is a line on each period, and mod is at least 0.
+HELPERS = {
+    "positive": (("u",), POSITIVE),
+    "mod": (("u", "w"), "w*(1/2 + atan(tan(pi*(u/w - 1/2)))/pi)"),
+    "flr": (("u",), "u - 1/2 - atan(tan(pi*(u - 1/2)))/pi"),
 }
 
 
@@ -85,6 +71,9 @@ class _File:
     settings: dict[str, str] = field(default_factory=dict)
     sets: dict[str, tuple[int, str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
+    missing: dict[str, tuple[int, str]] = field(default_factory=dict)
+    passed_over: list[str] = field(default_factory=list)
+    cut: list[str] = field(default_factory=list)
 
 
 def read_ode(text: str) -> ForeignModel:
@@ -97,31 +86,38 @@ def read_ode(text: str) -> ForeignModel:
         raise ModelFileError(
             f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
         )
-    check_order_of_quantities(file.definitions, file.derived, {*file.states, "t"})
+    late = taken_a_step_late(file.definitions, file.derived, {*file.states, "t"})
     model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
     model.starts = {name: file.starts.get(name, "0") for name in file.states}
 
-    def step() -> str:
-        if not positive:
-            positive.append("positive" if "positive" not in taken else fresh_name("positive", taken))
-            taken.add(positive[0])
-            argument = "u" if "u" not in taken else fresh_name("u", taken)
-            model.definitions[f"{positive[0]}({argument})"] = re.sub(r"\bu\b", argument, POSITIVE)
-        return positive[0]
-
-    positive: list[str] = []
+    live = _live(file)
+    for name, (number, told) in file.missing.items():
+        if name in live:
+            fail(number, told, "Remove it.")
+        file.left_out.append(f"{name} (line {number})")
+    helpers = _Helpers(model.definitions, taken)
     order = tuple(file.states)
-    model.states = {name: _expression(*rate, step, order) for name, rate in file.states.items()}
+    model.states = {name: _expression(*rate, helpers, order) for name, rate in file.states.items()}
+    dropped: set[str] = set(file.missing)
     for name, (number, arguments, text) in file.definitions.items():
-        renamed = {word: fresh_name(word, taken) for word in arguments if word in taken}
-        body = _expression(number, text, step, order)
-        body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
-        head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
-        model.definitions[head] = body
+        try:
+            _check_kept(name, number, text, dropped)
+            renamed = {word: fresh_name(word, taken) for word in arguments if word in taken or word == "t"}
+            body = _expression(number, text, helpers, order)
+            body = _WORDS.sub(lambda match, new=renamed: new.get(match[0], match[0]), body)
+            head = f"{name}({', '.join(renamed.get(word, word) for word in arguments)})" if arguments else name
+            model.definitions[head] = body
+        except ModelFileError as error:
+            if name in live:
+                raise
+            _leave_out(file, name, error, dropped)
     for name, (number, text) in file.observables.items():
-        model.observables[fresh_name(name, taken) if name in own else name] = _expression(
-            number, text, step, order
-        )
+        try:
+            _check_kept(name, number, text, dropped)
+            body = _expression(number, text, helpers, order)
+            model.observables[fresh_name(name, taken) if name in own else name] = body
+        except ModelFileError as error:
+            _leave_out(file, f"aux {name}", error, dropped)
     written = [*model.states.values(), *model.definitions.values(), *model.observables.values()]
     if sum(map(len, written)) > WRITTEN:
         raise ModelFileError(
@@ -138,40 +134,66 @@ def read_ode(text: str) -> ForeignModel:
         model.path = x, y
     _take_sets(file, model)
     _take_windows(file, model)
-    _take_notes(file, model)
+    _take_notes(file, model, late)
     return model
 
 
-def _fail(number: int, fact: str, remedy: str) -> NoReturn:
-    raise ModelFileError(f"line {number}: {fact}. {remedy}")
+def _live(file: _File) -> set[str]:
+    """The names that the rates use, by way of definitions too."""
+    waiting, live = [text for _, text in file.states.values()], set[str]()
+    while waiting:
+        for word in set(_WORDS.findall(waiting.pop())) - live:
+            live.add(word)
+            if word in file.definitions:
+                waiting.append(file.definitions[word][2])
+    return live
 
 
-def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """The lines that say something, in lower case, continued ones in one, with the number of the first."""
-    first, held = 0, ""
-    for number, line in enumerate(text.splitlines(), 1):
-        # One blank for many: patterns with several runs of blanks would take quadratic time.
-        words = " ".join(line.split())
-        first = first or number
-        if words.endswith("\\"):
-            held += words[:-1] + " "
-            if len(held) > LINE:
-                _fail(first, f"a continued line is longer than {LINE} characters", "Split it.")
-            continue
-        whole, held, at = (held + words).strip().lower(), "", first
-        first = 0
-        if whole.startswith("#include") or (whole and whole[0] not in '#"'):
-            yield at, whole
-    if held.strip():
-        yield first, held.strip().lower()
+def _check_kept(name: str, number: int, text: str, dropped: set[str]) -> None:
+    lost = sorted(dropped & {*_WORDS.findall(text)})
+    if lost:
+        fail(number, f"{name} uses {lost[0]}, which is left out", "Remove it.")
+
+
+def _leave_out(file: _File, name: str, error: ModelFileError, dropped: set[str]) -> None:
+    """Leave a quantity out that cannot be read and that no rate needs."""
+    dropped.add(name)
+    file.left_out.append(f"{name} ({str(error)[:100]})")
+
+
+class _Helpers:
+    """Functions that a file's own need: they become `definitions` when they are first asked for."""
+
+    def __init__(self, definitions: dict[str, str], taken: set[str]) -> None:
+        self._definitions, self._taken, self._made = definitions, taken, dict[str, str]()
+
+    def name(self, word: str) -> str:
+        """What the helper `word` is called here."""
+        if word not in self._made:
+            self._made[word] = name = word if word not in self._taken else fresh_name(word, self._taken)
+            self._taken.add(name)
+            arguments, body = HELPERS[word]
+            own = {a: a if a not in self._taken else fresh_name(a, self._taken) for a in arguments}
+            head = f"{name}({', '.join(own.values())})"
+            self._definitions[head] = _WORDS.sub(lambda match: own.get(match[0], match[0]), body)
+        return self._made[word]
 
 
 def _read(text: str) -> _File:
+    if re.match(r"\s*\+?0*[1-9]", text):
+        fail(
+            1,
+            "the file begins with a number, which is XPPAUT's old form",
+            "Write it in the new one, x' = ... .",
+        )
     file = _File()
-    for number, line in written_out(_lines(text)):
-        if line in ("done", "d"):
+    for number, line in written_out(lines_of(text)):
+        statement = statement_of(number, line)
+        if statement.kind is Kind.END:
+            if line not in ("done", "d"):
+                file.left_out.append(f"what stands behind line {number} ({line[:40]!r} ends the file)")
             break
-        _take(file, number, line)
+        _take(file, number, statement)
     if not file.states:
         raise ModelFileError("the file has no differential equation. Write x' = ... or dx/dt = ... .")
     if sum(map(len, (file.states, file.parameters, file.definitions, file.observables))) > NAMES:
@@ -179,59 +201,73 @@ def _read(text: str) -> _File:
     return file
 
 
-def _take(file: _File, number: int, line: str) -> None:
-    first = re.split(r"[\s(={]", line, maxsplit=1)[0]
-    plain = "=" not in line.split(None, 1)[0] and not re.match(rf"{_WORD}\s*(?:\([^)]*\)\s*)?'?\s*=", line)
-    if line[0] == "@":
-        file.settings.update(dict(_SETTING.findall(line[1:])))
-    elif first in _REFUSED and plain:
-        _fail(number, f"{first} is {_REFUSED[first]}, which no model here has", "Remove it.")
-    elif first == "set" and (found := _SET.fullmatch(line)):
-        file.sets[found[1]] = number, found[2]
-    elif first in _LEFT_OUT and plain:
-        file.left_out.append(f"{first} (line {number})")
-    elif line[0] in "0123456789":
-        _fail(number, "an equation without a name is not read", "Write x' = ... for a state.")
-    elif found := _PARAMETERS.fullmatch(line) if plain else None:
-        _assign(file.parameters, found[1], number, "a parameter")
-    elif found := _INITIAL.fullmatch(line) if plain else None:
-        _assign(file.starts, found[1], number, "an initial value")
-    elif found := _AUXILIARY.fullmatch(line):
-        file.observables[found[1]] = number, found[2].strip()
-    elif found := _RATE.fullmatch(line):
-        name = found[1] or found[2]
-        if name in file.states:
-            _fail(number, f"{name} has two rates", "Keep one.")
-        file.states[name] = number, found[3].strip()
-    elif found := _START.fullmatch(line):
-        _assign(file.starts, f"{found[1]}={found[2].strip()}", number, "an initial value")
-    elif re.match(rf"{_WORD}\s*\(\s*t\s*(\+\s*1\s*)?\)\s*=", line):
-        _fail(number, "a difference or integral equation is no flow", "Write a differential equation.")
-    elif found := _FUNCTION.fullmatch(line):
-        _define(file, number, found[1], tuple(word.strip() for word in found[2].split(",")), found[3])
-    elif found := _FIXED.fullmatch(line):
-        _define(file, number, found[1], (), found[2])
-        file.derived |= {found[1]} if line[0] == "!" else set()
-    else:
-        _fail(number, f"{line[:60]!r} is not understood", "Correct it, or remove it.")
+def _take(file: _File, number: int, statement: Statement) -> None:
+    kind, name, text, arguments = statement
+    match kind:
+        case Kind.SETTINGS:
+            file.settings.update(dict(_SETTING.findall(text)))
+        case Kind.PARAMETERS:
+            _assign(file, file.parameters, text, number, "a parameter")
+        case Kind.STARTS:
+            _assign(file, file.starts, text, number, "an initial value")
+        case Kind.START:
+            file.starts[name] = found = start_at(text)
+            if found != text.strip():
+                file.cut.append(f"{name}(0) = {found} of {text[:40]!r} (line {number})")
+        case Kind.AUXILIARY:
+            file.observables[_plain(name, file.observables)] = number, text
+        case Kind.RATE if name in file.states:
+            fail(number, f"{name} has two rates", "Keep one.")
+        case Kind.RATE:
+            file.states[name] = number, text
+        case Kind.FUNCTION | Kind.QUANTITY | Kind.CONSTANT:
+            _define(file, number, name, arguments, text)
+            file.derived |= {name} if kind is Kind.CONSTANT else set()
+        case Kind.SET if found := _SET.fullmatch(text):
+            file.sets[found[1]] = number, found[2]
+        case Kind.MISSING:
+            told = number, f"{name} is {MISSING['ta' if name[0] == 't' else 'w']}, which no model here has"
+            file.missing |= dict.fromkeys(text.split(), told)
+        case Kind.SET | Kind.LEFT_OUT:
+            file.left_out.append(f"{name} (line {number})")
+        case _ if text[0] != "%":
+            file.passed_over.append(f"{text[:40]!r} (line {number})")
+
+
+def _plain(name: str, taken: Collection[str]) -> str:
+    """A plain word for the name of an auxiliary quantity, which no expression can use."""
+    word = re.sub(r"[^a-z0-9_]", "_", name)[:60]
+    word = word if re.match("[a-z]", word) else f"aux{'' if word[:1] == '_' else '_'}{word}"
+    return fresh_name(word, {*taken}) if word in taken and word != name else word
 
 
 def _define(file: _File, number: int, name: str, arguments: tuple[str, ...], text: str) -> None:
     if name in file.definitions:
-        _fail(number, f"{name} is defined twice", "Keep one.")
-    file.definitions[name] = number, arguments, text.strip()
+        fail(number, f"{name} is defined twice", "Keep one.")
+    file.definitions[name] = number, arguments, text
 
 
-def _assign(table: dict[str, str], text: str, number: int, what: str) -> None:
-    rest = _ASSIGNED.sub("", text).replace(",", " ").strip()
-    if rest:
-        _fail(
-            number,
-            f"{rest[:40]!r} is not {what} with a number",
-            "Write name=0.5, or !name=... for an expression.",
-        )
-    for name, value, bare in _ASSIGNED.findall(text):
-        table[name or bare] = value or "0"
+def _assign(file: _File, table: dict[str, str], text: str, number: int, what: str) -> None:
+    """Take name=value: of a value XPPAUT takes the number that it begins with, and a name alone has 0."""
+    for name, value in pieces_of(text):
+        if name[0] == "#":
+            file.passed_over.append(f"{name[:40]!r} (line {number})")
+            continue
+        given = (value or "").rstrip(";")
+        found = number_at(given)
+        begins = given[:1] in "0.+-" or table is file.starts
+        if not re.fullmatch(WORD, name) or (value is not None and found == "0" and not begins):
+            said = name if value is None else f"{name}={value}"
+            fail(
+                number,
+                f"{said[:60]!r} is not {what} with a number",
+                "Write name=0.5, or !name=... for an expression.",
+            )
+        if table is file.parameters and name in table:
+            fail(number, f"the parameter {name} is given twice", "Keep one.")
+        if found != given and value:
+            file.cut.append(f"{name} = {found} of {given[:40]!r} (line {number})")
+        table[name] = found
 
 
 def _take_sets(file: _File, model: ForeignModel) -> None:
@@ -256,31 +292,32 @@ def _take_windows(file: _File, model: ForeignModel) -> None:
                 model.windows[name] = ends
 
 
-def _expression(number: int, text: str, positive: Callable[[], str], order: tuple[str, ...]) -> str:
+def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...]) -> str:
     """An expression in the grammar of model files, which is checked when the result is read."""
     if len(text) > CHARACTERS:
-        _fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
+        fail(number, f"an expression has {len(text)} characters; {CHARACTERS} are allowed", "Split it.")
     try:
         text = without_sums(text, order, longest=CHARACTERS)
     except ModelFileError as error:
         raise ModelFileError(f"line {number}: {error}") from None
     for word in _WORDS.findall(text):
         if word in _NO_FUNCTIONS:
-            _fail(
+            fail(
                 number,
                 f"{word} is {_NO_FUNCTIONS[word]}, and the analysis needs smooth rates",
                 "Write a smooth one.",
             )
     if _is_chain(text):
-        _fail(
+        fail(
             number, "a power of a power reads differently from program to program", "Put parentheses: (x^y)^z."
         )
     try:
-        text = without_conditions(text, positive=positive)
+        text = without_conditions(text, positive=lambda: helpers.name("positive"))
     except ModelFileError as error:
         raise ModelFileError(f"line {number}: {error}") from None
     except RecursionError:
-        _fail(number, "an expression is nested too deeply", "Remove parentheses.")
+        fail(number, "an expression is nested too deeply", "Remove parentheses.")
+    text = re.sub(r"(?<![a-z0-9_.])(mod|flr)(?=\s*\()", lambda match: helpers.name(match[1]), text)
     return re.sub(r"(?<![a-z0-9_.])log10\s*\(", "(1/log(10))*log(", text)
 
 
@@ -303,7 +340,7 @@ def _is_chain(text: str) -> bool:
     return False
 
 
-def _take_notes(file: _File, model: ForeignModel) -> None:
+def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> None:
     renamed = sorted(set(file.observables) & {*file.states, *file.parameters, *file.definitions})
     model.understood = "understood: " + ", ".join(
         counted(len(table), noun)
@@ -319,6 +356,18 @@ def _take_notes(file: _File, model: ForeignModel) -> None:
     model.notes.append(
         "region: the plotted window where the file has one, else a guess, a box around a slow one's start"
     )
+    if late:
+        told = ", ".join(
+            f"{name} (line {file.definitions[name][0]}) uses {other}" for name, other in late.items()
+        )
+        model.notes.append(
+            f"quantities above one that they use: {told[:300]}; XPPAUT takes its value of the step before, and here "
+            "both are of one time, which XPPAUT's runs tend to as its steps get small"
+        )
+    if file.cut:
+        model.notes.append("values that XPPAUT does not take as they stand: " + "; ".join(file.cut)[:300])
+    if file.passed_over:
+        model.notes.append("lines that XPPAUT passes over: " + ", ".join(file.passed_over)[:300])
     model.left_out = file.left_out
     known = ("total", "t0", "xp", "yp", "xlo", "xhi", "ylo", "yhi")
     ignored = [key for key in file.settings if key not in known]

@@ -17,10 +17,10 @@ from gsp.errors import ModelFileError
 MEMBERS, LINES, CHARACTERS = 2000, 20_000, 1_000_000
 
 _WORD = r"[a-z][a-z0-9_]*"
-_RANGE = re.compile(r"\[\s*(-?[0-9]{1,6})\s*\.\.\s*(-?[0-9]{1,6})\s*\]")
+_RANGE = re.compile(r"\[\s*(-?[0-9]{1,6})\s*\.{2,3}\s*(-?[0-9]{1,6})\s*\]")
 _INDEX = re.compile(r"(?<!int)\[([^][]*)\]")
 _PLACE = re.compile(r"j(?:([-+*])([0-9]{1,6}))?")
-_BLOCK = re.compile(r"%\s*\[\s*(-?[0-9]{1,6})\s*\.\.\s*(-?[0-9]{1,6})\s*\]")
+_BLOCK = re.compile(r"%\s*\[\s*(-?[0-9]{1,6})\s*\.{2,3}\s*(-?[0-9]{1,6})\s*\]")
 _SUM = re.compile(r"(?<![a-z0-9_.])sum\s*\(")
 _SHIFT = re.compile(r"(?<![a-z0-9_.])shift\s*\(")
 _RUNNING = re.compile(r"(?<![a-z0-9_.])i'")
@@ -54,11 +54,14 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
             opening = _BLOCK.fullmatch(text)
             if opening is not None and held is None:
                 held, block = [], _members(number, opening[1], opening[2])
-            elif text.strip() == "%" and held is not None:
+            elif held is not None and ".." not in text:
                 for k in block:
                     for at, line in held:
                         yield counted(at, _placed(at, line, k))
                 held = None
+            elif ".." not in text:
+                # XPPAUT takes it for a command that it does not know, and people for a comment.
+                yield counted(number, text)
             else:
                 _fail(
                     number,

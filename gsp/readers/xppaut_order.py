@@ -1,6 +1,7 @@
 """When XPPAUT works a quantity out: `!` ones once, at the start, the others at every step, in the order of the file.
 
-What a model file would give at every time, XPPAUT gives as it was at the start, or one step ago. Both are refused.
+What a model file gives at every time, XPPAUT gives as it was at the start, which is refused, or one step ago, which
+is told: as the steps get small, XPPAUT's runs tend to those of the model file.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ Quantities = Mapping[str, tuple[int, tuple[str, ...], str]]
 Uses = Mapping[str, set[str]]
 
 
-def check_order_of_quantities(
+def taken_a_step_late(
     quantities: Quantities, derived: Collection[str], moving: Collection[str]
-) -> None:
-    """Raise `ModelFileError` for a `!` quantity that uses what moves, and for one that uses a later one.
+) -> dict[str, str]:
+    """For each quantity that uses one below it, which XPPAUT takes from the step before, the last of these.
 
     `quantities` are (line, arguments, text) by name, in order; `derived` those with `!`, `moving` the states and t.
+    Raises `ModelFileError` for a `!` quantity that uses what moves, or another `!` quantity below it.
     """
     uses = {name: set(_NAMES.findall(text)) - set(own) for name, (_, own, text) in quantities.items()}
     carried = _carried(uses, moving)
@@ -32,12 +34,16 @@ def check_order_of_quantities(
                 f"{carried[name]}. Take ! away where it is to move."
             )
     functions = {name for name, (_, own, _) in quantities.items() if own}
-    for names in (set(quantities) - functions - set(derived), set(derived)):
-        _check_places(quantities, uses, functions, names)
+    for name, other in _below(quantities, uses, functions, set(derived)).items():
+        raise ModelFileError(
+            f"line {quantities[name][0]}: !{name} uses !{other}, which stands below it; XPPAUT has no value for it "
+            f"then. Put !{other} above."
+        )
+    return _below(quantities, uses, functions, set(quantities) - functions - set(derived))
 
 
-def _check_places(quantities: Quantities, uses: Uses, functions: set[str], names: Collection[str]) -> None:
-    """Refuse one of `names` that uses, itself or by way of functions, another of them below it."""
+def _below(quantities: Quantities, uses: Uses, functions: set[str], names: Collection[str]) -> dict[str, str]:
+    """Those of `names` that use, themselves or by way of functions, another of them below: the last of these."""
     places = {name: place for place, name in enumerate(quantities)}
     # The lowest of `names` that a function uses, by way of other functions too.
     lowest: dict[str, str | None] = {}
@@ -48,13 +54,8 @@ def _check_places(quantities: Quantities, uses: Uses, functions: set[str], names
 
     for function in _innermost_first(functions, uses):
         lowest[function] = below(uses[function])
-    for name in quantities:
-        other = below(uses[name]) if name in names else None
-        if other is not None and places[other] > places[name]:
-            raise ModelFileError(
-                f"line {quantities[name][0]}: {name} uses {other}, which stands below it; XPPAUT takes its value of "
-                f"the step before. Put {other} above."
-            )
+    found = {name: below(uses[name]) for name in quantities if name in names}
+    return {name: other for name, other in found.items() if other is not None and places[other] > places[name]}
 
 
 def _innermost_first(functions: Collection[str], uses: Uses) -> Iterator[str]:

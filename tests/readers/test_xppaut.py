@@ -16,7 +16,12 @@ from click.testing import CliRunner
 import gsp
 from gsp.cli import cli
 from gsp.errors import GspError, ModelFileError
+from gsp.readers.expressions import parse_expression
+from gsp.readers.foreign import imported
 from gsp.readers.loading import import_model
+from gsp.readers.toml import parsed, scene_of
+from gsp.readers.xppaut import read_ode
+from tests import xppaut
 
 FILES = sorted((Path(__file__).parent / "xppaut").glob("*.ode"))
 SMALL = {"hindmarsh_rose": "r"}
@@ -69,11 +74,10 @@ def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
     ("line", "words"),
     [
         ("global 1 x {y=0}", "line 4: global is an event"),
-        ("table w % 10 0 1 t", "line 4: table is a table"),
+        ("table w % 10 0 1 t\nz'=w(x)", "line 4: table is a table"),
         ("markov z 2", "line 4: markov"),
-        ("wiener n", "line 4: wiener is noise"),
+        ("wiener n\nz'=n", "line 4: wiener is noise"),
         ("volt u=int{x}", "line 4: volt is an integral equation"),
-        ("bdry x-1", "line 4: bdry is a boundary-value problem"),
         ("u(t+1)=2", "line 4: a difference or integral equation"),
         ("special k=conv(even,5,2,w,x)", "line 4: special"),
         ("#include other.ode", "line 4: #include is another file"),
@@ -97,6 +101,11 @@ def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
         ("par b=exp(1)", "line 4: 'b=exp(1)' is not a parameter"),
         ("f(u)=u\nf(u)=2*u", "line 5: f is defined twice"),
         ("nonsense here", "line 4: 'nonsense here' is not understood"),
+        ("%z'=1", 'line 4: "%z\'=1" is no comment'),
+        ("z)=1", "line 4: 'z)=1' is not understood"),
+        ("par q(0)=1", "line 4: 'q(0)=1' is not a parameter"),
+        ("number a=2", "line 4: the parameter a is given twice"),
+        ("!k=m\n!m=2", "line 4: !k uses !m, which stands below it"),
         ("0= x-y", "line 4: an equation without a name"),
         ("init q=1", "q has an initial value and no rate"),
         ("z'=nobody", '"nobody" is not declared'),
@@ -117,7 +126,7 @@ def test_what_is_not_read_is_refused_by_name(tmp_path: Path, line: str, words: s
     [
         ("z'=" + "(" * 60_000 + "x" + ")^" * 60_000, "characters; 10000 are allowed"),
         ("z'=" + "[" * 200_000, "line 4"),
-        ("z" + " " * 200_000 + "z", "not understood"),
+        ("z(" + " " * 200_000 + "z", "not understood"),
         ("z'=x+\\\n" * 30_000, "continued line is longer"),
         ("\n".join(f"f{i}(x,y)=x*y" for i in range(4500)), "more than 4000 names"),
         ("z'=" + "((((x^9)^9)^9)^9)", "total degree"),
@@ -243,3 +252,98 @@ def test_a_side_that_is_no_number_ends_the_run_and_says_so(tmp_path: Path) -> No
     run = gsp.integrate(scene)
     assert not run.status.ok
     assert run.t.size == 1 or run.t[-1] < scene.span[1]
+
+
+FREE = """
+para a=3;  b = 2 , c=1.5*4
+number q=.25
+initial x=2.1,  y = -0.5
+% a comment, as people write it
+---------
+circular structure
+bdry x-1
+wiener noise
+table list % 10 0 1 t
+f(t)=sin(t)+a
+low=2*high
+high=x*y
+x' = -x \\ this is not read
+    + f(t+1) + mod(y,b) + flr(c*x) + low
+y'=q*x-mod(-7.5,2)*flr(-0.3)
+aux _late=delay(x,1)
+aux 0=(x-1)
+measured=delay(y,2)
+aux both=measured+noise
+done for today
+x'=3
+"""
+
+
+def test_lines_are_told_apart_as_xppaut_does() -> None:
+    model = read_ode(FREE)
+    assert model.parameters == {"a": "3", "b": "2", "c": "1.5", "q": ".25"}
+    assert model.starts == {"x": "2.1", "y": "-0.5", "t": "0"}
+    assert list(model.states) == ["x", "y", "t"]
+    assert list(model.observables) == ["aux_0"]
+    told = " ".join(model.notes)
+    for words in ("c = 1.5 of '1.5*4' (line 2)", "'circular structure' (line 7)", "low (line 12) uses high"):
+        assert words in told, told
+    left_out = " ".join(model.left_out)
+    for words in ("bdry (line 8)", "noise (line 9)", "list (line 10)", "aux aux_late (line 17: delay is a delay",
+                  "measured (line 19", "aux both", "line 21 ('done for today' ends the file)"):  # fmt: skip
+        assert words in left_out, left_out
+
+
+def test_such_lines_have_xppauts_values() -> None:
+    model = read_ode(FREE)
+    model.parameters["eps"], model.states["probe"], model.starts["probe"] = "1", "-probe/eps", "1"
+    scene = imported(model, small="eps", read=lambda draft: scene_of(parsed(draft), Path("free.ode")))[1]
+    system = scene.system
+    point = {state: scene.start[state.name] for state in system.states} | dict(system.parameters)
+    ours = [float(rate.xreplace(point)) for rate in system.rates[:2]]
+    rates = ["-x+f(t+1)+mod(y,b)+flr(c*x)+2*x*y", "q*x-mod(-7.5,2)*flr(-0.3)"]
+    # Older ones take no blank around =.
+    text = FREE.partition("done")[0].replace("b = 2 ,", "b=2,").replace("y = -0.5", "y=-0.5")
+    assert ours == pytest.approx(xppaut.values(text, rates, ours), rel=1e-12)
+
+
+def test_a_mod_is_that_of_a_whole_period_and_of_none() -> None:
+    model = read_ode("x'=mod(x,3)\ny'=flr(x)\n")
+    bodies = {head.partition("(")[0]: body for head, body in model.definitions.items()}
+    u, w = sp.symbols("u w")
+    for name, wanted in (("mod", lambda v: v % 3), ("flr", np.floor)):
+        found = sp.lambdify((u, w), parse_expression(bodies[name], symbols={"u": u, "w": w}), "numpy")
+        for value in (-7.25, -3.5, -0.1, 0.0, 0.1, 2.9, 3.25, 1000.4):
+            assert found(value, 3.0) == pytest.approx(wanted(value), abs=1e-11)
+
+
+def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
+    text = "a=b^2+1\nb=c-y\nc=x*y\nx'=-a\ny'=b\ninit x=1,y=2\n"
+    scene_text = text.replace("x'=-a", "x'=-a+0*eps").replace("y'", "par eps=1\nz'=-z/eps\ny'")
+    scene = imported(read_ode(scene_text), small=None, read=lambda d: scene_of(parsed(d), Path("late.ode")))[1]
+    ours = gsp.integrate(scene, span=(0.0, 0.5), rtol=1e-10, atol=1e-12)["x"][-1]
+    gaps = []
+    for steps in (64, 512):
+        rows, _ = xppaut.run(f"{text}@ meth=euler,dt={0.5 / steps},total=0.5,nout={steps}\ndone\n")
+        gaps.append(abs(rows[-1, 1] - ours))
+    assert gaps[1] < gaps[0] / 6
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [("-5", -5), (" -5", 0), (" 5", 5), ("2*3", 2), ("a+1", 0), ("-5*a", -5), ("-.5e1", -5)],
+)
+def test_a_start_is_what_xppaut_makes_of_it(value: str, number: float) -> None:
+    text = f"par a=3\nx(0)={value}\nx'=0\n"
+    assert float(read_ode(text).starts["x"]) == number
+    rows, _ = xppaut.run(f"{text}@ meth=euler,dt=1,total=1\ndone\n")
+    assert rows[0, 1] == number
+
+
+def test_a_comment_in_another_encoding_is_no_hindrance(tmp_path: Path) -> None:
+    path = tmp_path / "model.ode"
+    path.write_bytes(MODEL.format(line="# \u00b5M").encode("latin-1"))
+    assert gsp.load(path).epsilon == 0.01
+    path.write_bytes(MODEL.format(line="z'=\u00b5").encode("latin-1"))
+    with pytest.raises(ModelFileError, match=r"line 4|means nothing"):
+        gsp.load(path)

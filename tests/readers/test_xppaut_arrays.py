@@ -55,7 +55,7 @@ def test_settings_and_lines_without_brackets_stay() -> None:
         ("%[1..2]\nx[j]'=1", "line 2: a block is not closed"),
         ("%[1..2]\n%[1..3]", "line 2: '%[1..3]' opens or closes no block"),
         ("%[1..2]\ny[1..3]'=1\n%", "line 2: a range within a block"),
-        ("%", "line 1: '%' opens or closes no block"),
+        ("% [2..", "line 1: '% [2..' opens or closes no block"),
         ("x'=sum(0,3)of(x)\ny'=sum(0,3)*2", "line 2: a sum is written sum(0,9)of(...)"),
         ("x'=sum(0,n)of(x)", "line 1: bounds of sums and shifts are whole numbers"),
         ("x'=sum(0,99999)of(x)", "line 1: a sum from 0 to 99999 is too long"),
@@ -110,13 +110,19 @@ def test_a_constant_of_the_start_that_moves_is_refused() -> None:
     assert "k" in read_ode("par a=1\n!k=2*a\nx'=k-x\n").definitions
 
 
-def test_a_quantity_that_xppaut_takes_from_the_step_before_is_refused() -> None:
-    with pytest.raises(ModelFileError, match="line 1: a uses b, which stands below it"):
-        read_ode("a=b+1\nb=x\nx'=a\n")
-    with pytest.raises(ModelFileError, match="line 2: a uses b, which stands below it"):
-        read_ode("f(u)=u+b\na=f(x)\nb=x\nx'=a\n")
+def test_a_quantity_that_xppaut_takes_from_the_step_before_is_told() -> None:
+    for text, line in (("a=b+1\nb=x\nx'=a\n", 1), ("f(u)=u+b\na=f(x)\nb=x\nx'=a\n", 2)):
+        told = " ".join(read_ode(text).notes)
+        assert f"a (line {line}) uses b; XPPAUT takes its value of the step before" in told
     # A function is worked out where it is called, and a constant before all others.
-    assert len(read_ode("f(u)=u+b\nb=x*k\na=f(x)\n!k=2\nx'=a\n").definitions) == 4
+    model = read_ode("f(u)=u+b\nb=x*k\na=f(x)\n!k=2\nx'=a\n")
+    assert len(model.definitions) == 4
+    assert "step before" not in " ".join(model.notes)
+
+
+def test_three_dots_are_two() -> None:
+    assert lines("x[1...2]'=-x[j]") == lines("x[1..2]'=-x[j]")
+    assert lines("%[1...2]\nx[j]'=1\n%") == lines("%[1..2]\nx[j]'=1\n%")
 
 
 @pytest.mark.parametrize(
