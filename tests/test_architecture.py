@@ -5,6 +5,8 @@ import importlib.util
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -40,16 +42,33 @@ def modules() -> list[tuple[str, Path]]:
     return found
 
 
-def imports(path: Path) -> set[str]:
+@dataclass(frozen=True)
+class Module:
+    """What the tests ask of one module's syntax: a tree itself takes as much memory as an analysis."""
+
+    imports: frozenset[str]
+    forbidden: tuple[str, ...]
+    arguments: dict[str, int]
+    prose: tuple[int, ...]
+
+
+@cache
+def read(path: Path) -> Module:
+    """Parsed once, by whichever test asks first."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    return Module(imports(nodes), tuple(forbidden(nodes)), arguments(nodes), tuple(decisions_on_prose(nodes)))
+
+
+def imports(nodes: list[ast.AST]) -> frozenset[str]:
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"relative import in {path.name}"
+            assert node.level == 0, f"relative import of {node.module}"
             module = node.module or ""
             names |= {f"gsp.{alias.name}" for alias in node.names} if module == "gsp" else {module}
-    return names - {"gsp", "gsp.__version__"}
+    return frozenset(names - {"gsp", "gsp.__version__"})
 
 
 def of_package(name: str) -> tuple[set[str], set[str]]:
@@ -57,7 +76,7 @@ def of_package(name: str) -> tuple[set[str], set[str]]:
     ours: set[str] = set()
     others: set[str] = set()
     for package, path in modules():
-        for imported in imports(path) if package == name else ():
+        for imported in read(path).imports if package == name else ():
             head, *rest = imported.split(".")
             if head == "gsp":
                 ours |= {rest[0]} - {name}
@@ -144,20 +163,36 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         gsp.slowly  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
 
 
+FORBIDDEN = {"eval", "exec", "sympify", "parse_expr", "lambdify", "compile"}
+
+
+def forbidden(nodes: list[ast.AST]) -> list[str]:
+    """Calls that evaluate text."""
+    found = []
+    for node in nodes:
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        name = called.id if isinstance(called, ast.Name) else getattr(called, "attr", "")
+        own_method = isinstance(called, ast.Attribute) and name == "compile"
+        strict = name == "sympify" and any(k.arg == "strict" for k in node.keywords)
+        if name in FORBIDDEN and not own_method and not strict:
+            found.append(f"{name} in line {node.lineno}")
+    return found
+
+
 def test_no_module_evaluates_text() -> None:
-    forbidden = {"eval", "exec", "sympify", "parse_expr", "lambdify", "compile"}
-    for _, path in modules():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if not isinstance(node, ast.Call):
-                continue
-            called = node.func
-            name = called.id if isinstance(called, ast.Name) else getattr(called, "attr", "")
-            own_method = isinstance(called, ast.Attribute) and name == "compile"
-            if name == "sympify":
-                strict = any(k.arg == "strict" for k in node.keywords)
-                assert strict, f"sympify without strict in {path.name}:{node.lineno}"
-            elif not own_method:
-                assert name not in forbidden, f"{name} in {path.name}:{node.lineno}"
+    assert {path.name: found for _, path in modules() if (found := read(path).forbidden)} == {}
+
+
+@pytest.mark.parametrize("text", ["eval(a)", "sympy.sympify(a)", "b.parse_expr(a)", "compile(a)"])
+def test_an_evaluation_of_text_is_found(text: str) -> None:
+    (found,) = forbidden(list(ast.walk(ast.parse(f"a = '1'\n{text}"))))
+    assert found.endswith(" in line 2")
+
+
+def test_a_strict_conversion_and_a_compiler_of_its_own_evaluate_no_text() -> None:
+    assert forbidden(list(ast.walk(ast.parse("sympify(a, strict=True); program.compile(a)")))) == []
 
 
 MOST_ARGUMENTS = 10
@@ -165,13 +200,23 @@ MOST_ARGUMENTS = 10
 VERBS = {"integrate", "integrate_many", "trajectory_of"}
 
 
+def arguments(nodes: list[ast.AST]) -> dict[str, int]:
+    """How many arguments each function takes, the most where several have one name."""
+    counts: dict[str, int] = {}
+    for node in nodes:
+        if isinstance(node, ast.FunctionDef):
+            count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
+            counts[node.name] = max(count, counts.get(node.name, 0))
+    return counts
+
+
 def test_a_run_is_one_record_and_no_row_of_arguments() -> None:
     long = [
-        f"{path.name}:{node.name}"
+        f"{path.name}:{name}"
         for package, path in modules()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if package == "integration" and isinstance(node, ast.FunctionDef) and node.name not in VERBS
-        if len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs) > MOST_ARGUMENTS
+        if package == "integration"
+        for name, count in read(path).arguments.items()
+        if name not in VERBS and count > MOST_ARGUMENTS
     ]
     assert long == []
 
@@ -190,10 +235,9 @@ TAKING_APART = {
 }
 
 
-def decisions_on_prose(source: str) -> list[int]:
+def decisions_on_prose(nodes: list[ast.AST]) -> list[int]:
     """Lines where a sentence is compared, searched or sliced; what is only shown may be cut short at its end."""
-    tree = ast.parse(source)
-    caught = {node.name for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler)}
+    caught = {node.name for node in nodes if isinstance(node, ast.ExceptHandler)}
 
     def is_sentence(node: ast.AST) -> bool:
         if isinstance(node, ast.Constant):
@@ -208,7 +252,7 @@ def decisions_on_prose(source: str) -> list[int]:
         return name in SENTENCES
 
     found = []
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Compare):
             words = isinstance(node.ops[0], (ast.In, ast.NotIn, ast.Eq, ast.NotEq))
             # Whether there is a sentence at all is no question of its words.
@@ -246,21 +290,18 @@ def decisions_on_prose(source: str) -> list[int]:
     ],
 )
 def test_a_decision_on_the_words_of_a_message_is_found(line: str) -> None:
-    assert decisions_on_prose(f"try:\n    make()\nexcept ValueError as error:\n    {line}\n") == [4]
+    source = f"try:\n    make()\nexcept ValueError as error:\n    {line}\n"
+    assert decisions_on_prose(list(ast.walk(ast.parse(source)))) == [4]
 
 
 def test_what_is_only_shown_is_no_decision() -> None:
     shown = 'text = str(error)[:80] + " ".join(str(error).split())'
-    assert decisions_on_prose(f'{shown}\nif run.message and run.note != "": show(run.message)') == []
+    source = f'{shown}\nif run.message and run.note != "": show(run.message)'
+    assert decisions_on_prose(list(ast.walk(ast.parse(source)))) == []
 
 
 def test_nothing_decides_by_the_words_of_a_message() -> None:
-    found = {
-        f"{path.name}:{line}"
-        for _, path in modules()
-        for line in decisions_on_prose(path.read_text(encoding="utf-8"))
-    }
-    assert found == set()
+    assert {path.name: lines for _, path in modules() if (lines := read(path).prose)} == {}
 
 
 def test_no_public_function_has_the_name_of_a_module() -> None:

@@ -167,7 +167,9 @@ def test_methods_are_tabulated_with_their_orders() -> None:
     assert rows["solved"]["error at 0.1"] < 1e-10
 
 
-def test_a_chart_is_drawn_and_its_runs_are_written(tmp_path) -> None:
+def test_a_chart_is_drawn_and_its_runs_are_written(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Timed once instead of five times: nothing here depends on the seconds.
+    monkeypatch.setattr("gsp.comparison.work_runs.ROUNDS", 1)
     figure, table = tmp_path / "chart.png", tmp_path / "runs.csv"
     result = run("chart", "michaelis_menten", "-o", str(figure), "--csv", str(table))
     assert result.exit_code == 0

@@ -214,7 +214,14 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]
 
 
-@pytest.mark.parametrize("words", [(*SAMPLE, "check", "expand", "folds", "choose"), ("selkov", "report")])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("selkov", "hindmarsh_rose", "check", "expand", "folds", "choose"),
+        ("selkov", "report"),
+        pytest.param(("brusselator", "check", "expand", "folds", "choose"), marks=pytest.mark.exhaustive),
+    ],
+)
 def test_the_command_line_ends_with_a_result_or_a_reason(words):
     # In a process of its own: what runs the verbs is forked from it, which no process with threads should be.
     done = subprocess.run(

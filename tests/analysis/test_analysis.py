@@ -14,11 +14,12 @@ from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
+from tests.analyses import analysis_of
 
 
 @pytest.fixture(scope="module")
 def sleigh():
-    return analyse(models.load("chaplygin_sleigh"))
+    return analysis_of("chaplygin_sleigh")
 
 
 def test_every_stage_is_there_and_timed(sleigh) -> None:

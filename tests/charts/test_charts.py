@@ -6,7 +6,6 @@ import itertools
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
 
 import matplotlib
 import numpy as np
@@ -15,24 +14,18 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 from gsp import SlowFastSystem, analyse, charts, compare, models
-from gsp.analysis.analysis import Analysis
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
 from gsp.comparison.classical_table import method_table
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene
+from tests.analyses import analysis_of
 from tests.cases import sampled
 from tests.example_systems import saddle_scene
 
 # Of every run: a skate with a path, an oscillator with folds, a surface, a body with several fast variables.
 FEW = ("chaplygin_sleigh", "van_der_pol", "koper", "michaelis_menten", "falling_disc")
-
-
-@cache
-def analysis_of(name: str) -> Analysis:
-    """The scene `name`, analysed once by whichever test asks first."""
-    return analyse(models.load(name))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from gsp import analyse, charts, models
+from gsp import charts, models
 from gsp.choice.candidates import Candidate, ModelKind
 from gsp.choice.choice import choose
 from gsp.choice.prediction import Failure
@@ -15,6 +15,7 @@ from gsp.cli import cli
 from gsp.report import as_json, choice_as_json, write_report
 from gsp.report.sections import Page
 from gsp.report.wording import words
+from tests.analyses import analysis_of
 
 ASKED = replace(models.load("michaelis_menten"), span=(0, 1), tolerance=1e-5, epsilon=0.01)
 
@@ -106,7 +107,7 @@ def test_without_reduced_candidates_the_obstacle_is_told_and_a_full_run_that_sto
 @pytest.mark.parametrize("name", ["linear", "michaelis_menten", "van_der_pol", "chaplygin_sleigh"])
 def test_every_face_shows_the_same_verdict(name: str, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(charts, "applicable", lambda analysis: {"time_series": charts.time_series})
-    analysis = analyse(models.load(name))
+    analysis = analysis_of(name)
     choice = analysis.choice
     monkeypatch.setattr("gsp.analysis.analysis.analyse", lambda *a, **k: analysis)
     monkeypatch.setattr("gsp.choice.choice.choose", lambda *a, **k: choice)
@@ -138,7 +139,7 @@ def test_the_report_decides_as_choose_does(name: str) -> None:
         return "yes" if answer in (Answer.YES, Answer.NO_GAIN) else answer
 
     shown = json.loads(CliRunner().invoke(cli, ["choose", name, "--json"]).stdout)
-    asked, told = choose(models.load(name)), analyse(models.load(name)).choice
+    asked, told = choose(models.load(name)), analysis_of(name).choice
     valid = [(c.label, c.valid) for c in told.candidates]
     assert [(c.label, c.valid) for c in asked.candidates] == valid
     assert [(row["model"], row["valid"]) for row in shown["candidates"]] == valid

@@ -21,8 +21,16 @@ from gsp.systems.system import SlowFastSystem
 RTOLS = (1e-4, 1e-8)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def timed_once():
+    """One round of measurements instead of five: nothing here depends on how exact the seconds are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gsp.comparison.work_runs.ROUNDS", 1)
+        yield
+
+
 @pytest.fixture(scope="module")
-def michaelis_menten():
+def michaelis_menten(timed_once):
     return work_precision(models.load("michaelis_menten"), rtols=(1e-3, 1e-6, 1e-9), orders=(0, 1, 2))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -82,6 +83,12 @@ def judge(case: Case) -> Hyperbolicity:
     return classify(branch, region=case.region)
 
 
+@cache
+def judged(name: str) -> Hyperbolicity:
+    """The verdict on one of `CASES` or `CURVES`, found once by whichever test asks first."""
+    return judge(CASES[name] if name in CASES else CURVES[name])
+
+
 def only(verdict: Hyperbolicity, kind: LossKind) -> Loss:
     found = [loss for loss in verdict.losses if loss.kind is kind]
     assert len(found) == 1, [loss.headline for loss in verdict.losses]
@@ -143,8 +150,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_loss_has_its_name(name) -> None:
-    case = CASES[name]
-    loss = only(judge(case), case.kind)
+    loss = only(judged(name), CASES[name].kind)
     assert loss.consequence
     assert loss.remedy
     assert loss.test
@@ -153,7 +159,7 @@ def test_a_loss_has_its_name(name) -> None:
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("name", CASES)
 def test_a_linear_disguise_changes_neither_name_nor_invariants(name, seed) -> None:
-    plain = only(judge(CASES[name]), CASES[name].kind)
+    plain = only(judged(name), CASES[name].kind)
     hidden, S, _ = disguised(CASES[name], seed)
     loss = only(judge(hidden), hidden.kind)
     place = {s.name: plain.point[s.name] for s in CASES[name].slow}
@@ -177,7 +183,7 @@ INVARIANT = ["kappa", "delay", "lambda", "omega"]
 
 def test_the_coefficients_of_a_fold() -> None:
     # v' = v - v^3/3 + x at y = 1: a = -1, b = 1, f = -1/2.
-    loss = only(judge(CASES["fold of a cubic"]), LossKind.FOLD)
+    loss = only(judged("fold of a cubic"), LossKind.FOLD)
     found = loss.coefficients
     assert (found["a"], found["b_x"], found["switching"]) == pytest.approx((-1, 1, -0.5))
     assert found["kappa"] == pytest.approx(0.5)
@@ -226,23 +232,22 @@ def test_lambda_decides_what_follows_at_a_transcritical_point(push, value, may_r
 
 
 def test_a_pitchfork_by_its_cubic_coefficient_and_its_push() -> None:
-    loss = only(judge(CASES["pitchfork"]), LossKind.PITCHFORK)
+    loss = only(judged("pitchfork"), LossKind.PITCHFORK)
     assert (loss.coefficients["c"], loss.coefficients["crossing"]) == pytest.approx((-1, 1))
     assert loss.coefficients["push"] == pytest.approx(1)
     assert loss.may_reduce
-    subcritical = only(judge(CASES["subcritical pitchfork"]), LossKind.PITCHFORK)
+    subcritical = only(judged("subcritical pitchfork"), LossKind.PITCHFORK)
     assert subcritical.coefficients["c"] == pytest.approx(1)
     assert not subcritical.may_reduce
 
 
 def test_the_coefficients_of_a_hopf_point() -> None:
-    loss = only(judge(CASES["Hopf normal form"]), LossKind.HOPF)
+    loss = only(judged("Hopf normal form"), LossKind.HOPF)
     assert loss.coefficients["omega"] == pytest.approx(1)
     assert loss.coefficients["crossing"] == pytest.approx(1)
     assert loss.coefficients["l1"] < 0
     # FitzHugh and Nagumo: the trace 1 - y^2 - 2/5 vanishes at y = -sqrt(3/5).
-    case = CASES["Hopf of FitzHugh and Nagumo"]
-    nagumo = only(judge(case), LossKind.HOPF)
+    nagumo = only(judged("Hopf of FitzHugh and Nagumo"), LossKind.HOPF)
     assert nagumo.point["y"] == pytest.approx(-np.sqrt(0.6), abs=1e-8)
     slope = 1 / (1.25 - 1 + 0.6)  # dy/dx along the equilibria
     assert nagumo.coefficients["crossing"] == pytest.approx(np.sqrt(0.6) * slope, rel=1e-6)
@@ -272,7 +277,7 @@ CURVES = {
 @pytest.mark.parametrize("name", CURVES)
 def test_a_curve_of_folds_is_one_loss_and_its_special_points_are_others(name) -> None:
     case = CURVES[name]
-    verdict = judge(case)
+    verdict = judged(name)
     fold = only(verdict, LossKind.FOLD)
     assert fold.samples > 8
     special = only(verdict, case.kind)
@@ -281,7 +286,7 @@ def test_a_curve_of_folds_is_one_loss_and_its_special_points_are_others(name) ->
 
 def test_a_double_zero_in_disguise_keeps_a_over_b() -> None:
     for name, ratio in (("Bogdanov-Takens", 1), ("Bogdanov-Takens, the other sign", -1)):
-        loss = only(judge(CURVES[name]), LossKind.BOGDANOV_TAKENS)
+        loss = only(judged(name), LossKind.BOGDANOV_TAKENS)
         assert loss.coefficients["a/b"] == pytest.approx(ratio)
         hidden, _, _ = disguised(CURVES[name], 3)
         found = only(judge(hidden), LossKind.BOGDANOV_TAKENS)
@@ -289,7 +294,7 @@ def test_a_double_zero_in_disguise_keeps_a_over_b() -> None:
 
 
 def test_a_cusp_in_disguise_is_a_cusp() -> None:
-    (cusp,) = [loss for loss in judge(CURVES["cusp"]).losses if loss.kind is LossKind.CUSP]
+    (cusp,) = [loss for loss in judged("cusp").losses if loss.kind is LossKind.CUSP]
     case = CURVES["cusp"]
     start = Case(case.slow, case.fast, {"x": 0.5, "u": -0.5, "y": 0.59}, PLANE, LossKind.CUSP)
     hidden, _, _ = disguised(start, 2)
@@ -550,7 +555,7 @@ def test_a_hopf_point_without_nonlinearity_says_that_l1_is_zero() -> None:
 
 
 def test_a_part_of_the_region_where_the_conditions_hold_is_proposed() -> None:
-    verdict = judge(CASES["fold of a cubic"])
+    verdict = judged("fold of a cubic")
     part = verdict.sub_region
     assert part is not None
     assert part.axis == "x"
@@ -562,7 +567,7 @@ def test_a_part_of_the_region_where_the_conditions_hold_is_proposed() -> None:
 
 
 def test_a_loss_prints_what_it_is_and_what_follows() -> None:
-    loss = only(judge(CASES["fold of a cubic"]), LossKind.FOLD)
+    loss = only(judged("fold of a cubic"), LossKind.FOLD)
     text = str(loss)
     for word in (
         "fold: zero eigenvalue at x = -0.666667, y = 1",

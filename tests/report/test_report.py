@@ -13,7 +13,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp import SlowFastSystem, analyse, charts, models
+from gsp import SlowFastSystem, analyse, charts
 from gsp.demos.page import frame_script
 from gsp.errors import DeclarationError, OutputError
 from gsp.readers.expressions import parse_expression
@@ -23,6 +23,7 @@ from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import first_sentence, number, scientific, signed, words
 from gsp.scenes.scene import Scene
+from tests.analyses import analysis_of
 from tests.example_systems import saddle_scene
 
 HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
@@ -54,7 +55,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def sleigh():
-    return analyse(models.load("chaplygin_sleigh"))
+    return analysis_of("chaplygin_sleigh")
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +125,7 @@ def test_series_parse_back_to_themselves(sleigh):
 
 
 def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
-    content = as_json(analyse(models.load("davis_skodje")))
+    content = as_json(analysis_of("davis_skodje"))
     assert content["comparison"]["slopes"] == dict.fromkeys("0123")
     assert content["comparison"]["exact"]["0"] is True
     assert content["coordinates"] == {"y1": "y1", "y2": "y2"}
@@ -354,7 +355,7 @@ def test_mathematics_keeps_the_order_given_and_signs_are_signs():
 
 
 def test_page_and_json_say_where_the_reduction_ends(tmp_path):
-    analysis = analyse(models.load("van_der_pol"))
+    analysis = analysis_of("van_der_pol")
     folder = write_report(analysis, tmp_path).parent
     text = (folder / "report.html").read_text(encoding="utf-8")
     Page(text)
@@ -399,7 +400,7 @@ def test_a_canard_point_is_named_with_its_series(quick, tmp_path):
 
 
 def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(tmp_path):
-    write_report(analyse(models.load("koper")), tmp_path)
+    write_report(analysis_of("koper"), tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "&lt;sup&gt;" not in page
     numbers = [int(n) for n in re.findall(r"<figcaption><b>Figure (\d+)", page)]

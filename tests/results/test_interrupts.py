@@ -123,8 +123,14 @@ VERBS = {
 }
 
 
+# A whole run of the command each: three for every run, more for the exhaustive one.
+@pytest.mark.parametrize(
+    ("seed", "places"), [(5, 3), pytest.param(6, 4, marks=pytest.mark.exhaustive)], ids=["sample", "more"]
+)
 @pytest.mark.parametrize("verb", list(VERBS))
-def test_wherever_it_comes_the_command_ends_with_130_and_nothing_is_written(verb, server, tmp_path):
+def test_wherever_it_comes_the_command_ends_with_130_and_nothing_is_written(
+    verb, seed, places, server, tmp_path
+):
     model = small(tmp_path)
     name, *options = VERBS[verb]
     output = tmp_path / "out"
@@ -149,7 +155,8 @@ def test_wherever_it_comes_the_command_ends_with_130_and_nothing_is_written(verb
 
     restore()
     interrupted = 0
-    for share in np.random.default_rng(5).uniform(0.0, 0.9, 6).tolist():
+    # One in each part of the run.
+    for share in (0.9 / places * (np.arange(places) + np.random.default_rng(seed).random(places))).tolist():
         status, took = server.run(*arguments, after=share * seconds)
         if status == 0:
             # It was quicker this time, and is whole.

@@ -22,6 +22,7 @@ from tests.sweeps.work import contents
 
 WAYS = ("processes", "cluster", "files", "hosts")
 POINTS, CHUNK = 1600, 16
+"""Of a sweep that is long beside the start of a process: many kills find it at work."""
 CLIENT = """
 import os, socket, sys
 from gsp.sweeps.sweep import sweep
@@ -41,12 +42,12 @@ if __name__ == "__main__":
 """
 
 
-def start(way: str, into: Path) -> subprocess.Popen:
+def start(way: str, into: Path, points: int) -> subprocess.Popen:
     """A client in a process group of its own."""
     # A new name and a new table of processes, in which the client is the first.
     apart = ["unshare", "--uts", "--pid", "--fork", "--kill-child", "--mount-proc"] if way == "hosts" else []
     return subprocess.Popen(
-        [*apart, sys.executable, "-c", CLIENT, way, str(into), str(POINTS), str(CHUNK)],
+        [*apart, sys.executable, "-c", CLIENT, way, str(into), str(points), str(CHUNK)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
@@ -70,9 +71,9 @@ def progress(into: Path) -> int:
     return sum(1 for _ in into.glob("data-*/ledger/*/*.json"))
 
 
-def finish(way: str, into: Path) -> None:
+def finish(way: str, into: Path, points: int = POINTS) -> None:
     """Run until it is done, undisturbed."""
-    client = start(way, into)
+    client = start(way, into, points)
     try:
         assert client.wait(timeout=600) == 0
     finally:
@@ -87,25 +88,27 @@ def end(client: subprocess.Popen) -> None:
     client.wait()
 
 
-def disturb(scratch: Path, *, way: str, kills: int, seed: int) -> tuple[int, list[str]]:
-    """Kill `kills` processes of sweeps at random moments; how many it were, and the files that differ in the end."""
+def disturb(
+    scratch: Path, *, way: str, kills: int, seed: int, calm: Path, points: int = POINTS
+) -> tuple[int, list[str]]:
+    """Kill `kills` processes of sweeps at random moments; how many it were, and the files that differ in the end from
+    those of `calm`, an undisturbed sweep of as many points."""
     dice = random.Random(seed)
-    calm = scratch / "calm"
-    finish("files", calm)
+    chunks = points // CHUNK
     done, wrong, round_ = 0, [], 0
     while done < kills:
         into = scratch / f"disturbed-{round_}"
         round_ += 1
         # Several kills to a sweep, at a random number of chunks done, as long as there is something to do.
-        clients = [start(way, into) for _ in range(2 if way in ("files", "hosts") else 1)]
+        clients = [start(way, into, points) for _ in range(2 if way in ("files", "hosts") else 1)]
         while done < kills:
             before = progress(into)
-            wanted = before + dice.randint(0, 20)
-            while progress(into) < min(wanted, POINTS // CHUNK) and any(c.poll() is None for c in clients):
+            wanted = before + dice.randint(0, chunks // 5)
+            while progress(into) < min(wanted, chunks) and any(c.poll() is None for c in clients):
                 time.sleep(0.002)
             time.sleep(0.05 * dice.random())
             living = [c for c in clients if c.poll() is None]
-            if not living or progress(into) == POINTS // CHUNK:
+            if not living or progress(into) == chunks:
                 break
             victim = dice.choice(living)
             # Half of the time the client itself, which takes its workers along.
@@ -118,14 +121,14 @@ def disturb(scratch: Path, *, way: str, kills: int, seed: int) -> tuple[int, lis
             if process == victim.pid:
                 victim.wait()
                 clients.remove(victim)
-                clients.append(start(way, into))
+                clients.append(start(way, into, points))
         for client in clients:
             try:
                 client.wait(timeout=600)
             except subprocess.TimeoutExpired:
                 wrong.append(f"{into.name}: no end")
             end(client)
-        finish("files", into)
+        finish("files", into, points)
         found, expected = contents(into), contents(calm)
         differing = [name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name)]
         wrong += [f"{into.name}/{name}" for name in sorted(differing)]
@@ -143,7 +146,9 @@ def main() -> int:
     for way in WAYS[:3] if options.way is None else (options.way,):
         with tempfile.TemporaryDirectory() as scratch:
             begun = time.monotonic()
-            kills, wrong = disturb(Path(scratch), way=way, kills=options.count, seed=options.seed)
+            calm = Path(scratch) / "calm"
+            finish("files", calm)
+            kills, wrong = disturb(Path(scratch), way=way, kills=options.count, seed=options.seed, calm=calm)
             print(
                 f"{way}: {kills} kills, {len(wrong)} files differ, {time.monotonic() - begun:.0f} s",
                 *wrong[:10],

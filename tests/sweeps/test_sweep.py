@@ -18,7 +18,7 @@ from gsp.sweeps import sweep as sweep_module
 from gsp.sweeps.store import Store
 from gsp.sweeps.sweep import Sweep, resume, sweep
 from gsp.sweeps.tasks import VERBS
-from tests.sweeps.kills import disturb
+from tests.sweeps.kills import disturb, finish
 from tests.sweeps.work import contents, counted, deadly, of_scene, slow_wave, wave
 
 AXES = {"x": np.linspace(0.0, 3.0, 13), "k": (-2.0, 0.5, 7.0)}
@@ -289,9 +289,20 @@ def test_what_a_task_calls_like_an_axis_has_another_name(tmp_path: Path) -> None
     assert found.named_x.values.tolist() == [2.0, 4.0]
 
 
-@pytest.mark.parametrize("way", ["processes", "cluster", "files"])
-def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, way: str) -> None:
-    kills, wrong = disturb(tmp_path, way=way, kills=3, seed=1)
+FEW_POINTS = 480
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a sweep leaves that nobody disturbs."""
+    into = tmp_path_factory.mktemp("calm") / "sweep"
+    finish("files", into, FEW_POINTS)
+    return into
+
+
+@pytest.mark.parametrize("way", ["processes", pytest.param("cluster", marks=pytest.mark.exhaustive), "files"])
+def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, calm: Path, way: str) -> None:
+    kills, wrong = disturb(tmp_path, way=way, kills=3, seed=1, calm=calm, points=FEW_POINTS)
     assert kills == 3
     assert wrong == []
 
