@@ -87,7 +87,26 @@ class Comparison(Drawn, Tabular):
             for name, values in self.claims.items()
         ]
         start = "" if self.correction is None else f", start corrected through epsilon^{self.correction}"
-        return "\n".join([f"largest relative error of the reduced run, by epsilon{start}", head, *rows])
+        title = f"largest relative error of the reduced run, by epsilon{start}"
+        return "\n".join([title, head, *rows, *self._missing()])
+
+    def _missing(self) -> list[str]:
+        """Lines that say why errors or slopes are no numbers."""
+        ended: dict[Status, list[str]] = {}
+        for n, statuses in self.statuses.items():
+            for status in dict.fromkeys(s for s in statuses if not s.ok):
+                where = [f"{e:.3g}" for e, s in zip(self.epsilons, statuses) if s is status]
+                everywhere = len(where) == len(self.epsilons)
+                ended.setdefault(status, []).append(f"{n} at {'each' if everywhere else ', '.join(where)}")
+        lines = [f"  nan of order {'; '.join(w)}: a run ended early, {status}" for status, w in ended.items()]
+        without = [n for n in self.errors if not np.isfinite(self.slopes[n])]
+        if exact := [str(n) for n in without if self.is_exact(n)]:
+            lines.append(f"  no slope of order {', '.join(exact)}: the errors are within the reference's own")
+        if short := [str(n) for n in without if not self.is_exact(n)]:
+            lines.append(
+                f"  no slope of order {', '.join(short)}: fewer than two errors stand clear of the reference's"
+            )
+        return lines
 
 
 def compare(

@@ -8,30 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import brief
 from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
     NEWTON_TOLERANCE,
     Allowance,
-    distinct,
     guesses,
     newton_at_each,
     place,
     signs,
     solve_each,
 )
+from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, within
 from gsp.errors import BranchError
 from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet, follow_sheets
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function, finite_rows
 from gsp.results.card import Card
 from gsp.systems.flow import Point, Portable, as_points
+from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
 # Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
@@ -91,11 +93,10 @@ class Branch(Portable, Card):
             y = np.array([self._only(point) for point in array])
         return y[0] if single else y
 
-    def roots(self, x, *, bounds: Mapping[str, tuple[float, float]] | None = None) -> np.ndarray:
+    def roots(self, x, *, bounds: Mapping[str, Interval] | None = None) -> np.ndarray:
         """All real points (k, n_fast) of the branch over one slow point `x`, within `bounds` on fast variables.
 
-        Complete when one fast variable enters as a polynomial; otherwise Newton's method is started from 64
-        points of the bounds, which must then be given.
+        Complete when one fast variable enters as a polynomial; otherwise from 64 points of the bounds, required then.
         """
         array, _ = as_points(self.system.x, x, what="x")
         point = array[0]
@@ -106,10 +107,7 @@ class Branch(Portable, Card):
             found = self._polynomial_roots(point)
         else:
             found = self._scattered_roots(point, bounds)
-        for i, symbol in enumerate(self.system.y):
-            if bounds and symbol.name in bounds:
-                low, high = bounds[symbol.name]
-                found = found[(found[:, i] >= low) & (found[:, i] <= high)]
+        found = found[within(found, self.system.y, bounds or {})]
         return found
 
     def nearest(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,19 +120,27 @@ class Branch(Portable, Card):
             return found, finite_rows(found)
         return self._newton(x, y)
 
-    def through(self, point: Point) -> Branch:
-        """The same branch with its sheet fixed: the one nearest to `point`, which names x and y."""
+    def through(self, point: Point, *, region: Mapping[str, object] | None = None) -> Branch:
+        """The same branch with its sheet fixed: the one nearest to `point`, which names x and y.
+
+        With `region` it is the nearest within its bounds on fast variables, where one is. Unless one fast variable
+        enters as a polynomial, sheets are those to which Newton's method comes: with up to five fast variables from
+        places about the point and within the bounds. Raises `BranchError` when there is no real point over x.
+        """
         x, y = (part[None, :] for part in place(self.system, point))
         if self.graph is not None:
             return self
+        bounds = fast_bounds(self.system, region)
         if self._polynomial is not None:
-            candidates = self._polynomial_roots(x[0])
-            self._require(np.array([len(candidates) > 0]), x, "there is no real point")
-            corrected = candidates[[np.argmin(np.abs(candidates[:, 0] - y[0, 0]))]]
+            candidates, fact = self._polynomial_roots(x[0]), "there is no real point"
         else:
-            corrected, good = self._newton(x, y)
-            self._require(good, x, "Newton's method found no point near the given one")
-        return replace(self, seed=(tuple(x[0]), tuple(corrected[0])))
+            newton, names = partial(self._newton_over, x[0]), [s.name for s in self.system.y]
+            candidates = roots_about(newton, y[0], names, bounds)
+            fact = "Newton's method found no point near the given one"
+        self._require(np.array([len(candidates) > 0]), x, fact)
+        outside = ~within(candidates, self.system.y, bounds)
+        chosen = candidates[np.lexsort((np.linalg.norm(candidates - y, axis=1), outside))[0]]
+        return replace(self, seed=(tuple(x[0]), tuple(chosen)))
 
     def follow(
         self,
@@ -333,9 +339,8 @@ class Branch(Portable, Card):
         found = self._polynomial_roots(point)
         if len(found) == 1:
             return found[0]
-        name = self.system.y[0].name
         values = ", ".join(f"{value:.6g}" for value in found[:, 0])
-        fact = f"has {len(found)} points" + (f" ({name} = {values})" if len(found) else "")
+        fact = f"has {len(found)} points" + (f" ({self.system.y[0]} = {values})" if len(found) else "")
         remedy = "Pass near=..., or fix a sheet with branch.through({...})." if len(found) else "Move x."
         raise BranchError(f"the branch {self} {fact} over {self._shown(point)}. {remedy}")
 
@@ -351,8 +356,6 @@ class Branch(Portable, Card):
         return np.where(good[:, None], polished, guess)
 
     def _scattered_roots(self, point: np.ndarray, bounds) -> np.ndarray:
-        from scipy.stats import qmc
-
         missing = [y.name for y in self.system.y if not bounds or y.name not in bounds]
         if missing:
             if self.seed is not None:
@@ -363,10 +366,12 @@ class Branch(Portable, Card):
                 f"{', '.join(missing)}. Give the region an interval for each, or fix a sheet with through()."
             )
         box = np.array([bounds[y.name] for y in self.system.y])
-        unit = qmc.Halton(d=len(box), scramble=False).random(64)
-        guess = box[:, 0] + unit * (box[:, 1] - box[:, 0])
-        y, good = self._newton(np.broadcast_to(point, (64, len(point))), guess)
-        return distinct(y[good])
+        return scattered_roots(partial(self._newton_over, point), box)
+
+    def _newton_over(self, point: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Roots (k, n_fast) over one slow point that Newton's method comes to from y (m, n_fast)."""
+        found, good = self._newton(np.broadcast_to(point, (len(y), len(point))), y)
+        return found[good]
 
     def _shown(self, point: np.ndarray) -> str:
         return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.x, point))
@@ -380,18 +385,15 @@ class Branch(Portable, Card):
             )
 
     def __str__(self) -> str:
-        if self.graph is not None:
-            return ", ".join(f"{y} = {h}" for y, h in self.graph.items())
-        return ", ".join(f"{equation} = 0" for equation in self.equations)
+        sides = [(e, 0) for e in self.equations] if self.graph is None else self.graph.items()
+        return ", ".join(f"{brief(left)} = {brief(right)}" for left, right in sides)
 
     def __repr__(self) -> str:
         return f"Branch({self})"
 
     def _repr_latex_(self) -> str:
-        if self.graph is not None:
-            rows = [f"{sp.latex(y)} = {sp.latex(h)}" for y, h in self.graph.items()]
-        else:
-            rows = [f"{sp.latex(equation)} = 0" for equation in self.equations]
+        sides = [(e, 0) for e in self.equations] if self.graph is None else self.graph.items()
+        rows = [f"{sp.latex(left)} = {sp.latex(right)}" for left, right in sides]
         return r"$\displaystyle " + r",\quad ".join(rows) + "$"
 
     def __hash__(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -15,6 +15,7 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.critical.elimination import pieces
 from gsp.critical.sheet_points import place
+from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.errors import BranchError, GspError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function
@@ -26,6 +27,8 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 # A start counts as on a fold when the equations and their slopes are this small there, relative to their terms.
 ON_FOLD = 1e-6
+# Then its sheets are about a root of that away.
+TOUCHES = 1e-2
 
 
 @dataclass(frozen=True)
@@ -41,21 +44,29 @@ class CriticalManifold(Card):
     unsolved: tuple[sp.Expr, ...] = ()
     complex: tuple[sp.Expr, ...] = ()
 
-    def nearest(self, point: Point) -> Branch:
-        """The branch (on implicit branches the sheet) nearest to `point` in the fast direction."""
+    def nearest(self, point: Point, *, region: Mapping[str, object] | None = None) -> Branch:
+        """The branch (on implicit branches the sheet) nearest to `point` in the fast direction.
+
+        With `region` it is the nearest within its bounds on fast variables, and the nearest of all where none is.
+        """
         x, y = place(self.system, point)
-        best: tuple[float, Branch] | None = None
+        bounds = fast_bounds(self.system, region)
+        best: tuple[tuple[bool, float], Branch] | None = None
         reasons = []
         for branch in self.branches:
             try:
-                sheet = branch.through(point)
-                distance = math.hypot(*np.ravel(sheet.points(x, near=y) - y))
+                sheet = branch.through(point, region=region)
+                height = sheet.points(x[None, :], near=None if sheet.seed is None else sheet.seed[1])
+                outside = not within(height, self.system.y, bounds)[0]
+                distance = (outside, math.hypot(*(height[0] - y)))
             except BranchError as error:
                 reasons.append(str(error))
                 continue
             if best is None or distance < best[0]:
                 best = (distance, sheet)
-        if best is None and any(_is_fold(branch, x, y) for branch in self.branches):
+        # On a fold Newton's method comes to no end, where beside it it finds the sheet.
+        lost = best is None or (best[0][1] <= TOUCHES and not best[1].nearest(x[None, :], y[None, :])[1][0])
+        if lost and any(_is_fold(branch, x, y) for branch in self.branches):
             place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
             raise BranchError(
                 "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest. "
@@ -63,7 +74,7 @@ class CriticalManifold(Card):
             )
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
-        self._refuse_far_branch(x, y, best[0])
+        self._refuse_far_branch(x, y, best[0][1])
         return best[1]
 
     def _refuse_far_branch(self, x: np.ndarray, y: np.ndarray, distance: float) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import sympy as sp
 from flint import arb, fmpq
 
+from gsp.algebra.functions import NON_SMOOTH
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 
@@ -29,6 +30,17 @@ _FUNCTIONS: dict[Any, Callable[[arb], arb]] = {
 }
 _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
 KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS)) + ", sqrt, tan and powers"
+
+
+def without_enclosure(expression: Any, over: str) -> str:
+    """What is said of a function that no enclosure is known for, `over` balls or power series."""
+    if isinstance(expression, NON_SMOOTH):
+        return (
+            f"a function with a kink or a jump has no enclosure over {over}. Got abs, sign, min or max among the "
+            "rates, or the derivative of one. Write a smooth one, as sqrt(u^2 + a^2) for abs(u), or check at samples."
+        )
+    name = expression.func.__name__
+    return f"{name} has no enclosure over {over}. Got {expression}. What is proved may hold {KNOWN}."
 
 
 class Program:
@@ -119,10 +131,7 @@ class BallFunction(Program):
                 f"{expression} is no argument of this function and has no value. "
                 f"Got it among {', '.join(map(str, self.arguments))}. Give it an interval."
             )
-        raise UnsupportedFunctionError(
-            f"{expression.func.__name__} has no enclosure over balls. Got {expression}. "
-            f"What is proved may hold {KNOWN}."
-        )
+        raise UnsupportedFunctionError(without_enclosure(expression, "balls"))
 
     def _sum(self, expression: Any) -> int:
         total: int | None = None

@@ -73,9 +73,9 @@ class Study(Card):
     """A scene made ready: its stages are computed when they are first read, and kept.
 
     `splitting` is None when the scene is declared in standard form. `start` and `region` are those of the scene in the
-    coordinates of `system`; `branch` is the one nearest to the start, its sheet fixed. Reading a stage raises what the
-    stage raises: `SplittingError` where the field stays non-standard, `BranchError` where no branch passes,
-    `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
+    coordinates of `system`; `branch` is the one nearest to the start within the region, its sheet fixed. Reading a
+    stage raises what the stage raises: `SplittingError` where the field stays non-standard, `BranchError` where no
+    branch passes, `DeclarationError` when the region does not bound every raw state that a slow coordinate is made of.
 
     >>> from gsp import models, study
     >>> michaelis = study(models.load("michaelis_menten"))
@@ -118,8 +118,8 @@ class Study(Card):
 
     @property
     def branch(self) -> Branch:
-        """The branch nearest to the start, its sheet fixed."""
-        return self._once(("branch",), lambda: self.critical.nearest(self.start))
+        """The branch nearest to the start within the region's bounds on fast variables, its sheet fixed."""
+        return self._once(("branch",), lambda: self.critical.nearest(self.start, region=self.region))
 
     @property
     def hyperbolicity(self) -> Hyperbolicity:

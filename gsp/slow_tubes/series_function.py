@@ -12,7 +12,7 @@ from flint import arb, arb_series, fmpq
 
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.ball_functions import KNOWN, Program
+from gsp.proofs.ball_functions import Program, without_enclosure
 
 
 def _reciprocal(u: arb_series) -> arb_series:
@@ -89,10 +89,7 @@ class SeriesFunction(Program):
             return self._power(*expression.args)
         if expression.func in _FUNCTIONS:
             return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
-        raise UnsupportedFunctionError(
-            f"{expression.func.__name__} has no enclosure over power series. Got {expression}. "
-            f"What is proved may hold {KNOWN}."
-        )
+        raise UnsupportedFunctionError(without_enclosure(expression, "power series"))
 
     def _power(self, base: Any, exponent: Any) -> int:
         if base is sp.E:

@@ -108,3 +108,24 @@ def test_what_is_compared_is_a_scene_over_sequences() -> None:
         compare(scene, orders=1)
     with pytest.raises(DeclarationError, match="epsilons is a sequence"):
         compare(scene, epsilons=0.01)
+
+
+def test_what_is_no_number_in_the_table_has_its_reason_below_it() -> None:
+    """Through a pitchfork no run gets, and a reduced flow that is exact has no slope."""
+    system = SlowFastSystem(slow={x: 1}, fast={y: y * (x - y**2) + eps / 10}, epsilon=eps)
+    scene = Scene(
+        system,
+        region={"x": (-1, 1)},
+        start={"x": -1, "y": 0.2},
+        span=(0, 2),
+        epsilon=0.02,
+        epsilons=(0.02, 0.01),
+        tolerance=1e-6,
+    )
+    text = str(compare(scene, orders=(0, 1)))
+    assert "nan of order 0 at each; 1 at each: a run ended early, HYPERBOLICITY_LOST: normal" in text
+    assert "no slope of order 0, 1: fewer than two errors stand clear" in text
+    exact = SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=eps)
+    text = str(compare(replace(scene, system=exact, region={"x": (-2, 1)}), orders=(0,)))
+    assert "no slope of order 0: the errors are within the reference's own" in text
+    assert "nan of order" not in text

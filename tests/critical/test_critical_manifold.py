@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -304,8 +305,7 @@ def test_a_start_on_a_fold_has_no_nearest_sheet() -> None:
     critical = solve_critical(systems.van_der_pol())
     with pytest.raises(BranchError, match="lies on a fold"):
         critical.nearest({"x": 1, "y": -2 / 3})
-    with pytest.raises(BranchError, match="no branch of the critical manifold is real"):
-        critical.nearest({"x": 1, "y": 1e300})
+    assert critical.nearest({"x": 1, "y": 1e300}).points(1e300)[0] == pytest.approx(3e300 ** (1 / 3))
 
 
 def test_a_start_beside_a_branch_with_a_complex_formula_is_refused_in_words() -> None:
@@ -358,3 +358,50 @@ def test_where_a_coefficient_has_a_pole_the_branch_has_no_point() -> None:
     assert branch.roots({"x": 1}).shape == (1, 1)
     with pytest.raises(BranchError, match="no real point over x = 0"):
         branch.through({"x": 0, "y": 0})
+
+
+def boltzmann(half: float, width: float) -> sp.Expr:
+    return 1 / (1 + sp.exp((half - y) / sp.Rational(width)))
+
+
+def steep_activation() -> SlowFastSystem:
+    """A current with two steps and a gate z that follows y: three sheets over x, near y = -0.9 - x, 0 and 0.9 - x."""
+    rate = -y - x + 2 * boltzmann(0, "0.02") - 1
+    return SlowFastSystem(slow={x: 1}, fast={y: rate - z / 10, z: boltzmann(0, "0.02") - z}, epsilon=eps)
+
+
+@pytest.mark.parametrize("start", np.linspace(-2.0, 2.0, 17))
+def test_the_nearest_sheet_is_the_nearest_and_not_the_one_that_newtons_method_comes_to(start: float) -> None:
+    manifold = solve_critical(steep_activation())
+    everything = manifold.branches[0].roots(0.1, bounds={"y": (-3, 3), "z": (-1, 2)})
+    assert len(everything) == 3
+    for gate in (0.0, 0.5, 1.0):
+        distances = np.linalg.norm(everything - [start, gate], axis=1)
+        found = manifold.nearest({"x": 0.1, "y": start, "z": gate}).points(0.1)
+        assert np.linalg.norm(found - [start, gate]) == pytest.approx(distances.min(), rel=1e-9)
+
+
+def test_bounds_on_fast_variables_choose_the_sheet_and_the_branch() -> None:
+    manifold = solve_critical(steep_activation())
+    start = {"x": 0.1, "y": 0.05, "z": 0.5}
+    assert abs(manifold.nearest(start).points(0.1)[0]) < 0.1
+    assert manifold.nearest(start, region={"x": [0, 0.2], "y": [0.5, 2]}).points(0.1)[0] > 0.5
+    assert manifold.nearest(start, region={"y": [-2, -0.5]}).points(0.1)[0] < -0.5
+    # No sheet lies in these bounds, and the nearest is taken, of which later stages say so.
+    assert abs(manifold.nearest(start, region={"y": [3, 4]}).points(0.1)[0]) < 0.1
+    halves = solve_critical(SlowFastSystem(slow={x: 1}, fast={y: y * (x - y)}, epsilon=eps))
+    assert halves.nearest({"x": 1, "y": 0.5}, region={"y": [0.3, 3]}).points(1.0)[0] == 1.0
+    assert halves.nearest({"x": 1, "y": 0.5}, region={"y": [-1, 0.9]}).points(1.0)[0] == 0.0
+    with pytest.raises(DeclarationError, match="q"):
+        halves.nearest({"x": 1, "y": 0.5}, region={"q": [0, 1]})
+
+
+def test_a_long_equation_is_shown_by_its_beginning_and_its_length() -> None:
+    long = sp.expand((x + y + z + 1) ** 8) - 1
+    (branch,) = solve_critical(
+        SlowFastSystem(slow={x: 1, z: 1}, fast={y: long + y**9 + y}, epsilon=eps)
+    ).branches
+    assert re.fullmatch(r"x\*\*8 \+ .{150,240} \.\.\. \(165 terms\) = 0", str(branch))
+    assert len(repr(branch)) < 300
+    root = sp.sqrt(sum(sp.sin(k * x) ** 2 for k in range(1, 60)))
+    assert re.search(r"sqrt.* \.\.\. \(\d+ characters\)$", str(Branch(branch.system, (y - root,), {y: root})))

@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.errors import UnsupportedFunctionError
 from gsp.hyperbolicity.exclusion import MOST
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.scenes.study import study_of
@@ -140,3 +141,11 @@ def test_functions_without_an_enclosure_are_told() -> None:
         found.evidence
         == "sampled at 257 points; between them nothing is excluded: erf has no enclosure over balls"
     )
+
+
+def test_a_kink_is_told_in_the_words_of_the_model_and_not_of_its_derivative() -> None:
+    found = judge({y: -(2 + sp.Min(x, 3)) * y})
+    assert found.evidence.endswith("a function with a kink or a jump has no enclosure over balls")
+    with pytest.raises(UnsupportedFunctionError, match="abs, sign, min or max among the rates") as refused:
+        found.with_proof()
+    assert "Heaviside" not in str(refused.value)

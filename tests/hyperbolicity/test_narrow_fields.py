@@ -11,7 +11,7 @@ from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses import LossKind
-from gsp.hyperbolicity.losses.locator import denominators
+from gsp.hyperbolicity.losses.poles import denominators
 from gsp.systems.system import SlowFastSystem
 
 x, y, a, w, eps = sp.symbols("x y a w epsilon")

@@ -69,7 +69,8 @@ def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
     ends = [end for end in ends if sampler.inside(end[None, :], box)[0]]
     folds, losses = [], []
     for end in ends:
-        fold = _fold(diagnosis, Locator(sampler, box, diagnosis.scale, usual=_usual(diagnosis)), end)
+        locator = Locator(sampler, box, diagnosis.scale, usual=_usual(diagnosis), samples=diagnosis.samples)
+        fold = _fold(diagnosis, locator, end)
         if fold is None:
             losses.append(_loss(diagnosis, end))
         else:
@@ -79,7 +80,7 @@ def sheet_ends(diagnosis: Diagnosis, pairs: Sequence[Pair]) -> list[Loss]:
 
 def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | None:
     """Where an eigenvalue vanishes next to the end of a sheet; None without such a place."""
-    locator.zeros(end[None, :])
+    locator.zeros(end[None, :], at_end=True)
     nx = diagnosis.nx
     sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
     least = _least(diagnosis, end)

@@ -23,6 +23,7 @@ from gsp.hyperbolicity.losses.locator import (
     unstable,
 )
 from gsp.hyperbolicity.losses.naming import named
+from gsp.hyperbolicity.losses.poles import poles
 from gsp.hyperbolicity.losses.whole_branch import centre_branch, degenerate_branch
 from gsp.systems.region import Interval
 
@@ -70,7 +71,7 @@ def examine(
         return Examination(diagnosis, (everywhere,), (), (), 0.0)
     # Rates are compared with what they are elsewhere on the branch, not with faster ones.
     usual = float(np.median(np.abs(np.real(eigenvalues)).min(axis=1)))
-    locator = Locator(sampler, box, scale, usual=usual)
+    locator = Locator(sampler, box, scale, usual=usual, samples=z)
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
@@ -147,7 +148,8 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     searched = not (sampler.is_large and sampler.is_constant)
     locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
     locator.changes(a[changed], b[changed])
-    locator.poles(z)
+    for place, crossing, only_x in poles(sampler, z, LOCATED):
+        locator.add(place, crossing, only_x=only_x)
     distance = signed_gap(eigenvalues, unstable(eigenvalues))
     if any(not place.is_pole for place in locator.found):
         return 0.0

@@ -11,10 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
-from gsp.algebra.differentiation import derivative
-from gsp.algebra.factorisation import factor_list, quotient
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
@@ -33,14 +30,10 @@ VANISHED = 0.03
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
 BISECTIONS = 52
-# Distances from a pole at which the field is compared, relative to 1 + |z|, and how much it has grown: a simple pole by
-# their quotient.
-NEAR_POLE = (1e-4, 1e-7)
-GROWN = 100.0
 # Two losses nearer than this, relative to the region's width, are one.
 SAME = 1e-6
 # Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to
-# their distance at the sample: next to a zero both are rounding.
+# their distance at the sample. At a zero all three are rounding, which is none of it.
 JUMPED = 1e-3
 # How near to a point, as a share of the way, a sheet is followed to see whether it runs into it.
 TOWARDS = 0.01
@@ -61,13 +54,21 @@ class Locator:
     """Collects the losses of one branch in one box, each once."""
 
     def __init__(
-        self, sampler: Sampler, box: Mapping[str, Interval], scale: float, *, usual: float | None = None
+        self,
+        sampler: Sampler,
+        box: Mapping[str, Interval],
+        scale: float,
+        *,
+        usual: float | None = None,
+        samples: np.ndarray | None = None,
     ) -> None:
         self.sampler = sampler
         self.box = box
         # The largest |lambda|, and the size that the one nearest to the axis has on most of the branch.
         self.scale = scale
         self.usual = scale if usual is None else usual
+        # Units of the states, by the region and the samples: volts and shares of channels have no common length.
+        self.units = None if samples is None else _units(sampler, box, samples)
         self.found: list[Found] = []
         self.notes: list[str] = []
 
@@ -88,8 +89,11 @@ class Locator:
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
-    def zeros(self, samples: np.ndarray) -> None:
-        """Zero eigenvalues on the branch next to `samples`."""
+    def zeros(self, samples: np.ndarray, *, at_end: bool = False) -> None:
+        """Zero eigenvalues on the branch next to `samples`; `at_end` when these are the ends of a sheet.
+
+        Along a sheet that all but ends at its sample no zero can be reached: whether it is the end's is for the caller.
+        """
         sampler = self.sampler
         branch = sampler.branch
         for z in samples:
@@ -97,7 +101,7 @@ class Locator:
             if point is None and branch.is_explicit:
                 # A graph such as sqrt(x) has no derivative at its fold, but g has.
                 point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
-            if point is not None and not self._is_known(point) and self._on_sheet(point, z):
+            if point is not None and not self._is_known(point) and (at_end or self._on_sheet(point, z)):
                 self.add(point, Contact.ZERO)
 
     def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
@@ -120,7 +124,11 @@ class Locator:
             return value, slope
 
         found = gauss_newton(
-            evaluate, unknown, steps=STEPS_OF_LARGE if sampler.is_large else STEPS, sparse=sampler.is_large
+            evaluate,
+            unknown,
+            steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
+            sparse=sampler.is_large,
+            scales=None if self.units is None else np.append(self.units, np.ones(ny)),
         )
         if found is None:
             return None
@@ -179,7 +187,7 @@ class Locator:
             else:
                 near = values[2][np.argmin(np.abs(values[2].real))]
                 least = np.abs(np.real(values)).min(axis=1)
-                jumped = min(least[1], least[2]) > JUMPED * least[0]
+                jumped = min(least[1], least[2]) > max(JUMPED * least[0], ZERO_TOLERANCE * self.usual)
                 still = Contact.PAIR if abs(near.imag) > 1e-6 * self.scale else Contact.ZERO
                 self.add(after, Contact.JUMP if jumped else still)
 
@@ -287,83 +295,6 @@ class Locator:
         near = values[np.argmin(np.abs(values.real))]
         self.add(z, Contact.PAIR if abs(near.imag) > 1e-6 * self.scale else Contact.ZERO)
 
-    # -- poles -------------------------------------------------------------------------------------
-
-    def poles(self, z: np.ndarray) -> None:
-        """Zeros of the denominators of the branch's graph and of the field, next to the samples `z`."""
-        sampler = self.sampler
-        system, nx = sampler.system, len(sampler.system.x)
-        graph = list((sampler.branch.graph or {}).values())
-        rates = [*sampler.f, *sampler.g]
-        for crossing, divisor in [
-            *((Contact.BRANCH_POLE, d) for d in denominators(graph, system.x)),
-            *((Contact.FIELD_POLE, d) for d in denominators(rates, system.states)),
-        ]:
-            free = not divisor.has(*system.y)
-            value = sampler.compiled([divisor])
-            slope = sampler.compiled([derivative(divisor, s) for s in system.states])
-
-            def evaluate(u: np.ndarray, value=value, slope=slope, free=free) -> tuple[np.ndarray, np.ndarray]:
-                if free:
-                    point = np.concatenate([u, np.zeros(len(system.y))])
-                    return value(point, sampler.p), slope(point, sampler.p)[None, :nx]
-                branch = sampler.branch
-                equations = np.concatenate([branch.residual(u[None, :])[0], value(u, sampler.p)])
-                return equations, np.vstack([branch.full_jacobian(u[None, :])[0], slope(u, sampler.p)])
-
-            sizes = np.abs(value(z, sampler.p)[:, 0])
-            for sample in z[np.argsort(sizes)[:LOCATED]]:
-                found = gauss_newton(evaluate, sample[:nx] if free else sample)
-                if found is None:
-                    continue
-                # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
-                place = np.concatenate([found, sample[nx:]]) if free else found
-                if crossing is Contact.BRANCH_POLE or self._is_pole(place):
-                    self.add(place, crossing, only_x=free)
-
-    def _is_pole(self, z: np.ndarray) -> bool:
-        """Whether the field grows without bound towards `z`, rather than having a removable zero of a denominator."""
-        directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (1.0 + np.abs(z))
-        far, near = (
-            np.abs(self.sampler.rates(z + distance * directions)).max(axis=1) for distance in NEAR_POLE
-        )
-        return bool(not np.isfinite(near).all() or (near > GROWN * far).any())
-
-
-def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
-    """The factors of the denominators of `expressions` that depend on `variables` and may vanish.
-
-    Functions stay as they are written: exp(-u) taken for 1/exp(u) overflows where the field is finite.
-    """
-    found: list[sp.Expr] = []
-    for expression in expressions:
-        masks: dict[sp.Expr, sp.Symbol] = {}
-        masked = _masked(expression, masks)
-        meaning = {mask: function for function, mask in masks.items()}
-        for divisor in _divisors(masked):
-            base = divisor.xreplace(meaning)
-            if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
-                found.append(base)
-    return found
-
-
-def _divisors(expression: sp.Expr) -> list[sp.Expr]:
-    """Factors of the denominator; of a quotient over the budget, whatever stands below a line in it."""
-    fraction = quotient(expression)
-    if fraction is not None:
-        return [base for base, _ in factor_list(fraction.expression(fraction.denominator))[1]]
-    below = {power.base for power in expression.atoms(sp.Pow) if power.exp.could_extract_minus_sign()}
-    return sorted(below, key=sp.default_sort_key)
-
-
-def _masked(expression: sp.Expr, masks: dict[sp.Expr, sp.Symbol]) -> sp.Expr:
-    """`expression` with its functions and roots as symbols, which `masks` collects."""
-    if expression.is_Function or (expression.is_Pow and not expression.exp.is_Integer):
-        return masks.setdefault(expression, sp.Dummy())
-    if not expression.args:
-        return expression
-    return expression.func(*(_masked(part, masks) for part in expression.args))
-
 
 def unstable(eigenvalues: np.ndarray) -> np.ndarray:
     """Number of eigenvalues to the right of the axis, for each row of (m, n)."""
@@ -389,3 +320,17 @@ def spread(points: np.ndarray, worth: np.ndarray, count: int) -> np.ndarray:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
     return low[chosen]
+
+
+def _units(sampler: Sampler, box: Mapping[str, Interval], samples: np.ndarray) -> np.ndarray | None:
+    """A length (n,) for each state: the region's width, and how far the samples (m, n) spread in fast directions.
+
+    None over one slow variable, where zero eigenvalues are points and no length decides which one is found.
+    """
+    system = sampler.system
+    if len(system.x) == 1:
+        return None
+    slow = np.array([box[s.name][1] - box[s.name][0] for s in system.x])
+    spread = np.ptp(samples[:, len(slow) :], axis=0)
+    # A fast variable that is constant on the branch is the same at a zero.
+    return np.append(slow, np.where(spread > 0.0, spread, 1.0))

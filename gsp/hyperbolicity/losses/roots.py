@@ -13,9 +13,11 @@ def gauss_newton(
     *,
     steps: int = 60,
     sparse: bool = False,
+    scales: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None.
 
+    Norms of steps are in units of `scales`, one for each unknown: which zero of many is nearest depends on them.
     A large Jacobian with few entries is taken apart as a `sparse` matrix; where its rows depend on one another there
     is no step then.
     """
@@ -25,7 +27,9 @@ def gauss_newton(
         value, slope = evaluate(u)
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
+        slope = slope if scales is None else slope * scales
         step = _least_norm(slope, value) if sparse else np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        step = step if scales is None else step * scales
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.linalg.norm(step)

@@ -1,0 +1,19 @@
+"""Expressions as a line of text can hold them."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+# Characters of an expression in a message.
+SHOWN = 240
+
+
+def brief(expression: sp.Expr) -> str:
+    """`expression` as a line of text holds it: a sum's first terms, and how many there are, where all are too long."""
+    text = str(expression)
+    if len(text) <= SHOWN:
+        return text
+    cut = text[:SHOWN].rfind(" ")
+    terms = len(sp.Add.make_args(expression))
+    size = f"{terms} terms" if terms > 1 else f"{len(text)} characters"
+    return f"{text[: cut if cut > 0 else SHOWN]} ... ({size})"

@@ -1,0 +1,71 @@
+"""Sheets over one slow point: roots of a branch's equations that Newton's method comes to from many places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import sympy as sp
+
+from gsp.critical.sheet_points import distinct
+from gsp.systems.region import Interval, check_region
+from gsp.systems.system import SlowFastSystem
+
+# Places in a box from which Newton's method is started, and the fast variables up to which they say something of it.
+SCATTER = 64
+SCATTERED = 5
+# Boxes about a point from which Newton's method comes to nothing, in units of 1 + |y|.
+WIDENED = (1.0, 8.0, 64.0)
+# A search about a point goes on while the nearest root comes nearer by more than this share.
+NEARER = 0.99
+
+Newton = Callable[[np.ndarray], np.ndarray]
+"""From y (m, n_fast) to the roots (k, n_fast) that are come to."""
+
+
+def fast_bounds(system: SlowFastSystem, region: Mapping[str, object] | None) -> Mapping[str, Interval]:
+    """The intervals of `region` that bound fast variables, by name."""
+    if region is None:
+        return {}
+    checked = check_region(region, [s.name for s in system.states])
+    return {s.name: checked[s.name] for s in system.y if s.name in checked}
+
+
+def within(y: np.ndarray, fast: Sequence[sp.Symbol], bounds: Mapping[str, Interval]) -> np.ndarray:
+    """Which of the points (m, n_fast) lie within the bounds on fast variables."""
+    inside = np.ones(len(y), dtype=bool)
+    for i, symbol in enumerate(fast):
+        if symbol.name in bounds:
+            low, high = bounds[symbol.name]
+            inside &= (y[:, i] >= low) & (y[:, i] <= high)
+    return inside
+
+
+def scattered_roots(newton: Newton, box: np.ndarray) -> np.ndarray:
+    """Distinct roots (k, n_fast) that Newton's method comes to from places in a box (n_fast, 2)."""
+    from scipy.stats import qmc
+
+    unit = qmc.Halton(d=len(box), scramble=False).random(SCATTER)
+    return distinct(newton(box[:, 0] + unit * (box[:, 1] - box[:, 0])))
+
+
+def roots_about(
+    newton: Newton, y: np.ndarray, names: Sequence[str], bounds: Mapping[str, Interval]
+) -> np.ndarray:
+    """Distinct roots (k, n_fast): the nearest to y (n_fast,) among them, and those in `bounds` on fast variables."""
+    found = newton(y[None, :])
+    if len(y) > SCATTERED:
+        return found
+    if all(name in bounds for name in names):
+        found = np.vstack([found, scattered_roots(newton, np.array([bounds[name] for name in names]))])
+    for factor in () if len(found) else WIDENED:
+        reach = factor * (1.0 + float(np.linalg.norm(y)))
+        found = scattered_roots(newton, np.column_stack([y - reach, y + reach]))
+        if len(found):
+            break
+    # A root that is nearer than the nearest known lies in the box which that one spans about the point.
+    reach = np.inf
+    while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < NEARER * reach:
+        reach = nearest
+        found = np.vstack([found, scattered_roots(newton, np.column_stack([y - reach, y + reach]))])
+    return distinct(found)
