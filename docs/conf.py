@@ -50,6 +50,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "show_signature": False,
     "show_memory": False,
+    "write_computation_times": False,
     "min_reported_time": 1,
     "within_subsection_order": "FileNameSortKey",
     "subsection_order": [
@@ -101,8 +102,10 @@ def write_demos(app, error) -> None:
 
 def as_restructured_text(app, what, name, obj, options, lines: list[str]) -> None:
     """Docstrings are plain text: |x|, x* and h_ mean what they say, outside code and doctests."""
+    in_doctest = False
     for i, line in enumerate(lines):
-        if line.lstrip().startswith(">>>"):
+        in_doctest = line.lstrip().startswith(">>>") or (in_doctest and bool(line.strip()))
+        if in_doctest:
             continue
         parts = re.split(r"(`[^`]*`)", line)
         parts[::2] = [

@@ -126,6 +126,21 @@ def test_the_reference_has_every_public_name_once() -> None:
     assert {"charts", "mechanics", "models"} <= modules
 
 
+def test_every_decision_begins_a_paragraph() -> None:
+    lines = (ROOT / "docs/decisions.md").read_text(encoding="utf-8").splitlines()
+    heads = [i for i, line in enumerate(lines) if re.match(r"(\*\*)?2026-\d\d-\d\d\.", line)]
+    assert len(heads) > 100
+    assert [lines[i] for i in heads if lines[i - 1] or not lines[i].startswith("**")] == []
+
+
+def test_the_readme_is_read_in_a_minute() -> None:
+    """It sells; everything else is on the site."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    prose = re.sub(r"^```.*?^```|<[^>]*>|\]\([^)]*\)", " ", text, flags=re.DOTALL | re.MULTILINE)
+    assert len(prose.split()) < 250
+    assert len(re.findall(r"images/thumbnail-\S+\.png", text)) == 6
+
+
 def test_every_page_is_in_the_contents_of_the_site() -> None:
     """Pages that no contents name are not found by a reader, and end the strict build."""
     (listed,) = re.findall(

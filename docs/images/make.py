@@ -47,15 +47,17 @@ def enzyme() -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
     names: dict = {}
     exec(compile(code, "README.md", "exec"), names)
-    names["axes"].figure.savefig(FOLDER / "enzyme.png", dpi=90)
+    # As small as it is shown, so that its letters are not.
+    names["axes"].figure.set_size_inches(3.6, 3.2)
+    names["axes"].figure.savefig(FOLDER / "enzyme.png", dpi=150)
 
 
 # Part of a picture, as shares of its width and height from the left and from the top.
 THUMBNAILS = {
-    "sleigh": ("sleigh.png", (0.0, 0.0, 0.4, 1.0)),
-    "canard": ("canard_explosion.png", (0.5, 0.0, 1.0, 1.0)),
-    "relaxation": ("relaxation.png", (0.0, 0.0, 0.5, 1.0)),
-    "folded-node": ("folded_node.png", (0.53, 0.0, 1.0, 1.0)),
+    "sleigh": ("sleigh.png", (0.03, 0.2, 0.4, 0.95)),
+    "canard": ("canard_explosion.png", (0.5, 0.09, 1.0, 1.0)),
+    "relaxation": ("relaxation.png", (0.0, 0.14, 0.5, 1.0)),
+    "folded-node": ("folded_node.png", (0.55, 0.12, 1.0, 0.95)),
     "buffer": ("demo-shishkova.png", (0.01, 0.39, 0.345, 0.97)),
     "failures": ("failures.png", (0.0, 0.2, 0.525, 1.0)),
 }

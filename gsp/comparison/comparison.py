@@ -122,7 +122,7 @@ def compare(
     Without `correction` both start on M_epsilon over the scene's slow start; on a repelling branch they run backward
     in time, and on one of saddle type a full run leaves the manifold either way, which the errors show. With it
     the full system starts at the scene's own start, off the manifold, and the reduced runs at the base point of the
-    fast fibre through it, through epsilon^`correction`; errors are measured outside the layer, from
+    fast fibre through it, through the power `correction` of epsilon; errors are measured outside the layer, from
     (M + 3) epsilon/gap ln(1/epsilon) on, M = min(correction, highest order). With 0 only the slow coordinates are kept.
 
     A run that stops early gives nan for its epsilon, and its `Status` is kept. Raises what the stages before

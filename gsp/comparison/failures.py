@@ -190,13 +190,14 @@ def failure_map(
     along = _positions(study, name, positions)
     series = study.short_series(max(wanted) + 1, at_least=max(wanted))
     survey = Survey(study, series, name, along, ladder, wanted, allowed)
+    show = (lambda share: None) if progress is None else progress
+    along_positions = 0.8
     for i in range(ladder.size):
         survey.visit(i)
-        if progress is not None:
-            progress(0.8 * (i + 1) / ladder.size)
-    demands = demands_of(study, ladder, asked, wanted)
-    if progress is not None:
-        progress(1.0)
+        show(along_positions * (i + 1) / ladder.size)
+    demands = demands_of(
+        study, ladder, asked, wanted, lambda share: show(along_positions + (1.0 - along_positions) * share)
+    )
     return FailureMap(
         scene=scene,
         axis=name,

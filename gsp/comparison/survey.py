@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -250,7 +250,11 @@ def newton(sampler: Sampler, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
 
 
 def demands_of(
-    study: Study, epsilons: np.ndarray, tolerances: np.ndarray, orders: tuple[int, ...]
+    study: Study,
+    epsilons: np.ndarray,
+    tolerances: np.ndarray,
+    orders: tuple[int, ...],
+    progress: Callable[[float], object] = lambda share: None,
 ) -> Iterator[Claim]:
     """Over (epsilon, tolerance): reduced flows against the full one over the span, and explicit against implicit."""
     cells = (epsilons.size, tolerances.size)
@@ -258,7 +262,12 @@ def demands_of(
     ratios = np.full(cells, np.nan)
     found, reasons = None, dict.fromkeys(orders, "")
     try:
-        found = compare(study, orders=orders, epsilons=tuple(map(float, epsilons)))
+        found = compare(
+            study,
+            orders=orders,
+            epsilons=tuple(map(float, epsilons)),
+            progress=lambda share: progress(0.5 * share),
+        )
     except GspError as error:
         reasons = dict.fromkeys(orders, str(error))
     if found is not None:
@@ -285,6 +294,7 @@ def demands_of(
                 calls.append(run.stats.field_calls if run.status.ok else np.inf)
             implicit, explicit = calls
             ratios[i, j] = explicit / implicit if np.isfinite(implicit) else np.nan
+        progress(0.5 + 0.5 * (i + 1) / epsilons.size)
     for n in orders:
         text = "largest relative error of the slow variables over the span"
         missing = reasons[n] if np.isnan(errors[n]).all() else ""

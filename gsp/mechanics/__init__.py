@@ -1,8 +1,8 @@
-"""Mechanics: from a Lagrangian to its nonholonomic limit, and back through friction.
+"""From a Lagrangian to its nonholonomic limit, and back through friction.
 
-    LagrangianSystem   L(q, qdot, t) and forces: Lagrange's equations
-    constrain          Lagrange-d'Alembert: constraints on velocities, multipliers, the reduced equations
-    with_friction      strong friction in place of the constraints, split into slow and fast
+- `LagrangianSystem` holds L(q, qdot, t) and forces, and gives Lagrange's equations.
+- `constrain` puts constraints on velocities, as Lagrange and d'Alembert do: multipliers and the reduced equations.
+- `with_friction` puts strong friction in place of the constraints, and splits what results into slow and fast.
 
 Equation numbers are those of J. Eldering, "Nonholonomic dynamics as limit of friction" (2015).
 """

@@ -12,6 +12,8 @@ from gsp.errors import DeclarationError
 
 # Seconds between two pictures of a bar in a notebook, each of which goes through its server.
 REDRAW = 0.2
+# Before this share the time goes into imports and compilation, which tell nothing about the rest.
+KNOWN_FROM = 0.05
 
 
 def progress_bar(description: str = "", *, left: bool = True) -> AbstractContextManager[Callable[..., None]]:
@@ -74,7 +76,7 @@ def _bar(share: float, stage: str, left: str) -> str:
 
 
 def _remaining(spent: float, share: float) -> str:
-    if not 0.0 < share <= 1.0:
+    if not KNOWN_FROM <= share <= 1.0:
         return ""
     seconds = round(spent * (1.0 - share) / share)
     return f", {seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d} left"
@@ -84,7 +86,7 @@ def _remaining(spent: float, share: float) -> str:
 def _in_marimo(description: str, left: bool) -> Iterator[Callable[..., None]]:
     import marimo  # pyright: ignore[reportMissingImports]
 
-    parts = 1000
+    parts = 100  # marimo prints both numbers: so many of a hundred
     with marimo.status.progress_bar(total=parts, title=description, remove_on_exit=True, show_eta=left) as bar:
         done = 0
 

@@ -143,6 +143,16 @@ def test_the_largest_epsilon_is_that_below_which_all_holds(van_der_pol):
         van_der_pol.holds_up_to(1, between=(5.0, 6.0))
 
 
+def test_progress_goes_on_through_both_maps():
+    shares: list[float] = []
+    failure_map(
+        models.load("michaelis_menten"), epsilons=(0.01, 0.02, 0.04), orders=(0,), positions=(0.5, 1.0), progress=shares.append
+    )  # fmt: skip
+    assert shares == sorted(set(shares))
+    assert shares[-1] == 1.0
+    assert sum(0.8 < share < 1.0 for share in shares) >= 3
+
+
 def test_tolerances_are_those_asked_for():
     found = failure_map(
         models.load("linear"), epsilons=(0.01, 0.02), positions=(0.5, 1.0), tolerances=(1e-6, 1e-3), orders=(0,)

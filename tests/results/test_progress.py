@@ -60,18 +60,25 @@ def test_a_notebook_shows_one_bar_and_clears_it(jupyter):
     assert jupyter[2] == ""
 
 
+def test_no_time_is_told_before_there_is_one_to_go_by(jupyter):
+    with progress.progress_bar("map") as show:
+        show(0.02)
+        show(0.06)
+    assert ["left" in bar for bar in jupyter] == [False, False, True, False]
+
+
 def test_a_notebook_is_cleared_after_an_error(jupyter):
     with pytest.raises(DeclarationError), progress.progress_bar("map"):
         raise DeclarationError("no")
     assert jupyter[-1] == ""
 
 
-def test_marimo_counts_in_thousandths(monkeypatch):
+def test_marimo_counts_in_hundredths(monkeypatch):
     moves = []
 
     @contextmanager
     def bar(**told):
-        assert told["total"] == 1000
+        assert told["total"] == 100
         yield types.SimpleNamespace(update=lambda step, title: moves.append((step, title)))
 
     module = types.ModuleType("marimo")
@@ -81,4 +88,4 @@ def test_marimo_counts_in_thousandths(monkeypatch):
         show(0.25)
         show(0.25)
         show(1.0, "end")
-    assert moves == [(250, "map"), (750, "end")]
+    assert moves == [(25, "map"), (75, "end")]
