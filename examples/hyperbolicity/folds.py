@@ -2,7 +2,8 @@
 Folds, followed
 ===============
 
-Folds of the critical manifold: FitzHugh-Nagumo's curve, its folds over the current, and Koper's sheet.
+The critical manifold is followed through its folds: as FitzHugh-Nagumo's curve, and as Koper's sheet. The folds of the
+curve are then followed over the current.
 """
 
 import sympy as sp

@@ -2,7 +2,7 @@
 Four ways to lose normal hyperbolicity
 ======================================
 
-Losses of normal hyperbolicity, named: four systems, each of which fails in its own way.
+Four systems lose normal hyperbolicity, each in its own way. `classify` names the loss and says what follows.
 """
 
 import numpy as np

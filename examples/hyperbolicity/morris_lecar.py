@@ -2,8 +2,8 @@
 The knees of a muscle fibre
 ===========================
 
-Morris and Lecar's barnacle muscle fibre. The knees of its critical manifold are the extrema of w over the
-voltage.
+Morris and Lecar model the muscle fibre of a barnacle. The knees of its critical manifold are the extrema of w over
+the voltage.
 
 Source: C. Morris and H. Lecar, Biophysical Journal 35 (1981) 193-213.
 """

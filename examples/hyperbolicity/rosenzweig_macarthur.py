@@ -2,7 +2,7 @@
 Prey, predators and a fold
 ==========================
 
-Prey that grows faster than its predator. The sheet of the prey has a fold, beyond which it collapses.
+The prey grows faster than its predator. The sheet of the prey has a fold, beyond which the prey collapses.
 
 Source: S. Rinaldi and S. Muratori, Ecological Modelling 61 (1992) 287-308.
 """

@@ -2,7 +2,7 @@
 Glycolysis and its fold
 =======================
 
-Sel'kov's model of glycolysis with fast product. On the critical manifold the slow rate is b - x.
+In Sel'kov's model of glycolysis the product is fast. On the critical manifold the slow rate is b - x.
 
 Source: S. H. Strogatz, Nonlinear Dynamics and Chaos, section 7.3.
 """

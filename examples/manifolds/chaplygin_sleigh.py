@@ -2,7 +2,8 @@
 The Chaplygin sleigh
 ====================
 
-The Chaplygin sleigh: friction w/epsilon, its slow momentum, equation (18), and how good each order is.
+The Chaplygin sleigh slides on a skate with the friction w/epsilon. The script finds its slow momentum, derives equation
+(18), and measures how good each order is.
 
 After J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015).
 """

@@ -25,6 +25,6 @@ for value in (0.1, 0.05, 0.025):
     print(f"epsilon = {value}: largest error of c, layer included, {errors[value]:.2e}")
 
 # %%
-# Of order 1: each halving of epsilon divides the error by about four.
+# The expansion is of order 1: each halving of epsilon divides the error by about four.
 assert 3.4 < errors[0.05] / errors[0.025] < 4.6
 axes = gsp.charts.composite(solution, name="c", full=full)

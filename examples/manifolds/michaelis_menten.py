@@ -2,7 +2,7 @@
 Michaelis and Menten's quasi-steady state
 =========================================
 
-Michaelis-Menten: is the quasi-steady state allowed, and what does the next order gain?
+Is the quasi-steady state of Michaelis and Menten allowed, and what does the next order gain?
 """
 
 import numpy as np

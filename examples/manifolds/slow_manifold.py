@@ -2,7 +2,8 @@
 Three routes to the slow manifold
 =================================
 
-The slow manifold itself: series, zero-derivative points and the solved manifold, on three kinds of system.
+The slow manifold is found by its series, at points by the zero-derivative principle, and by solving for it, on three
+kinds of system.
 """
 
 import warnings

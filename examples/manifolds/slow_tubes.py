@@ -2,7 +2,8 @@
 How small is small enough, proved
 =================================
 
-How small is small enough for Michaelis and Menten's reaction, and what its reduction costs, both proved.
+The script proves how small an epsilon is small enough for Michaelis and Menten's reaction, and what its reduction
+costs.
 """
 
 import numpy as np

@@ -2,7 +2,8 @@
 An implicit branch
 ==================
 
-Van der Pol's oscillator: an implicit cubic branch, its folds, and a reduced run beside the full one.
+The branch of van der Pol's oscillator is an implicit cubic. It has two folds, and a reduced run stays beside the full
+one.
 """
 
 import numpy as np

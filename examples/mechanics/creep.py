@@ -2,7 +2,7 @@
 A tyre creeps out of its bend
 =============================
 
-How far does it creep? A tyre in a bend, friction against sideways slip, and an answer in metres.
+How far does a tyre creep in a bend, when friction acts against its sideways slip? The answer is in metres.
 
 A quarter of a car rolls through a quarter circle on one tyre that turns at the rate v/radius. Small slip angles
 give a sideways force -C_alpha w/v, so friction is viscous with the coefficient c = C_alpha/v in kg/s, and

@@ -2,8 +2,8 @@
 The smallest nonholonomic system
 ================================
 
-A free particle with the constraint z' = y x'. It is the limit of friction against the slip z' - y x', and moves
-on a catenary.
+A free particle obeys the constraint z' = y x'. This is the limit of friction against the slip z' - y x', and the
+particle moves on a catenary.
 
 Source: R. M. Rosenberg, Analytical Dynamics of Discrete Systems (1977).
 """

@@ -2,7 +2,7 @@
 A ball and a disc that slip
 ===========================
 
-A ball that is thrown with slip and a disc that rolls on a circle: no slip as the limit of strong friction.
+A ball is thrown with slip, and a disc rolls on a circle. For both, no slip is the limit of strong friction.
 """
 
 import math

@@ -2,7 +2,7 @@
 The canard explosion
 ====================
 
-The canard explosion of van der Pol's oscillator: one family of cycles from the Hopf point to relaxation.
+One family of cycles of van der Pol's oscillator leads from the Hopf point through the canard explosion to relaxation.
 """
 
 import sympy as sp

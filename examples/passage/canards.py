@@ -2,7 +2,7 @@
 Canard values, exactly
 ======================
 
-Canards: the exact canard value of van der Pol's oscillator, and the folded node of Koper's model.
+The canard value of van der Pol's oscillator is an exact series. Koper's model has a folded node.
 """
 
 import sympy as sp
@@ -25,7 +25,8 @@ for point in gsp.folded_singularities(koper, region={"x": (0.5, 1.5), "y": (-2, 
     print(f"{point.kind} at {point.point}: mu = {float(point.mu):.12f}, s_max = {point.s_max}")
 
 # %%
-# The first coefficients are those that Zvonkin and Shubin gave. The terms fall, then rise: the series is asymptotic.
+# The first coefficients are those that Zvonkin and Shubin gave. They grow ever faster: the series
+# is asymptotic.
 assert list(canard.coefficients[:4]) == [1, sp.Rational(-1, 8), sp.Rational(-3, 32), sp.Rational(-173, 1024)]
 axes = Figure(figsize=(6.4, 3.6), layout="constrained").subplots()
 for small in (0.01, 0.05, 0.1):

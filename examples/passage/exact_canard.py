@@ -2,7 +2,7 @@
 A canard that is known exactly
 ==============================
 
-The parabola x^2 - epsilon/2 is invariant in the system epsilon x' = x^2 - y, y' = x - a when a = 0: its canard
+The parabola y = x^2 - epsilon/2 is invariant in the system epsilon x' = x^2 - y, y' = x - a when a = 0: its canard
 value is zero to every order.
 """
 

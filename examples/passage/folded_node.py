@@ -2,7 +2,7 @@
 Canards of a folded node
 ========================
 
-Canards of a folded node: the self-coupled FitzHugh-Nagumo system, some of them followed in epsilon.
+The self-coupled FitzHugh-Nagumo system has a folded node. The script finds its canards and follows one in epsilon.
 """
 
 import sympy as sp

@@ -2,7 +2,7 @@
 Past a fold, and a delayed exit
 ===============================
 
-Passage: Omega_0 from exits behind a fold, and a delayed Hopf exit that double precision cannot hold.
+Exits behind a fold give the constant Omega_0. A delayed exit at a Hopf point asks for more digits than doubles have.
 """
 
 import sympy as sp

@@ -2,7 +2,8 @@
 The period of a relaxation oscillation
 ======================================
 
-Relaxation: van der Pol's period from its singular orbit against the full system, and Koper's mixed modes.
+Van der Pol's period follows from its singular orbit and is set against that of the full system. Koper's mixed modes are
+counted.
 """
 
 import math

@@ -2,7 +2,7 @@
 What a scene needs
 ==================
 
-What a scene needs: predicted errors and costs of every model, and a relaxation oscillation run by two of them.
+`choose` predicts error and cost of every model. `simulate` runs a relaxation oscillation by two of them in turn.
 """
 
 from dataclasses import replace

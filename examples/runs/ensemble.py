@@ -2,7 +2,7 @@
 Two thousand sleighs
 ====================
 
-A cloud of sleighs lands on the slow manifold: how fast, and what a spread of a parameter does to the end.
+How fast does a cloud of sleighs land on the slow manifold, and what does a spread of a parameter do to the end?
 """
 
 import time

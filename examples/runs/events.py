@@ -2,7 +2,8 @@
 Periods by events
 =================
 
-Events: return times of a relaxation oscillation, the jump from a fold, and where reduced flows end.
+Events give the return times of a relaxation oscillation and stop a run in its jump from a fold. Reduced flows end by
+themselves.
 """
 
 import numpy as np

@@ -2,7 +2,8 @@
 Results as tables
 =================
 
-What was measured goes to pandas and xarray with its names: here the runs of an ensemble, and errors of reduced flows.
+What was measured goes to pandas and xarray with its names. Here these are the runs of an ensemble, and errors of
+reduced flows.
 """
 
 import numpy as np

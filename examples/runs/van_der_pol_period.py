@@ -2,7 +2,7 @@
 Van der Pol's period to fifteen digits
 ======================================
 
-A closed orbit solved as a boundary value problem, with its Floquet multipliers.
+A closed orbit is solved for as a boundary value problem, which gives its Floquet multipliers too.
 """
 
 import sympy as sp

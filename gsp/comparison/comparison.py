@@ -115,7 +115,7 @@ def compare(
     orders: Sequence[int] = (0, 1, 2, 3),
     epsilons: Sequence[float] | None = None,
     correction: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Comparison:
     """Error of the reduced flow of each order against the full system, over the scene's ladder of epsilons.
 

@@ -145,9 +145,10 @@ def test_the_largest_epsilon_is_that_below_which_all_holds(van_der_pol):
 
 def test_progress_goes_on_through_both_maps():
     shares: list[float] = []
+    small, places = (0.01, 0.02, 0.04), (0.5, 1.0)
     failure_map(
-        models.load("michaelis_menten"), epsilons=(0.01, 0.02, 0.04), orders=(0,), positions=(0.5, 1.0), progress=shares.append
-    )  # fmt: skip
+        models.load("michaelis_menten"), epsilons=small, orders=(0,), positions=places, progress=shares.append
+    )
     assert shares == sorted(set(shares))
     assert shares[-1] == 1.0
     assert sum(0.8 < share < 1.0 for share in shares) >= 3
