@@ -259,7 +259,7 @@ def restrict(
         order=cut.order,
         states=(*states, *driven),
         rates=tuple(rates),
-        observables=MappingProxyType(observables),
+        observables=MappingProxyType({symbol: real_or_nan(value) for symbol, value in observables.items()}),
         epsilon=epsilon,
         driven=driven,
         base=tuple(total([cut.chart.elements[s]]) for s in system.states),
@@ -270,6 +270,11 @@ def restrict(
         ),
         driven_rates=tuple(_own(rate, system) for rate in rates_driven.values()),
     )
+
+
+def real_or_nan(value: sp.Expr) -> sp.Expr:
+    """`value`, or nan where it is infinite or imaginary whatever the variables are, as 1/(y - h(x)) on y = h(x) is."""
+    return sp.nan if value.has(sp.zoo, sp.oo, -sp.oo, sp.nan, sp.I) else value
 
 
 def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:

@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError
+from gsp.integration.reduced_flow import real_or_nan
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.declaration import exact
@@ -87,7 +88,8 @@ def flow_on(
     driven = dict(reconstruction or {})
     rates = [rate.xreplace(values).xreplace(heights) for rate in system.f]
     rates += [sp.sympify(rate, strict=True).xreplace(values).xreplace(observables) for rate in driven.values()]
-    return SurfaceFlow(manifold, (*system.x, *driven), tuple(rates), observables)
+    shown = {symbol: real_or_nan(value) for symbol, value in observables.items()}
+    return SurfaceFlow(manifold, (*system.x, *driven), tuple(rates), shown)
 
 
 def _expressions(surface: ChebyshevSurface, x: tuple[sp.Symbol, ...]) -> list[sp.Expr]:

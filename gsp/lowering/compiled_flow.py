@@ -301,6 +301,10 @@ class CompiledStep:
 @remembered
 def compile_flow(flow: Flow) -> CompiledFlow:
     """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
+    unknown = next((str(state) for state, rate in zip(flow.states, flow.rates) if rate.has(sp.nan)), None)
+    if unknown is not None:
+        # An observable may have no value anywhere, and is nan then; a rate may not.
+        raise UnsupportedFunctionError(f"the rate of {unknown} is nan. Write the expression in real terms.")
     code = FlowCode(tuple(flow.states), tuple(map(exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
 

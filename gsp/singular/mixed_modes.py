@@ -19,6 +19,7 @@ from gsp.integration.events import Event
 from gsp.integration.loop import check_span
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.flow import Flow, Point
 
@@ -29,7 +30,7 @@ NOISE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MixedMode(Drawn):
+class MixedMode(Drawn, Tabular):
     """Swings of the variable `name` along `run`: `times` (k,) of the maxima, `sizes` (k,) of the rises before them.
 
     `is_large` (k,) tells large from small. `pattern` is the repeating unit ((L, s), ...) of what follows the first

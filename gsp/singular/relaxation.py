@@ -28,6 +28,7 @@ from gsp.errors import BranchError, GspError, HyperbolicityError, Status
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.singular.passage import FoldPassage, PassageError, fold_passage
 from gsp.singular.passage.folds import omega0
 from gsp.slow.series import expand
@@ -66,7 +67,7 @@ class SlowPiece:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SingularOrbit(Drawn):
+class SingularOrbit(Drawn, Tabular):
     """Slow `pieces` in order, each but the last followed by the drop from its fold.
 
     When it `closes`, the last `period_pieces` of them make up the closed orbit, each followed by a drop, and

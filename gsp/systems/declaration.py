@@ -206,6 +206,13 @@ def _check_at_values(
         if not used:
             continue
         at = {symbol: values[symbol] for symbol in used}
+        if isinstance(piece, sp.exp):
+            # SymPy makes z**c of exp(c*log(z)) as soon as c is a number.
+            for base, exponent in _hidden_powers(piece.args[0].xreplace(at)):
+                if is_long_power(base, exponent) or abs(exponent) > DEGREE:
+                    refuse(
+                        piece, "is too long to be written out", "Rescale the variables, or write it as a power."
+                    )
         if isinstance(piece, sp.Pow):
             base, exponent = (part.xreplace(at) for part in piece.args)
             if is_long_power(base, exponent):
@@ -225,6 +232,14 @@ def _check_at_values(
                 refuse(piece, "is not real and finite", "Keep its arguments in its domain.")
             if abs(number) > LARGEST:
                 refuse(piece, f"lies beyond {LARGEST:g}", "Rescale the variables.")
+
+
+def _hidden_powers(argument: sp.Expr) -> Iterator[tuple[sp.Expr, sp.Expr]]:
+    """z and c of each c*log(z) among the terms of an exponent."""
+    for term in sp.Add.make_args(argument):
+        factor, rest = term.as_coeff_Mul()
+        if isinstance(rest, sp.log):
+            yield rest.args[0], factor
 
 
 def _innermost_first(

@@ -17,9 +17,12 @@ from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.singular.mixed_modes import MixedMode
+from gsp.singular.passage import FoldPassage
+from gsp.singular.relaxation import SingularOrbit
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
-from gsp.tables import comparisons, manifolds, runs
+from gsp.tables import comparisons, manifolds, passages, runs
 from gsp.tables.table import Column, Table
 
 __all__ = ["Column", "Table", "table_of"]
@@ -34,11 +37,14 @@ _TABLES: Mapping[type, Callable[[Any], Table]] = {
     Ensemble: runs.ensemble,
     FailureMap: comparisons.failure_map,
     FoldCurve: manifolds.curve,
+    FoldPassage: passages.fold_passage,
     MethodTable: comparisons.method_table,
+    MixedMode: passages.mixed_mode,
     OrbitFamily: runs.orbit_family,
     PeriodicOrbit: runs.periodic_orbit,
     SampledManifold: manifolds.sampled_manifold,
     Simulation: runs.simulation,
+    SingularOrbit: passages.singular_orbit,
     SlowPoints: manifolds.slow_points,
     Trajectory: runs.trajectory,
     WorkPrecision: comparisons.work_precision,

@@ -13,12 +13,12 @@ from gsp.integration.trajectory import Trajectory
 from gsp.orbits.canard_orbits import CanardOrbits
 from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
 from gsp.systems.flow import Flow
-from gsp.tables.table import Column, Names, Table, complexes, numbers, texts
+from gsp.tables.table import Column, Names, Table, complexes, names_of, numbers, texts
 
 
 def trajectory(run: Trajectory) -> Table:
     """States and observables over t; with events the crossings, in the order of the events."""
-    names, constants = _names(run.flow), _constants(run.flow, run.epsilon)
+    names, constants = names_of(run.flow), _constants(run.flow, run.epsilon)
     time = names("t")
     variables = {name: Column((time,), run[name]) for name in _quantities(run.flow)}
     coordinates = {time: Column((time,), run.t), **_scalars(constants)}
@@ -37,7 +37,7 @@ def trajectory(run: Trajectory) -> Table:
 
 def ensemble(runs: Ensemble) -> Table:
     """States and observables over member and t, with what each member was given and how it ended."""
-    names = _names(runs.flow)
+    names = names_of(runs.flow)
     member, time = names("member"), names("t")
     over = (member,)
     coordinates = {member: Column(over, np.arange(len(runs))), time: Column((time,), runs.t)}
@@ -86,7 +86,7 @@ def composite_solution(found: CompositeSolution) -> Table:
 
 def canard_orbits(found: CanardOrbits) -> Table:
     """A row for each canard: which one it is, where it crosses the section, and how well it is known."""
-    names = _names(found.system)
+    names = names_of(found.system)
     canard = names("canard")
     over = (canard,)
     canards = found.canards
@@ -108,7 +108,7 @@ def canard_orbits(found: CanardOrbits) -> Table:
 
 def periodic_orbit(orbit: PeriodicOrbit) -> Table:
     """States and observables over the phase, and the multipliers."""
-    names = _names(orbit.flow)
+    names = names_of(orbit.flow)
     phase, which = names("phase"), names("multiplier")
     phases = orbit.phases
     coordinates = {
@@ -127,7 +127,7 @@ def periodic_orbit(orbit: PeriodicOrbit) -> Table:
 
 def orbit_family(family: OrbitFamily) -> Table:
     """A row for each orbit: the parameter, period, extent and multipliers."""
-    names = _names(family.flow)
+    names = names_of(family.flow)
     orbit, which = names("orbit"), names("multiplier")
     over = (orbit,)
     constants = family.orbits[0].constants
@@ -146,11 +146,6 @@ def orbit_family(family: OrbitFamily) -> Table:
     variables |= complexes(which, (orbit, which), np.array([o.multipliers for o in family.orbits]))
     told = {"status": family.status.name, "message": family.message, "parameter": family.parameter}
     return Table("OrbitFamily", coordinates, variables, told, (orbit,))
-
-
-def _names(flow: Flow) -> Names:
-    symbols = (*flow.states, *flow.observables, *flow.parameters)
-    return Names([*(s.name for s in symbols), *([] if flow.epsilon is None else [str(flow.epsilon)])])
 
 
 def _quantities(flow: Flow) -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from gsp.errors import OutputError
 from gsp.results.plain import plain
+from gsp.systems.flow import Flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,12 @@ class Names:
             name += "_"
         self._taken.add(name)
         return name
+
+
+def names_of(flow: Flow) -> Names:
+    """Names with those of a flow's states, observables and parameters taken."""
+    symbols = (*flow.states, *flow.observables, *flow.parameters)
+    return Names([*(s.name for s in symbols), *([] if flow.epsilon is None else [str(flow.epsilon)])])
 
 
 def library(name: str, what: str) -> Any:

@@ -123,6 +123,10 @@ REFUSED = {
         lambda: standard(f=sp.Rational(1, 10) ** (a + x), parameters={a: 10**8}),
         r"\(1/10\)\*\*\(a \+ x\) is too long to be written out",
     ),
+    "a power hidden in an exponential": (
+        lambda: standard(f=sp.exp(a * sp.log(5400 / x)), parameters={a: sp.Rational(-34686008, 15078125)}),
+        r"exp\(a\*log\(5400/x\)\) is too long to be written out. Got a = -34686008/15078125",
+    ),
     "a root to a large parameter": (
         lambda: standard(f=sp.sqrt(sp.Rational(1, 10)) ** a * x, parameters={a: 10**8}),
         r"\*\*a is too long to be written out. Got a = 100000000",

@@ -34,7 +34,7 @@ def nested(values: list, shape: list[int]) -> None:
 def test_what_is_a_table_or_a_grid_is_tabular() -> None:
     assert set(TABULAR) == {
         "CanardOrbits", "Choice", "Comparison", "CompositeSolution", "CriticalCurve", "CriticalSheet",
-        "Ensemble", "FailureMap", "FoldCurve", "MethodTable",
+        "Ensemble", "FailureMap", "FoldCurve", "FoldPassage", "MethodTable", "MixedMode", "SingularOrbit",
         "OrbitFamily", "PeriodicOrbit", "SampledManifold", "Simulation", "SlowPoints", "Trajectory", "WorkPrecision",
     }  # fmt: skip
 
@@ -118,6 +118,37 @@ def test_events_lie_along_a_dimension_of_their_own() -> None:
     np.testing.assert_array_equal(data.event_t.values, [run.events[n].times[0] for n in ("at_0", "at_1")])
     np.testing.assert_allclose(data.event_s.values, [0.8, 0.5], rtol=1e-8)
     assert len(run.to_pandas()) == run.t.size
+
+
+def test_a_singular_orbit_by_point_and_piece() -> None:
+    orbit = noun("SingularOrbit")
+    data, frame = orbit.to_xarray(), orbit.to_pandas()
+    np.testing.assert_array_equal(data.x.values, np.concatenate([piece.run["x"] for piece in orbit.pieces]))
+    assert data.duration.values.tolist() == [piece.duration for piece in orbit.pieces]
+    assert np.all(np.diff(data.t.values) >= 0.0)
+    assert data.t.values[-1] == pytest.approx(sum(piece.duration for piece in orbit.pieces))
+    folds = [np.nan if piece.fold is None else piece.fold.point["x"] for piece in orbit.pieces]
+    np.testing.assert_array_equal(data.fold_x.values, folds)
+    # A drop changes the fast variable alone, and the next piece begins where it lands.
+    begins = [piece.run["x"][0] for piece in orbit.pieces[1:]]
+    np.testing.assert_allclose(data.landing_x.values[: len(begins)], begins, rtol=1e-6)
+    np.testing.assert_array_equal(data.landing_y.values, data.fold_y.values)
+    assert data.attrs["T_0"] == orbit.coefficients[0]
+    assert len(frame) == data.sizes["point"]
+
+
+def test_swings_are_rows_and_a_passage_has_its_numbers() -> None:
+    mode = noun("MixedMode")
+    frame = mode.to_pandas()
+    assert frame["size"].tolist() == mode.sizes.tolist()
+    assert frame["t"].tolist() == mode.times.tolist()
+    assert frame.attrs["signature"] == mode.signature
+    passage = noun("FoldPassage")
+    data = passage.to_xarray()
+    assert data.leading.values.tolist() == passage.leading.tolist()
+    assert data.slow.values.tolist() == [s.name for s in passage.system.x]
+    assert data.fast_fold.values.tolist() == passage.y0.tolist()
+    assert (data.attrs["a"], data.attrs["b"]) == (passage.a, passage.b)
 
 
 def test_an_ensemble_by_member_and_time() -> None:

@@ -279,7 +279,9 @@ def _is_negated(term: Any) -> bool:
 
 
 def nearest_double(number: Any) -> float:
-    """The double nearest to an exact real constant; infinite when it is beyond the largest."""
+    """The double nearest to an exact real constant; infinite when it is beyond the largest, nan for SymPy's nan."""
+    if number is sp.nan:
+        return float("nan")
     if isinstance(number, sp.Rational):
         try:
             return float(Fraction(int(number.p), int(number.q)))

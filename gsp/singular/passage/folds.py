@@ -36,6 +36,7 @@ from gsp.critical.singularity import identity, singular_near
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
+from gsp.results.tabular import Tabular
 from gsp.singular.passage.drop import Drop, drop_from
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun
@@ -58,7 +59,7 @@ def omega0() -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoldPassage(Card):
+class FoldPassage(Card, Tabular):
     """What happens at a fold that the slow flow runs into: equations (1) and (2), and the drop.
 
     `point` is the fold (x_0, y_0) by name; `right` and `left` (n_fast,) are r and l; `a`, `b`, `c`, `d` the numbers of
