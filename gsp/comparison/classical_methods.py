@@ -31,7 +31,7 @@ CONVERGED = 4e-16
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
 # resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
 # Coefficients below NOISE, relative to the largest value, are dropped before differentiating.
-LARGEST_DIMENSION, FIRST, RESOLVED, LOSS, MOST_POINTS = 3, 9, 1e-13, 100.0, 40_000
+LARGEST_DIMENSION, FIRST, RESOLVED, LOSS, MOST_POINTS = 3, 9, 1e-13, 100.0, 20_000
 NOISE = 2e-15
 
 
@@ -171,21 +171,52 @@ def fraser_roussel(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: i
         )
     if iterates == 0:
         return quasi_steady_state(branch, x)
-    model = Model(branch.system, epsilon)
-    low, high = x.min(axis=0), x.max(axis=0)
-    flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
-    slopes = _iterated(branch, model, np.stack([low - flat, high + flat], axis=1), iterates - 1).derivative(x)
-    found = _solved(model, x, branch.points(x), lambda z, jacobian: slopes)
-    return Points(found.y, model.evaluations / len(x))
+    found = FraserRoussel.over(branch, x, epsilon=epsilon, iterates=iterates)
+    points = found.points(x, iterates)
+    return Points(points.y, points.evaluations + found.evaluations / len(x))
 
 
-def _iterated(branch: Branch, model: Model, box: np.ndarray, iterates: int) -> ChebyshevSurface:
-    """The interpolant of the iterate h_k, on a grid fine enough for all of them."""
+@dataclass(frozen=True, eq=False)
+class FraserRoussel:
+    """The iterates h_0 to h_(k-1) at one epsilon as `surfaces` on one grid over a box: what no single point needs.
+
+    `evaluations` of the model were spent on them; `resolved` says whether `MOST_POINTS` points were enough.
+    """
+
+    branch: Branch
+    epsilon: float
+    surfaces: tuple[ChebyshevSurface, ...]
+    evaluations: int
+    resolved: bool
+
+    @staticmethod
+    def over(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: int) -> FraserRoussel:
+        """On the box that contains the points `x` (m, n_slow), for iterates through `iterates`."""
+        model = Model(branch.system, epsilon)
+        low, high = x.min(axis=0), x.max(axis=0)
+        flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
+        box = np.stack([low - flat, high + flat], axis=1)
+        surfaces, resolved = _iterated(branch, model, box, iterates - 1) if iterates else ([], True)
+        return FraserRoussel(branch, epsilon, tuple(surfaces), model.evaluations, resolved)
+
+    def points(self, x: np.ndarray, iterate: int) -> Points:
+        """h_k at points of the box, k from 0 to the number of surfaces."""
+        if iterate == 0:
+            return quasi_steady_state(self.branch, x)
+        model = Model(self.branch.system, self.epsilon)
+        slopes = self.surfaces[iterate - 1].derivative(x)
+        return _solved(model, x, self.branch.points(x), lambda z, jacobian: slopes)
+
+
+def _iterated(
+    branch: Branch, model: Model, box: np.ndarray, iterates: int
+) -> tuple[list[ChebyshevSurface], bool]:
+    """Interpolants of the iterates h_0 to h_k on a grid fine enough for all of them, if it may be so fine."""
     sizes = [FIRST] * len(box)
     while True:
         grid = nodes(box, sizes).reshape(-1, len(box))
         y = start = branch.points(grid)
-        finer = sizes
+        finer, surfaces, resolved = sizes, [], True
         for k in range(iterates + 1):
             surface = interpolate(box, y.reshape(*sizes, -1))
             scale = float(np.abs(y).max()) or 1.0
@@ -193,13 +224,14 @@ def _iterated(branch: Branch, model: Model, box: np.ndarray, iterates: int) -> C
             finer = [2 * n - 1 if r else n for n, r in zip(sizes, rough)]
             if rough.any() and np.prod(finer) <= MOST_POINTS:
                 break
-            finer = sizes
+            finer, resolved = sizes, resolved and not rough.any()
             surface = surface.chopped(NOISE * scale * max(sizes))
+            surfaces.append(surface)
             if k < iterates:
                 slopes = surface.derivative(grid)
                 y = _solved(model, grid, start, lambda z, jacobian, S=slopes: S).y
         if finer == sizes:
-            return surface
+            return surfaces, resolved
         sizes = finer
 
 

@@ -13,10 +13,20 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.comparison.classical_methods import Points, csp, fraser_roussel, ildm, quasi_steady_state
+from gsp.comparison.classical_methods import (
+    MOST_POINTS as MOST_NODES,
+)
+from gsp.comparison.classical_methods import (
+    FraserRoussel,
+    Points,
+    csp,
+    ildm,
+    quasi_steady_state,
+)
 from gsp.comparison.comparison import slope
+from gsp.comparison.references import reference_at
 from gsp.critical.branch import Branch
-from gsp.errors import BudgetError, DeclarationError, Status, unknown_name
+from gsp.errors import BudgetError, DeclarationError, unknown_name
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
@@ -33,8 +43,8 @@ from gsp.systems.region import Interval
 # ends, where the slow manifold is not determined by what is inside.
 AXIS_POINTS = {1: 33, 2: 9, 3: 5}
 MARGIN = 0.05
-# The reference: tolerance of the solved manifold, and the error above which pointwise values replace it.
-TOLERANCE, TRUSTED = 1e-13, 1e-9
+# Points at which the solved manifold may be solved for at each epsilon, before it is told as far as it is resolved.
+MOST_POINTS = 1100
 # Costs are measured on at least this many points, as the best of so many runs.
 TIMED_POINTS, RUNS = 1000, 3
 
@@ -74,7 +84,8 @@ class MethodTable(Drawn, Tabular):
 
     `references[i]` says what the reference was at `epsilons[i]`, and `disagreement[i]` how far the zero-derivative
     principle at its best order is from it: much more than its floor where that principle has reached its limit.
-    `omitted` says of methods that are left out why: too many slow variables for them, or too long a series.
+    `omitted` says of methods that are left out why: too many slow variables for them, or too long a series; `endings`,
+    by method and epsilon, how those ended that solve over the whole box and fell short of their tolerance.
     """
 
     scene: Scene
@@ -85,6 +96,7 @@ class MethodTable(Drawn, Tabular):
     references: tuple[str, ...]
     disagreement: tuple[float, ...]
     omitted: Mapping[str, str] = field(default_factory=dict)
+    endings: Mapping[tuple[str, float], str] = field(default_factory=dict)
 
     def __getitem__(self, label: str) -> MethodRow:
         for row in self.rows:
@@ -126,6 +138,7 @@ class MethodTable(Drawn, Tabular):
         for name, values in (("its error", self.floor), ("second route", self.disagreement)):
             lines.append(f"  {name:<{len(indent) - 2}}" + "  ".join(f"{value:8.1e}" for value in values))
         lines += [f"  omitted: {name}: {reason}" for name, reason in self.omitted.items()]
+        lines += [f"  {name} at epsilon = {e:g}: {ending}" for (name, e), ending in self.endings.items()]
         return "\n".join(lines)
 
 
@@ -141,9 +154,10 @@ def method_table(
     """All methods on one scene's branch, at `points` (m, n_slow) or a grid in its region, over its ladder of epsilons.
 
     CSP is refined as often as `refinements` says, Fraser-Roussel iterated as `iterates`; the zero-derivative
-    principle and the series go through `orders`. The reference is the solved manifold at a tight tolerance, its error
-    estimate checked against the zero-derivative principle; where it cannot be solved, the latter. Raises what the
-    stages raise.
+    principle and the series go through `orders`. The reference are orbit segments through the very points, their error
+    estimate checked against the zero-derivative principle; where they cannot be solved, the latter. The solved manifold
+    takes at most `MOST_POINTS` points at each epsilon; `endings` says how far that resolves it. Raises
+    what the stages raise.
 
     >>> from gsp import models
     >>> from gsp.comparison.classical_table import method_table
@@ -167,14 +181,17 @@ def method_table(
     x = _grid(branch, box) if points is None else points
     gridded = len(branch.system.x) <= LARGEST_GRID
     solved = {e: _solved(branch, x, e) for e in ladder} if gridded else {}
-    found = [_reference(branch, x, e, solved[e].manifold if gridded else None) for e in ladder]
-    reference, floor, sources, disagreement = zip(*found)
+    iterated = {e: _iterated(branch, x, e, chosen["iterates"]) for e in ladder} if gridded else {}
+    references = [reference_at(branch, x, e) for e in ladder]
+    floor = tuple(reference.error for reference in references)
     rows = []
-    for method in _methods(study, solved, **chosen):
+    for method in _methods(study, solved, iterated, **chosen):
         errors = []
-        for e, y in zip(ladder, reference):
+        for e, reference in zip(ladder, references):
             found = method.prepare(e)(x).y
-            errors.append(float(np.abs(found - y).max()) if np.isfinite(found).all() else float("nan"))
+            errors.append(
+                float(np.abs(found - reference.y).max()) if np.isfinite(found).all() else float("nan")
+            )
         cost, evaluations, preparation = _cost(method, x, ladder[-1])
         rows.append(
             MethodRow(
@@ -194,10 +211,21 @@ def method_table(
         ladder,
         tuple(rows),
         floor,
-        sources,
-        disagreement,
+        tuple(reference.source for reference in references),
+        tuple(reference.second_route for reference in references),
         MappingProxyType(_omitted(study, gridded, chosen["orders"])),
+        MappingProxyType(_endings(solved, iterated)),
     )
+
+
+def _endings(
+    solved: Mapping[float, _Solved], iterated: Mapping[float, _Iterated]
+) -> dict[tuple[str, float], str]:
+    """What fell short of its tolerance, by method and epsilon, and how."""
+    told = f"{MOST_NODES} points do not resolve the iterates, from which the slopes are taken"
+    rough = {("Fraser-Roussel", e): told for e, made in iterated.items() if not made.found.resolved}
+    short = {("solved", e): s.manifold for e, s in solved.items() if not s.manifold.status.ok}
+    return rough | {key: manifold.message for key, manifold in short.items()}
 
 
 def _omitted(study: Study, gridded: bool, orders: Sequence[int]) -> dict[str, str]:
@@ -245,8 +273,22 @@ class _Solved:
         return Points(self.manifold.evaluate(x), 0.0)
 
 
+@dataclass(frozen=True)
+class _Iterated:
+    """The Fraser-Roussel iterates over the box of the points, all on one grid, and the seconds they took."""
+
+    found: FraserRoussel
+    seconds: float
+
+
 def _methods(
-    study: Study, solved: Mapping[float, _Solved], *, refinements, iterates, orders
+    study: Study,
+    solved: Mapping[float, _Solved],
+    iterated: Mapping[float, _Iterated],
+    *,
+    refinements,
+    iterates,
+    orders,
 ) -> Iterator[_Method]:
     branch, series = study.branch, _short(study, orders)
 
@@ -257,8 +299,9 @@ def _methods(
     yield _Method("ILDM", None, 2, direct(ildm))
     for q in refinements:
         yield _Method("CSP", q, q + 1, direct(csp, refinements=q))
-    for k in iterates if solved else ():
-        yield _Method("Fraser-Roussel", k, k + 1, direct(fraser_roussel, iterates=k))
+    for k in iterates if iterated else ():
+        made = iterated[min(iterated)].seconds
+        yield _Method("Fraser-Roussel", k, k + 1, lambda e, k=k: lambda x: iterated[e].found.points(x, k), made)
     for m in orders:
         yield _Method("zero-derivative", m, m + 1, lambda epsilon, m=m: _zero_derivative(branch, epsilon, m))
     for n in orders:
@@ -285,8 +328,14 @@ def _series(series: SeriesManifold, epsilon: float) -> Evaluator:
 
 def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _Solved:
     begun = time.perf_counter()
-    manifold = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon)
+    manifold = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon, max_points=MOST_POINTS)
     return _Solved(manifold, time.perf_counter() - begun)
+
+
+def _iterated(branch: Branch, x: np.ndarray, epsilon: float, iterates: Sequence[int]) -> _Iterated:
+    begun = time.perf_counter()
+    found = FraserRoussel.over(branch, x, epsilon=epsilon, iterates=max(iterates, default=0))
+    return _Iterated(found, time.perf_counter() - begun)
 
 
 def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
@@ -294,31 +343,6 @@ def _box(branch: Branch, x: np.ndarray) -> dict[str, Interval]:
     low, high = x.min(axis=0), x.max(axis=0)
     flat = np.where(high > low, 0.0, 1e-3 * (1.0 + np.abs(low)))
     return {s.name: (float(a), float(b)) for s, a, b in zip(branch.system.x, low - flat, high + flat)}
-
-
-def _reference(
-    branch: Branch, x: np.ndarray, epsilon: float, loose: SampledManifold | None
-) -> tuple[np.ndarray, float, str, float]:
-    """h at the points, its error, where it is from, and the distance of the second route."""
-    least = 4 * np.finfo(float).eps
-    pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
-    what = "more than three slow variables take pointwise methods only"
-    if loose is not None:
-        what = loose.message
-    if loose is not None and loose.error_estimate <= TRUSTED:
-        # Solved to a tolerance near rounding it may end short of it; what counts is the error it estimates.
-        tight = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon, tolerance=TOLERANCE)
-        solved = min(loose, tight, key=lambda manifold: manifold.error_estimate)
-        y = solved.evaluate(x)
-        error = max(solved.error_estimate, least * (1.0 + float(np.abs(y).max())))
-        return y, error, "solved manifold", float(np.abs(pointwise.y - y).max())
-    if pointwise.status is not Status.SUCCESS:
-        raise DeclarationError(
-            f"there is no reference at epsilon = {epsilon:g}: {what}; {pointwise.message}. "
-            "Move the points, shrink the region or take smaller epsilons."
-        )
-    error = max(float(np.max(pointwise.error)), least * (1.0 + float(np.abs(pointwise.y).max())))
-    return pointwise.y, error, "zero-derivative principle", float("nan")
 
 
 def _cost(method: _Method, x: np.ndarray, epsilon: float) -> tuple[float, float, float]:

@@ -104,21 +104,27 @@ class SegmentSolver:
         goal = np.clip(np.log(np.maximum(drift, 1e-300) / (SHARE * SHARE * self.tolerance)), SHORTEST, LONGEST)
         result = self._attempt(x, y, goal)
         for _ in range(EXTENSIONS):
-            short = (result.selection > SHARE * self.tolerance) & ~result.cut & (goal < LONGEST)
+            # A longer segment only where this one was solved: what failed is too long already.
+            short = np.isfinite(result.selection) & (result.selection > SHARE * self.tolerance)
+            short &= ~result.cut & (goal < LONGEST)
             if not short.any():
                 break
             wanted = 3.0 + np.log(result.selection[short] / (SHARE * self.tolerance))
             goal[short] = np.minimum(goal[short] + wanted, LONGEST)
             _replace(result, short, self._attempt(x[short], y[short], goal[short]))
         goal = np.minimum(goal, result.decayed)
+        hopeful = np.ones(len(x), dtype=bool)
         for _ in range(RETREATS):
             # An orbit on its way to a fold, say: a shorter segment may be solved where the whole one is not, or badly.
-            poor = np.array([not status.ok for status in result.status])
-            poor |= result.cut & (result.error > self.tolerance)
+            failed = np.array([not status.ok for status in result.status])
+            poor = failed | (hopeful & result.cut & (result.error > self.tolerance))
             if not poor.any():
                 break
             goal[poor] *= RETREAT
+            before = result.error[poor]
             _replace(result, poor, self._attempt(x[poor], y[poor], goal[poor], cut=True))
+            # Once shortening loses more than it mends it is over.
+            hopeful[poor] = result.error[poor] < before
         return result
 
     # -- one attempt -------------------------------------------------------------------------------
@@ -273,12 +279,18 @@ class SegmentSolver:
         return status, reached, iterations
 
     def _refine_guess(self, problem: SegmentProblem, rows: np.ndarray, epsilon: float) -> None:
-        """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges."""
-        for array in (problem.z, problem.stages):
-            part = array[rows]
-            flat = part.reshape(-1, part.shape[-1])
-            flat[:, len(self.system.x) :] = self._improved(flat, epsilon, order=GUESS_ORDER)
-            array[rows] = flat.reshape(part.shape)
+        """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges.
+
+        At the ends of the elements that are used; the stages are corrected by what is linear between them.
+        """
+        nx = len(self.system.x)
+        z = problem.z[rows]
+        used = np.arange(z.shape[1]) <= problem.counts[rows, None]
+        change = np.zeros((*z.shape[:2], z.shape[2] - nx))
+        change[used] = self._improved(z[used], epsilon, order=GUESS_ORDER) - z[used][:, nx:]
+        c = SCHEME.c[:, None]
+        problem.z[rows, :, nx:] += change
+        problem.stages[rows, :, :, nx:] += (1 - c) * change[:, :-1, None] + c * change[:, 1:, None]
 
     def _improved(self, z: np.ndarray, epsilon: float, *, order: int | None) -> np.ndarray:
         nx = len(self.system.x)

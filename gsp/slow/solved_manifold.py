@@ -7,6 +7,7 @@ followed forward from upstream, a repelling one backward from downstream, one of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -21,7 +22,7 @@ from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.sampled_manifold import SampledManifold, defect_of
 from gsp.slow.slow_track import divide
-from gsp.systems.arguments import check_noun, check_number
+from gsp.systems.arguments import check_noun, check_number, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import Interval, check_region
 
@@ -43,13 +44,15 @@ def solve_manifold(
     region: Mapping[str, Interval] | Mapping[sp.Symbol, Interval],
     epsilon: float,
     tolerance: float = 1e-10,
+    max_points: int | None = None,
 ) -> SampledManifold:
     """The slow manifold over the box `region` of one to three slow variables, as a `SampledManifold`.
 
     At Chebyshev points of the box orbit segments of the full flow are solved; the degree of the interpolant is
-    raised until its coefficients are below `tolerance`, relative to the size of y or 1. Segments may leave the
-    region as far as M0 stays normally hyperbolic there. Intervals for fast variables choose the sheet of an
-    implicit branch that has none fixed.
+    raised until its coefficients are below `tolerance`, relative to the size of y or 1; no grid of more than
+    `max_points` is solved for, and when that does not do `status` is TOO_MANY_POINTS and the error estimate says what
+    is left. Segments may leave the region as far as M0 stays normally hyperbolic there. Intervals for fast variables
+    choose the sheet of an implicit branch that has none fixed.
 
     A fold in the region, an orbit that ends, a Newton iteration that fails and the like are told by `status` and
     `message`. Raises `DeclarationError` for arguments that are not well formed and `BranchError` when the branch
@@ -74,10 +77,14 @@ def solve_manifold(
     value = check_epsilon(epsilon)
     be = f"a number from {SMALLEST_TOLERANCE:g}, which is near rounding, to 1"
     tolerance = check_number(tolerance, what="tolerance", be=be, least=SMALLEST_TOLERANCE, below=1.0)
+    least = FIRST_SIZE[len(slow)] ** len(slow)
+    if max_points is not None:
+        be = f"a whole number of at least {least}, the first grid over {len(slow)} slow variables, or None"
+        check_whole(max_points, what="max_points", least=least, most=10**9, be=be)
     sheet = _sheet(branch, box)
     slow_box = {name: box[name] for name in slow}
     verdict = _classified(sheet, tuple(slow_box.items()))
-    work = _Work(sheet, box, value, float(tolerance), verdict)
+    work = _Work(sheet, box, value, float(tolerance), verdict, max_points)
     if verdict.kind is Kind.LOST:
         return work.lost()
     return work.run()
@@ -99,6 +106,7 @@ class _Work:
         epsilon: float,
         tolerance: float,
         verdict: Hyperbolicity,
+        max_points: int | None,
     ) -> None:
         self.branch, self.box, self.epsilon, self.tolerance = branch, box, epsilon, tolerance
         self.verdict = verdict
@@ -109,6 +117,9 @@ class _Work:
         self.selection = 0.0
         # Whether an orbit was met that cannot be followed as far as the tolerance asks for.
         self.history_ends = False
+        self.most = max_points
+        # Whether a finer grid would have had more points than are allowed.
+        self.short = False
 
     def lost(self) -> SampledManifold:
         """No surface: M0 itself is not normally hyperbolic over the region."""
@@ -165,7 +176,16 @@ class _Work:
             growing = rough & (np.array(sizes) < LARGEST_SIZE[d])
             if not growing.any():
                 break
-            sizes = [2 * n - 1 if grows else n for n, grows in zip(sizes, growing)]
+            doubled = [2 * n - 1 if grows else n for n, grows in zip(sizes, growing)]
+            if self.most is not None and math.prod(doubled) > self.most:
+                self.short = True
+                names = ", ".join(s.name for s, bad in zip(self.system.x, growing) if bad)
+                self.notes.append(
+                    f"the {self.most} points allowed do not resolve the surface along {names}, the next grid has "
+                    f"{math.prod(doubled)}"
+                )
+                break
+            sizes = doubled
             places = tuple(slice(None, None, 2 if grows else 1) for grows in growing)
             finer, errors = np.full((*sizes, len(self.system.y)), np.nan), np.full(sizes, np.inf)
             finer[places], errors[places] = values, self.errors
@@ -176,7 +196,7 @@ class _Work:
                 f"the segments are good to {self.selection:.2g} only, at "
                 f"{self._place(grid.reshape(-1, d)[worst])}: the field is not smooth there or an orbit is too long"
             )
-        elif rough.any():
+        elif rough.any() and not self.short:
             names = ", ".join(s.name for s, bad in zip(self.system.x, rough) if bad)
             self.notes.append(
                 f"{LARGEST_SIZE[d]} points along {names} do not resolve the surface; shrink the region"
@@ -247,7 +267,8 @@ class _Work:
             place = self._place(x[np.argmax(unstable != expected)])
             self.notes.insert(0, f"the normal rates change their type on the slow manifold, at {place}")
         elif estimate > SLACK * self.tolerance * scale:
-            status = Status.HISTORY_ENDS if self.history_ends else Status.NOT_CONVERGED
+            unresolved = Status.TOO_MANY_POINTS if self.short else Status.NOT_CONVERGED
+            status = Status.HISTORY_ENDS if self.history_ends else unresolved
         rate = self.verdict.rates.r(self.epsilon)
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")

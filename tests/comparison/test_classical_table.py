@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import load, models
+from gsp import integrate, load, models
 from gsp.algebra.ring import LocalisedRing
-from gsp.comparison.classical_methods import csp, fraser_roussel, ildm, quasi_steady_state
+from gsp.comparison import classical_table
+from gsp.comparison.classical_methods import FraserRoussel, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison.classical_table import MethodTable, method_table
 from gsp.comparison.comparison import slope
+from gsp.comparison.references import reference_at
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.scenes.scene import Scene
@@ -160,7 +162,7 @@ def test_every_fitted_order_of_the_table_is_the_expected_one(enzyme: MethodTable
 
 
 def test_the_reference_has_a_second_route(enzyme: MethodTable) -> None:
-    assert set(enzyme.references) == {"solved manifold"}
+    assert set(enzyme.references) == {"orbit segments"}
     assert max(enzyme.floor) < 1e-12
     assert max(enzyme.disagreement) < 1e-12
 
@@ -168,7 +170,7 @@ def test_the_reference_has_a_second_route(enzyme: MethodTable) -> None:
 def test_a_table_reads_well_and_can_be_written(enzyme: MethodTable) -> None:
     text = str(enzyme)
     assert "ILDM" in text
-    assert "reference: solved manifold" in text
+    assert "reference: orbit segments" in text
     assert len({len(line) for line in text.splitlines()[2:-3]}) == 1
     rows = json.loads(json.dumps(enzyme.as_rows()))
     assert rows[0]["label"] == "QSS"
@@ -218,6 +220,49 @@ def test_a_series_too_long_to_run_is_omitted_with_its_length_and_no_other_is_exp
     assert set(table.omitted) == {"series 2", "series 3"}
     assert orders == [0, 1, 2]
     assert max(written) <= LONGEST
+
+
+def toggle_switch() -> Scene:
+    return load(Path(__file__).parents[1] / "systems" / "toggle_switch.toml")
+
+
+def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(monkeypatch) -> None:
+    # The region is wide: neither 81 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
+    monkeypatch.setattr(classical_table, "MOST_POINTS", 81)
+    made: list[float] = []
+    over = FraserRoussel.over
+
+    def counted(branch, x, *, epsilon, iterates) -> FraserRoussel:
+        made.append(epsilon)
+        return over(branch, x, epsilon=epsilon, iterates=iterates)
+
+    monkeypatch.setattr(FraserRoussel, "over", counted)
+    table = method_table(toggle_switch(), epsilons=(0.01, 0.005), refinements=(), orders=(0, 1))
+    assert made == [0.01, 0.005]
+    assert table.endings["solved", 0.005].startswith("TOO_MANY_POINTS: 81 segments")
+    assert "the 81 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
+    assert table["Fraser-Roussel 3"].evaluations < 10
+
+
+def test_the_reference_is_the_route_with_the_smaller_error_and_the_other_one_is_shown() -> None:
+    # At epsilon = 0.01 the zero-derivative principle, past its optimal truncation, is off by 0.003 here.
+    branch = study_of(toggle_switch()).branch
+    points = np.array([[8.5, 1.4], [8.5, 0.9], [30.0, 2.0]])
+    reference = reference_at(branch, points, 0.01)
+    pointwise = zero_derivative(branch, points, epsilon=0.01, tolerance=1e-15)
+    assert reference.source == "orbit segments"
+    assert reference.error < 0.01 * pointwise.error.max()
+    assert reference.second_route == np.abs(pointwise.y - reference.y).max()
+    # The flow as a witness: it carries the manifold into itself, and what is off it comes nearer by 1/e only.
+    system = branch.system
+    off = []
+    for fast in (reference.y[1], pointwise.y[1]):
+        start = dict(zip((s.name for s in system.states), (*points[1], *fast)))
+        run = integrate(system, start=start, span=(0, 0.01), epsilon=0.01, rtol=1e-12, atol=1e-12)
+        end = np.array([run[s.name][-1] for s in system.states])
+        off.append(np.abs(reference_at(branch, end[None, :2], 0.01).y[0] - end[2:]).max())
+    assert off[0] < reference.error
+    assert off[1] > 10 * reference.error
 
 
 def test_more_than_three_slow_variables_take_pointwise_methods() -> None:

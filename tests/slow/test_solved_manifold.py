@@ -1,16 +1,21 @@
 """The slow manifold solved: reference values, invariance, two routes to one answer, and failures with their place."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.special import airy
 
+from gsp import load
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError, DeclarationError, GspError, Status
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.scenes.study import study
+from gsp.slow import orbit_segments
 from gsp.slow.chebyshev import interpolate, nodes
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
@@ -410,3 +415,70 @@ def test_chebyshev_interpolants_are_exact_for_polynomials_and_nested() -> None:
     assert np.array_equal(nodes(box, (9, 9))[::2], grid)
     chopped = interpolate(box, values[..., :1]).chopped(1e-9)
     assert chopped.coefficients.shape == (5, 4, 1)
+
+
+# -- work that is bounded, and none that is lost -----------------------------------------------------------
+
+
+def repressilator():
+    scene = load(Path(__file__).parents[1] / "systems" / "repressilator.toml")
+    return study(scene).branch
+
+
+def test_the_points_allowed_bound_the_grid_and_the_ending_says_what_is_left() -> None:
+    branch = branch_of(OSCILLATING)
+    region = {"t": (0, 40)}
+    whole = solve_manifold(branch, region=region, epsilon=0.05)
+    assert whole.status.ok
+    assert len(whole.nodes) > 33
+    part = solve_manifold(branch, region=region, epsilon=0.05, max_points=33)
+    assert part.status is Status.TOO_MANY_POINTS
+    assert len(part.nodes) == 33
+    assert "the 33 points allowed do not resolve the surface along t, the next grid has 65" in part.message
+    # What there is holds what it says.
+    places = inside(part)
+    assert np.abs(part.evaluate(places) - oscillating_exact(places, 0.05)).max() <= part.error_estimate
+    with pytest.raises(DeclarationError, match="at least 17, the first grid over 1 slow variables"):
+        solve_manifold(branch, region=region, epsilon=0.05, max_points=16)
+
+
+def test_a_guess_is_improved_where_elements_end_and_nowhere_else(monkeypatch) -> None:
+    improved, ends = [], []
+    climb = orbit_segments.climb
+
+    def counted(tape, branch, x, *rest, order, **given):
+        if order is not None:
+            improved.append(len(x))
+        return climb(tape, branch, x, *rest, order=order, **given)
+
+    refine = orbit_segments.SegmentSolver._refine_guess
+
+    def noted(self, problem, rows, value):
+        ends.append(int((problem.counts[rows] + 1).sum()))
+        return refine(self, problem, rows, value)
+
+    monkeypatch.setattr(orbit_segments, "climb", counted)
+    monkeypatch.setattr(orbit_segments.SegmentSolver, "_refine_guess", noted)
+    manifold = solve_manifold(branch_of(systems.michaelis_menten()), region={"s": (0.2, 2)}, epsilon=0.05)
+    assert manifold.status.ok
+    assert improved
+    assert improved == ends
+
+
+def test_a_segment_that_fails_is_shortened_and_never_made_longer(monkeypatch) -> None:
+    goals = []
+    attempt = orbit_segments.SegmentSolver._attempt
+
+    def noted(self, x, y, goal, **given):
+        goals.append(float(goal[0]))
+        return attempt(self, x, y, goal, **given)
+
+    monkeypatch.setattr(orbit_segments.SegmentSolver, "_attempt", noted)
+    branch = repressilator()
+    solver = orbit_segments.SegmentSolver(branch, epsilon=0.02, unstable=0, tolerance=1e-10)
+    point = np.array([[4.67058, 4.67058, 4.67058]])
+    segments = solver.solve(point, branch.points(point))
+    assert len(goals) > 2
+    assert goals == sorted(goals, reverse=True)
+    assert segments.status == [Status.SUCCESS]
+    assert segments.error[0] < 0.01

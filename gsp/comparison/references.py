@@ -1,0 +1,82 @@
+"""What methods for slow manifolds are measured against: orbit segments through the very points, or pointwise values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gsp.critical.branch import Branch
+from gsp.errors import DeclarationError, Status
+from gsp.slow.orbit_segments import Segments, SegmentSolver
+from gsp.slow.slow_points import zero_derivative
+
+# Tolerance of the segments, which is near rounding, and what multiplies their error, known to leading order.
+TOLERANCE, SAFETY = 1e-13, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """h (m, n_fast) at the points, its largest `error`, where it is from, and how far the other route is from it.
+
+    `second_route` is nan where that has no value at some point.
+    """
+
+    y: np.ndarray
+    error: float
+    source: str
+    second_route: float
+
+
+def reference_at(branch: Branch, x: np.ndarray, epsilon: float) -> Reference:
+    """The slow manifold over the points `x` (m, n_slow), as exactly as it can be had.
+
+    Orbit segments of the full flow through the points themselves, so that no surface has to be resolved between them;
+    the zero-derivative principle where its estimated error is the smaller one at the worst point. Raises
+    `DeclarationError` when neither gives values.
+    """
+    pointwise = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15)
+    start = branch.points(x)
+    segments = _segments(branch, x, start, epsilon)
+    along = _Route("orbit segments", np.full_like(start, np.nan), np.inf)
+    why = "the points are not on one kind of normally hyperbolic branch"
+    if segments is not None:
+        along = _Route("orbit segments", segments.y, SAFETY * float(segments.error.max()))
+        worst = int(np.argmax(segments.error))
+        place = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.x, x[worst]))
+        why = f"orbit segments fail at {place}: {segments.status[worst].meaning}"
+    settled = pointwise.status is Status.SUCCESS
+    principle = _Route(
+        "zero-derivative principle", pointwise.y, float(np.max(pointwise.error)) if settled else np.inf
+    )
+    best = min(along, principle, key=lambda route: route.error)
+    if not best.error < np.inf:
+        raise DeclarationError(
+            f"there is no reference at epsilon = {epsilon:g}: {why}; {pointwise.message}. "
+            "Move the points, shrink the region or take smaller epsilons."
+        )
+    rounding = 4 * float(np.finfo(float).eps) * (1.0 + float(np.abs(best.y).max()))
+    apart = float(np.abs(along.y - principle.y).max())
+    return Reference(best.y, max(best.error, rounding), best.name, apart)
+
+
+class _Route(NamedTuple):
+    """One way to h at the points, and its estimated error at the worst of them."""
+
+    name: str
+    y: np.ndarray
+    error: float
+
+
+def _segments(branch: Branch, x: np.ndarray, start: np.ndarray, epsilon: float) -> Segments | None:
+    """Segments through all points; None where M0 is not of one type there."""
+
+    def solver(unstable: int) -> SegmentSolver:
+        return SegmentSolver(branch, epsilon=epsilon, unstable=unstable, tolerance=TOLERANCE)
+
+    real = np.real(np.linalg.eigvals(solver(0).fast_jacobian(np.hstack([x, start]))))
+    counts = np.unique((real > 0).sum(axis=1))
+    if len(counts) > 1 or (real == 0).any():
+        return None
+    return solver(int(counts[0])).solve(x, start)
