@@ -21,6 +21,9 @@ DECAY = 5.0
 SLOW = 1.0
 REACH = 0.5
 SMALLEST_SHARE = 1 / 64
+# In the middle of an element y is within this share of 1 + |y| of the cubic through its ends: an element does not leap
+# over a pole of the branch, on whose other side another slow manifold lies.
+BENDING = 0.1
 LARGEST, ATTEMPTS = 48, 64
 # The last elements are halved until the fastest direction is resolved too, but not more often than this.
 HALVINGS = 14
@@ -101,11 +104,16 @@ class _SlowFlow:
         return y, good
 
     def step(self, x: np.ndarray, y: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """One classical Runge-Kutta step; Newton's method starts on the tangent of {g = 0}."""
+        """One classical Runge-Kutta step; Newton's method starts on the tangent of {g = 0}.
+
+        Returns x and y at the end, and where y was found and bends no more than a cubic follows.
+        """
         good = np.ones(len(x), dtype=bool)
         J = self.jacobian(np.hstack([x, y]))
         slope = -divide(J[:, self.nx :, self.nx :], J[:, self.nx :, : self.nx])
         stage, total = self.rates(np.hstack([x, y])), np.zeros_like(x)
+        rise = np.einsum("kij,kj->ki", slope, stage)
+        middle = y
         for weight, share in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
             total += weight * stage
             if share:
@@ -113,9 +121,15 @@ class _SlowFlow:
                 y_stage, found = self.settle(place, y + np.einsum("kij,kj->ki", slope, place - x))
                 good &= found
                 stage = self.rates(np.hstack([place, y_stage]))
+                # The second stage is in the middle, to second order.
+                middle = y_stage if share == 0.5 else middle
         end = x + h[:, None] * total
         y_end, found = self.settle(end, y + np.einsum("kij,kj->ki", slope, end - x))
-        return end, y_end, good & found
+        z_end = np.hstack([end, y_end])
+        rise_end = _fast_slopes(self, z_end, self.jacobian(z_end))
+        cubic = 0.5 * (y + y_end) + h[:, None] / 8 * (rise - rise_end)
+        bend = np.linalg.norm(middle - cubic, axis=1)
+        return end, y_end, good & found & (bend <= BENDING * (1.0 + np.linalg.norm(middle, axis=1)))
 
 
 def follow_slow_flow(

@@ -482,3 +482,18 @@ def test_a_segment_that_fails_is_shortened_and_never_made_longer(monkeypatch) ->
     assert goals == sorted(goals, reverse=True)
     assert segments.status == [Status.SUCCESS]
     assert segments.error[0] < 0.01
+
+
+def test_a_segment_does_not_begin_beyond_a_pole_of_the_branch() -> None:
+    # M0 is (1/(1 + u), u^2), whose pole lies upstream of the places before the decay that is asked for.
+    system = SlowFastSystem(slow={u: 1}, fast={x: 1 / (1 + u) - x, y: u**2 - y}, epsilon=epsilon)
+    branch = branch_of(system)
+    places = np.linspace(-0.8, 0.0, 17)[:, None]
+    solver = orbit_segments.SegmentSolver(branch, epsilon=0.05, unstable=0, tolerance=1e-10)
+    segments = solver.solve(places, branch.points(places))
+    assert (segments.ends[:, 0] > -1).all()
+    # Who begins elsewhere on the same side finds the same, up to what both say.
+    coarse = orbit_segments.SegmentSolver(branch, epsilon=0.05, unstable=0, tolerance=1e-3)
+    other = coarse.solve(places, branch.points(places))
+    apart = np.linalg.norm(other.y - segments.y, axis=1)
+    assert (apart <= 2 * (other.error + segments.error)).all()
