@@ -60,16 +60,21 @@ sphinx_gallery_conf = {
 }
 
 DEMO = re.compile(r"<!-- demo (\w+) -->")
+OPEN = re.compile(r"<!-- open (\w+) -->")
 CONTENTS = re.compile(r"<!-- contents\n(.*?)-->", re.DOTALL)
 
 
 def with_demos(app, docname: str, source: list[str]) -> None:
-    """A comment `<!-- demo NAME -->`, which nobody sees in the plain page, is the running demo on the site."""
+    """A comment `<!-- demo NAME -->`, which nobody sees in the plain page, is the running demo on the site.
+
+    `<!-- open NAME -->` is a link to its page.
+    """
     folder = "../" * docname.count("/") + "demos"
     frame = (
         '<iframe class="demo" src="{0}/{1}.html" title="Demo of {1}" loading="lazy" allowfullscreen></iframe>'
     )
     source[0] = DEMO.sub(lambda found: frame.format(folder, found[1]), source[0])
+    source[0] = OPEN.sub(lambda found: f' (<a href="{folder}/{found[1]}.html">open it</a>)', source[0])
 
 
 def with_links(app, docname: str, source: list[str]) -> None:
@@ -96,7 +101,8 @@ def write_demos(app, error) -> None:
     folder = Path(app.outdir, "demos")
     folder.mkdir(exist_ok=True)
     pages = [HERE / f"{name}.md" for name in app.env.found_docs if (HERE / f"{name}.md").is_file()]
-    for name in sorted({found for page in pages for found in DEMO.findall(page.read_text(encoding="utf-8"))}):
+    texts = [page.read_text(encoding="utf-8") for page in pages]
+    for name in sorted({found for kind in (DEMO, OPEN) for text in texts for found in kind.findall(text)}):
         gsp.write_demo(gsp.models.load(name), folder / f"{name}.html")
 
 

@@ -1,8 +1,10 @@
 """What the documents say is run: README, first steps, examples, and the docstrings' examples."""
 
 import ast
+import contextlib
 import doctest
 import importlib
+import io
 import pkgutil
 import re
 import tomllib
@@ -73,6 +75,28 @@ def test_the_python_in_a_document_runs_from_top_to_bottom(
     if document.name == "README.md":
         assert "kappa*lambda*s/(kappa + s)**4" in printed
         assert "0.50303" in printed
+
+
+NUMBER = re.compile(r"-?\b\d+\.\d+(?:e[-+]\d+)?")
+
+
+def test_the_tutorial_shows_what_its_code_prints() -> None:
+    """Word for word, and numbers to one in a hundred, for the last digits are the processor's."""
+    names: dict = {}
+    shown = 0
+    text = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
+    for code, _, expected in re.findall(
+        r"^```python\n(.*?)^```\n(\n```text\n(.*?)^```)?", text, re.DOTALL | re.MULTILINE
+    ):
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(code, "tutorial.md", "exec"), names)
+        found = printed.getvalue().strip()
+        assert NUMBER.sub("#", found) == NUMBER.sub("#", expected.strip())
+        assert [*map(float, NUMBER.findall(found))] == pytest.approx(
+            [*map(float, NUMBER.findall(expected))], rel=0.01
+        )
+        shown += bool(expected)
+    assert shown == 8
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -58,7 +58,7 @@ THUMBNAILS = {
     "canard": ("canard_explosion.png", (0.5, 0.09, 1.0, 1.0)),
     "relaxation": ("relaxation.png", (0.0, 0.14, 0.5, 1.0)),
     "folded-node": ("folded_node.png", (0.55, 0.12, 1.0, 0.95)),
-    "buffer": ("demo-shishkova.png", (0.01, 0.39, 0.345, 0.97)),
+    "buffer": ("demo-shishkova.png", (0.018, 0.262, 0.317, 0.614)),
     "failures": ("failures.png", (0.0, 0.2, 0.525, 1.0)),
 }
 THUMBNAIL = (280, 220)

@@ -32,14 +32,18 @@ class Page:
         self.driver = driver
 
     def open(self, path: Path, *, width: int = 1280, height: int = 900, fragment: str = "") -> None:
-        self.driver.execute_cdp_cmd(
-            "Emulation.setDeviceMetricsOverride",
-            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500},
-        )
+        self.window(width, height)
         self.driver.get("about:blank")
         for kind in ("browser", "performance"):
             self.driver.get_log(kind)
         self.driver.get(path.as_uri() + fragment)
+
+    def window(self, width: int, height: int, scale: float = 1) -> None:
+        """The window's size, with so many points of the screen to a pixel; a narrow one is a telephone's."""
+        self.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride",
+            {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": width < 500},
+        )
 
     def run(self, code: str, *arguments: Any) -> Any:
         """The value that the body of a function returns in the page."""
