@@ -13,6 +13,10 @@ from numba.core.codegen import get_host_cpu_features
 from numba.core.compiler_lock import global_compiler_lock
 
 Engine = llvm.ExecutionEngine
+# Longer code is selected instruction by instruction. In a block of so many lines LLVM's schedules take a tenth of a
+# second, in one of 10,000 two seconds and a half, of which 0.1 s is left; what was selected so takes up to three times
+# as long to run, a few microseconds.
+LONGEST_SCHEDULED = 2500
 
 
 def processor() -> tuple[str, str]:
@@ -29,11 +33,17 @@ def _host() -> tuple[str, str]:
     return llvm.get_host_cpu_name(), get_host_cpu_features()
 
 
+def effort(text: str) -> int:
+    """LLVM's level of code generation for a module without loops."""
+    return 1 if text.count("\n") <= LONGEST_SCHEDULED else 0
+
+
 @global_compiler_lock
 def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engine:
     """Machine code of an IR module that may call the functions of the C library named in `library`.
 
-    Straight-line code in which no value is computed twice is as fast without LLVM's passes, and built in half the time;
+    Straight-line code in which no value is computed twice is as fast without LLVM's passes, and built in half the time,
+    long code in a twentieth;
     `optimised` is for code with calls and scratch arrays to be taken out.
     Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
     """
@@ -50,7 +60,7 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
     module.verify()
     name, features = processor()
     machine = llvm.Target.from_default_triple().create_target_machine(
-        opt=2 if optimised else 1,
+        opt=2 if optimised else effort(text),
         cpu=name,
         features=features,
         jit=True,

@@ -284,6 +284,7 @@ class CompiledFlow:
             arguments=self.expressions.states,
             epsilon=self.expressions.epsilon,
             parameters=self.expressions.parameters,
+            calls=self.expressions.calls,
         )
 
 
@@ -305,7 +306,8 @@ def compile_flow(flow: Flow) -> CompiledFlow:
     if unknown is not None:
         # An observable may have no value anywhere, and is nan then; a rate may not.
         raise UnsupportedFunctionError(f"the rate of {unknown} is nan. Write the expression in real terms.")
-    code = FlowCode(tuple(flow.states), tuple(map(exact, flow.rates)), flow.epsilon, tuple(flow.parameters))
+    rates = tuple(map(exact, flow.rates))
+    code = FlowCode(tuple(flow.states), rates, flow.epsilon, tuple(flow.parameters), flow.calls)
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
 
 

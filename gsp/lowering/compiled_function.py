@@ -21,6 +21,7 @@ from gsp.errors import GspError
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.lowering.steps.emission import LIBRARY, Emitter
+from gsp.lowering.steps.kernel_call import Call, write_calls
 from gsp.lowering.steps.values import SIGNATURE, constant, fill, load, store
 from gsp.systems.flow import Values
 
@@ -90,16 +91,23 @@ def compile_function(
     epsilon: sp.Symbol | None,
     parameters: Sequence[sp.Symbol],
     through: Values = MappingProxyType({}),
+    calls: tuple[Call, ...] = (),
 ) -> CompiledFunction:
     """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
 
-    `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments.
+    `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments, and the results of
+    `calls`, which come after these, in turn.
 
     Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
     """
     with MAKING:
         return _compile(
-            tuple(map(exact, outputs)), tuple(arguments), epsilon, tuple(parameters), tuple(through.items())
+            tuple(map(exact, outputs)),
+            tuple(arguments),
+            epsilon,
+            tuple(parameters),
+            tuple(through.items()),
+            calls,
         )
 
 
@@ -115,6 +123,7 @@ def _compile(
     epsilon: sp.Symbol | None,
     parameters: tuple[sp.Symbol, ...],
     through: tuple[tuple[sp.Symbol, sp.Expr], ...],
+    calls: tuple[Call, ...],
 ) -> CompiledFunction:
     module = ir.Module()
     function = ir.Function(module, SIGNATURE, "f")
@@ -127,6 +136,7 @@ def _compile(
     values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
     symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
     values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
+    values = write_calls(builder, calls, values)
     # A store for each entry of a sparse matrix that is 0 would be most of the code.
     is_sparse_output = outputs.count(sp.S.Zero) > FEW_ZEROS
     kept = [i for i, e in enumerate(outputs) if not (is_sparse_output and e is sp.S.Zero)]
@@ -137,7 +147,7 @@ def _compile(
         store(builder, value, out, i)
     builder.ret_void()
     engine = build(str(module), library=LIBRARY)
-    source = outputs, arguments, epsilon, parameters, dict(through)
+    source = outputs, arguments, epsilon, parameters, dict(through), calls
     return CompiledFunction(
         engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
     )
@@ -149,9 +159,10 @@ def _compiled_again(
     epsilon: sp.Symbol | None,
     parameters: tuple[sp.Symbol, ...],
     through: Values,
+    calls: tuple[Call, ...],
 ) -> CompiledFunction:
     return compile_function(
-        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through
+        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through, calls=calls
     )
 
 

@@ -68,6 +68,8 @@ class Flow(Portable):
     """Values of parameters that were put into the rates already, exact."""
     is_stiff: bool = True
     """Whether the field still contains the fast time scale (decides the integrator)."""
+    calls: tuple = ()
+    """What finds the values of further symbols in the rates; see `gsp.lowering.steps.kernel_call`."""
     is_reduced: bool = False
     """Whether it lives on a slow manifold given as a series, and runs end where that does; see `endings`."""
 

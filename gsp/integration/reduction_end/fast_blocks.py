@@ -8,12 +8,13 @@ left out of D, which counts for its zeros and their order only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
 from gsp.algebra.sharing import plus, size, times
 from gsp.algebra.triangular_blocks import triangular_blocks
+from gsp.lowering.steps.kernel_call import Call
 
 Matrix = list[list[sp.Expr]]
 
@@ -21,18 +22,19 @@ Matrix = list[list[sp.Expr]]
 class FastBlocks:
     """D, adj J and what else is made of g_y, g_x, the slow rates f and the derivatives of g_y.
 
-    `second` maps (i, j) to the derivatives of J_ij by z = (x, y), where J_ij is not constant. The expressions share
-    their parts and are never expanded or searched: code is written once for each part.
+    `second` maps (i, j) to the derivatives of J_ij by the numbers of z = (x, y), those that are not 0. The expressions
+    share their parts and are never expanded or searched: code is written once for each part.
     """
 
     leaves_pairs = False
+    calls = ()
 
     def __init__(
         self,
         g_y: Matrix,
         g_x: Matrix,
         f: Sequence[sp.Expr],
-        second: dict[tuple[int, int], list[sp.Expr]],
+        second: Mapping[tuple[int, int], Mapping[int, sp.Expr]],
     ) -> None:
         self._g_y, self._g_x, self._second = g_y, g_x, second
         self.members = triangular_blocks([[entry is not sp.S.Zero for entry in row] for row in g_y])
@@ -74,7 +76,13 @@ class FastBlocks:
             ]
         )
 
-    def inverse_trace_rate(self) -> sp.Expr:
+    def inverse_trace(self, *, relative: bool) -> tuple[sp.Expr, sp.Expr]:
+        """What |d/dt tr J^-1| is measured by, and how often it holds that: 1 where it is `relative`, else |D|^3."""
+        delta, drift = size(self.determinant), size(self._inverse_trace_rate())
+        cube = times(delta, delta, delta)
+        return (sp.S.One, times(drift, sp.Pow(cube, -1, evaluate=False))) if relative else (cube, drift)
+
+    def _inverse_trace_rate(self) -> sp.Expr:
         """D^3 d/dt tr J^-1, but for its sign: sum_b (D/d_b)^2 tr(A_b^2 G_b)."""
         terms = []
         for others, adjugate, drift in zip(self._others, self._adjugates, self._drifts()):
@@ -88,9 +96,8 @@ class FastBlocks:
         for others, adjugate, block in zip(self._others, self._adjugates, self.members):
             for a, i in enumerate(block):
                 for b, j in enumerate(block):
-                    for slope, z in zip(self._second.get((i, j), ()), states):
-                        if slope is not sp.S.Zero:
-                            moved.append(size(times(others, adjugate[b][a], slope, z)))
+                    for k, slope in self._second.get((i, j), {}).items():
+                        moved.append(size(times(others, adjugate[b][a], slope, states[k])))
         return plus(moved)
 
     def pair_size(self) -> sp.Expr:
@@ -102,18 +109,18 @@ class FastBlocks:
             sizes.append(norm ** sp.Rational(n * (n - 1), 4))
         return times(*sizes)
 
-    def pulled(self) -> list[sp.Expr]:
-        """-D J^-1 g_x, column by column: how the fast variables follow each of the slow ones."""
+    def pulled(self) -> tuple[list[sp.Expr], tuple[Call, ...]]:
+        """-D J^-1 g_x, column by column: how the fast variables follow each of the slow ones; it takes no calls."""
         count = len(self._g_x[0])
         units = [[sp.Integer(int(i == j)) for i in range(count)] for j in range(count)]
-        return [entry for unit in units for entry in self._driven_by(unit)[count:]]
+        return [entry for unit in units for entry in self._driven_by(unit)[count:]], ()
 
     def _drifts(self) -> list[Matrix]:
         """G_b = D J_b' along the flow of order 0, by block."""
-        return [
-            [[_dot(self._second.get((i, j), ()), self.scaled) for j in block] for i in block]
-            for block in self.members
-        ]
+        return [[[self._drift(i, j) for j in block] for i in block] for block in self.members]
+
+    def _drift(self, i: int, j: int) -> sp.Expr:
+        return plus([times(slope, self.scaled[k]) for k, slope in self._second.get((i, j), {}).items()])
 
     def _driven_by(self, slow: Sequence[sp.Expr]) -> list[sp.Expr]:
         """D (x', y') for x' = `slow` on M0: block after block, each behind those that drive it."""

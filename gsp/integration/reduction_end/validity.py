@@ -28,7 +28,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.algebra.sharing import plus, size, times
+from gsp.algebra.sharing import plus, times
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical import spectrum
 from gsp.integration.reduced_flow import ReducedFlow
@@ -36,6 +36,7 @@ from gsp.integration.reduction_end.fast_blocks import FastBlocks
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
+from gsp.lowering.steps.kernel_call import Call
 from gsp.systems.flow import Flow, Portable, Values
 
 # A polynomial within these is freed of repeated factors in milliseconds.
@@ -55,8 +56,15 @@ class DesingularisedFlow(Flow):
     epsilon: sp.Symbol | None
     is_stiff = False
 
-    def __init__(self, states: Sequence[sp.Symbol], rates: Sequence[sp.Expr], epsilon: sp.Symbol) -> None:
+    def __init__(
+        self,
+        states: Sequence[sp.Symbol],
+        rates: Sequence[sp.Expr],
+        epsilon: sp.Symbol,
+        calls: tuple[Call, ...],
+    ) -> None:
         self.states = tuple(states)
+        self.calls = calls
         self.rates = tuple(rates)
         self.epsilon = epsilon
         self.parameters: Values = {}
@@ -84,12 +92,16 @@ class Validity(Portable):
 
         self.f = [leading(e) for e in system.f]
         g = [leading(e) for e in system.g]
-        self.g_y = [[_slope(e, y) for y in self.fast] for e in g]
-        self.g_x = [[_slope(e, x) for x in self.slow] for e in g]
+        self.g_y = [_slopes(e, self.fast) for e in g]
+        self.g_x = [_slopes(e, self.slow) for e in g]
         self._fall = sp.Dummy("fall")
         # Where it is not constant.
+        numbers = {z: k for k, z in enumerate(self.states)}
         self.second = {
-            (i, j): [_slope(e, z) for z in self.states]
+            (i, j): {
+                numbers[z]: derivative(e, z)
+                for z in sorted(e.free_symbols & numbers.keys(), key=numbers.__getitem__)
+            }
             for i, row in enumerate(self.g_y)
             for j, e in enumerate(row)
             if not e.is_number
@@ -126,7 +138,7 @@ class Validity(Portable):
 
         At (x, y) and the terms' fall.
         """
-        return self._over((*self.states, self._fall), self._outputs)
+        return self._over((*self.states, self._fall), self._outputs, self._parts.calls)
 
     @cached_property
     def _outputs(self) -> list[sp.Expr]:
@@ -137,14 +149,9 @@ class Validity(Portable):
 
     def _series_test(self, *, relative: bool) -> sp.Expr:
         """Q, or with `relative` Q by |Delta|^3; at orders above 1 what the fall of the terms says, if that is more."""
-        parts = self._parts
         growth = sp.Integer(-max(1, 3 * (self.order - 1)))
-        delta, drift = size(parts.determinant), size(parts.inverse_trace_rate())
-        cube = times(delta, delta, delta)
-        if relative:
-            q = plus([sp.S.One, times(self.epsilon, drift, sp.Pow(cube, -1, evaluate=False), growth)])
-        else:
-            q = plus([cube, times(self.epsilon, drift, growth)])
+        unit, drift = self._parts.inverse_trace(relative=relative)
+        q = plus([unit, times(self.epsilon, drift, growth)])
         return sp.Max(q, self._fall, evaluate=False) if self.watches_terms else q
 
     def watched(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +185,7 @@ class Validity(Portable):
         through = dict(zip((*self.states, self._fall), (*self._base, self._falls)))
         return compile_function(
             [outputs[column] for column in self._columns],
-            arguments=self._coordinates, epsilon=self.epsilon, parameters=(), through=through,
+            arguments=self._coordinates, epsilon=self.epsilon, parameters=(), through=through, calls=self._parts.calls,
         )  # fmt: skip
 
     @cached_property
@@ -234,28 +241,31 @@ class Validity(Portable):
             *(times(parts.determinant, rate) for rate in self._driven_rates),
             parts.determinant,
         ]
-        return DesingularisedFlow((*self.states, *self._driven, clock), rates, self.epsilon)
+        return DesingularisedFlow((*self.states, *self._driven, clock), rates, self.epsilon, parts.calls)
 
     @cached_property
     def crossing(self) -> CompiledFunction:
         """Delta and its rate in the time s, tr(A G), over the states of the desingularised flow."""
         parts = self._parts
-        return self._over(self.desingularised.states, [parts.determinant, parts.determinant_rate()])
+        outputs = [parts.determinant, parts.determinant_rate()]
+        return self._over(self.desingularised.states, outputs, parts.calls)
 
     @cached_property
     def pulled(self) -> CompiledFunction:
         """-adj(g_y) g_x at (x, y), but for constants, column by column."""
-        return self._over(self.states, self._parts.pulled())
+        return self._over(self.states, *self._parts.pulled())
 
     @cached_property
     def _parts(self) -> FastBlocks | SparseFastPart:
         pattern = [[entry is not sp.S.Zero for entry in row] for row in self.g_y]
         if max(map(len, triangular_blocks(pattern))) > LARGEST_BLOCK:
-            return SparseFastPart(self.g_y, self.g_x, self.f, self.states)
+            return SparseFastPart(self.g_y, self.g_x, self.f, self.second, self.states)
         return FastBlocks(self.g_y, self.g_x, self.f, self.second)
 
-    def _over(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> CompiledFunction:
-        return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, parameters=())
+    def _over(
+        self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr], calls: tuple[Call, ...] = ()
+    ) -> CompiledFunction:
+        return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, parameters=(), calls=calls)
 
 
 @remembered
@@ -264,8 +274,9 @@ def validity_of(flow: ReducedFlow) -> Validity:
     return Validity(flow)
 
 
-def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
-    return derivative(expression, by) if by in expression.free_symbols else sp.S.Zero
+def _slopes(expression: sp.Expr, by: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    held = expression.free_symbols
+    return [derivative(expression, s) if s in held else sp.S.Zero for s in by]
 
 
 def _without_repetition(base: sp.Expr) -> sp.Expr:

@@ -13,6 +13,7 @@ from llvmlite import ir
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.functions import NON_SMOOTH
 from gsp.lowering.steps.emission import Emitter
+from gsp.lowering.steps.kernel_call import Call
 from gsp.lowering.steps.straight_line import Elimination, eliminate
 from gsp.lowering.steps.values import load
 
@@ -34,6 +35,8 @@ class FlowCode:
     rates: tuple[sp.Expr, ...]
     epsilon: sp.Symbol | None
     parameters: tuple[sp.Symbol, ...]
+    calls: tuple[Call, ...] = ()
+    """What the rates hold the results of; such a flow has no Jacobian here."""
 
     @cached_property
     def jacobian(self) -> dict[tuple[int, int], sp.Expr]:

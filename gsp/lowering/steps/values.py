@@ -11,7 +11,7 @@ from llvmlite import ir
 DOUBLE = ir.DoubleType()
 POINTER = DOUBLE.as_pointer()
 _LANE = ir.IntType(32)
-_INDEX = ir.IntType(64)
+WHOLE = ir.IntType(64)
 # That of every compiled function: void f(double t, double* z, double* p, double* out).
 SIGNATURE = ir.FunctionType(ir.VoidType(), [DOUBLE, POINTER, POINTER, POINTER])
 
@@ -47,7 +47,7 @@ def _mask(lanes: tuple[int, ...]) -> Any:
 
 @lru_cache(maxsize=1024)
 def _place(i: int) -> Any:
-    return ir.Constant(_INDEX, i)
+    return ir.Constant(WHOLE, i)
 
 
 def address(builder: Any, array: ir.Value, i: int) -> Any:
@@ -71,7 +71,7 @@ def fill(builder: Any, value: ir.Value, array: ir.Value, count: int) -> None:
     loop, behind = builder.append_basic_block(), builder.append_basic_block()
     builder.branch(loop)
     builder.position_at_end(loop)
-    i = builder.phi(_INDEX)
+    i = builder.phi(WHOLE)
     i.add_incoming(_place(0), before)
     builder.store(value, builder.gep(array, [i]))
     following = builder.add(i, _place(1))
