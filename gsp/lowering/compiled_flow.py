@@ -302,13 +302,27 @@ class CompiledStep:
 @remembered
 def compile_flow(flow: Flow) -> CompiledFlow:
     """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
-    unknown = next((str(state) for state, rate in zip(flow.states, flow.rates) if rate.has(sp.nan)), None)
+    seen: dict[int, Any] = {}
+    unknown = next((str(state) for state, rate in zip(flow.states, flow.rates) if _has_nan(rate, seen)), None)
     if unknown is not None:
         # An observable may have no value anywhere, and is nan then; a rate may not.
         raise UnsupportedFunctionError(f"the rate of {unknown} is nan. Write the expression in real terms.")
     rates = tuple(map(exact, flow.rates))
     code = FlowCode(tuple(flow.states), rates, flow.epsilon, tuple(flow.parameters), flow.calls)
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
+
+
+def _has_nan(expression: sp.Expr, seen: dict[int, Any]) -> bool:
+    """Whether nan is a part of it, each part looked at once: long series share theirs. `seen` keeps those before."""
+    stack: list[Any] = [expression]
+    while stack:
+        part = stack.pop()
+        if part is sp.nan:
+            return True
+        if id(part) not in seen:
+            seen[id(part)] = part
+            stack.extend(part.args)
+    return False
 
 
 def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
