@@ -25,7 +25,7 @@ from tests.cases import sampled
 from tests.example_systems import saddle_scene
 
 # Of every run: a skate with a path, an oscillator with folds, a surface, a body with several fast variables.
-FEW = ("chaplygin_sleigh", "van_der_pol", "koper", "michaelis_menten", "falling_disc")
+FEW = ("chaplygin_sleigh", "van_der_pol", "koper", "michaelis_menten", "rolling_ball")
 
 
 @pytest.fixture(scope="module")

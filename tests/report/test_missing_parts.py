@@ -128,7 +128,7 @@ def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatc
         raise GspError("the <stage> fails. Got this. Try that.")
 
     monkeypatch.setattr(study if stage == "Expansion" else analysis, stage, fail)
-    found = analyse(combined.scene)
+    found = analyse(combined.scene, order=1, orders=(0, 1))
     assert "the <stage> fails. Got this. Try that." in found.lost.values()
     assert "not made: " in str(found)
     assert ("no comparison" in repr(found)) == ("comparison" in found.lost)

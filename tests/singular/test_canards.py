@@ -11,6 +11,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canards import CanardValue, canard_value
+from tests.cases import sampled
 
 x, y, a, eps = sp.symbols("x y a epsilon")
 v, w, current = sp.symbols("v w I")
@@ -320,12 +321,20 @@ def morris_lecar(declared: float, volts: sp.Expr = v, gate: sp.Expr = w) -> gsp.
     )
 
 
-@pytest.mark.parametrize(
-    ("volts", "gate"),
-    [(v, w), (v / 100, w), (100 * v, w), (v + 500, w), (v, w / 50), (7 * v - 300, 3 - 20 * w), (v, w + w**3)],
-    ids=["as it is", "in hundredths", "in hundreds", "shifted", "gate", "all", "gate bent"],
-)
-def test_the_nearest_canard_point_is_found_in_any_units(volts, gate) -> None:
+UNITS = {
+    "as it is": (v, w),
+    "in hundredths": (v / 100, w),
+    "in hundreds": (100 * v, w),
+    "shifted": (v + 500, w),
+    "gate": (v, w / 50),
+    "all": (7 * v - 300, 3 - 20 * w),
+    "gate bent": (v, w + w**3),
+}
+
+
+@pytest.mark.parametrize("name", sampled(UNITS, always=("as it is", "all", "gate bent")))
+def test_the_nearest_canard_point_is_found_in_any_units(name) -> None:
+    volts, gate = UNITS[name]
     low, high = 83.645531767021, 222.452513410707
     for declared, nearest, other in ((84, low, high), (230, high, low)):
         found = canard_value(morris_lecar(declared, volts, gate), parameter="I", order=0)
