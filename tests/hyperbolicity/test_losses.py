@@ -343,13 +343,18 @@ EVERYWHERE = {
 }
 
 
-PLAIN = [(name, None) for name in EVERYWHERE]
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
+    assert_named(name, None)
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"), [*PLAIN, *sampled([(n, 4) for n in EVERYWHERE], always=[("cubic", 4), ("nilpotent", 4)])]
-)
-def test_a_branch_that_is_singular_everywhere_is_named(name, seed) -> None:
+@pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("cubic", "nilpotent")))
+def test_a_branch_that_is_singular_everywhere_is_named_in_disguise(name) -> None:
+    assert_named(name, 4)
+
+
+def assert_named(name: str, seed: int | None) -> None:
+    """The branch is lost for the reason that it has, as it is or in the disguise of `seed`."""
     fast, kind, order = EVERYWHERE[name]
     case = Case({x: -x}, fast, START, BOX, kind)
     system = case.system if seed is None else disguised(case, seed)[0].system
