@@ -243,8 +243,10 @@ def _variation(
         slope = -np.linalg.solve(by_y, by_x)
         x, y = middle + ends, root + ends @ slope.T
         values = equations.nearby(x, y)[0]
-        change = np.linalg.solve(by_y, values[: len(sides)] - values[len(sides) :])
-        variation = np.abs(change).sum(axis=2).max(axis=1)
+        low, high = values[: len(sides)], values[len(sides) :]
+        # About a symmetric middle both ends have the same matrix, and yet it varies.
+        change = np.linalg.solve(by_y, np.concatenate([low - high, low + high - 2.0 * by_y]))
+        variation = np.abs(change).sum(axis=2).max(axis=1).reshape(2, -1).max(axis=0)
     except np.linalg.LinAlgError:
         return None
     return (slope, variation) if np.isfinite(variation).all() else None

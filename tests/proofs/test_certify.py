@@ -307,3 +307,12 @@ def test_budgets_that_are_none_are_refused(most_boxes: object) -> None:
 def test_functions_without_an_enclosure_are_refused_by_name() -> None:
     with pytest.raises(UnsupportedFunctionError, match="erf"):
         certify(branch({y: -(2 + sp.erf(x)) * y}), region={"x": (0, 1)})
+
+
+@pytest.mark.parametrize("region", [(-1, 1), (-0.5, 1)])
+def test_a_branch_that_is_symmetric_about_the_middle_is_cut_across_its_symmetry(region: tuple) -> None:
+    """The Jacobian of an odd branch is the same at both ends of a box about zero, and another in its middle."""
+    odd = branch({y: z - (1 + x**2 / 2) * y - y**3}, slow={x: y, z: 1})
+    found = certify(odd, region={"x": (-1, 1), "z": region}, most_boxes=300)
+    assert found.verdict is PROVED
+    assert float(found.gap) == pytest.approx(1.0, abs=0.01)
