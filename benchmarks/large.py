@@ -1,6 +1,6 @@
 """Systems of 200 to 1000 states: `integrate` against SciPy's BDF, CVODE and diffsol, all with sparse Jacobians.
 
-    python benchmarks/large.py [problem ...]
+    python benchmarks/large.py [problem ...]    also within benchmarks/run.py
 
 prints, for each problem, the milliseconds of a whole call that meets an error over the output grid, and what the best
 of the others takes over ours. All run in one process, interleaved, and seconds are of the processor. The peers that
@@ -11,9 +11,11 @@ its own.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from importlib.util import find_spec
 
 import numpy as np
@@ -31,6 +33,8 @@ LADDER = tuple(float(10.0**-k) for k in range(2, 10))
 TARGETS = (1e-3, 1e-5, 1e-7)
 ROUNDS = 5
 POINTS = 21
+GOAL = 1.5
+QUICK = ("Brusselator, 200 states",)
 
 Problem = tuple[gsp.VectorField, dict[str, float], tuple[float, float]]
 Solve = Callable[[float], np.ndarray]
@@ -184,21 +188,44 @@ def curves(problem: Problem) -> list[WorkCurve]:
     ]
 
 
-def main(asked: list[str]) -> None:
-    ratios = []
+def measured(asked: list[str] | None = None, *, quick: bool = False) -> dict:
+    """Milliseconds to each error by problem and contender, and the best other's time over ours; all in one process."""
+    load = os.getloadavg()[0]
+    rows: list[dict] = []
     for title, make in PROBLEMS.items():
-        if asked and not any(word in title for word in asked):
+        if (asked and not any(word in title for word in asked)) or (quick and title not in QUICK):
             continue
         found = curves(make())
-        print(f"{title}: milliseconds to an error over the grid of " + ", ".join(f"{e:.0e}" for e in TARGETS))
-        for curve in found:
-            row = "".join(f"{1e3 * curve.seconds_at(e):12.2f}" for e in TARGETS)
-            print(f"  {curve.label:<12}{row}")
-        ours, others = found[0], found[1:]
-        best = [np.nanmin([c.seconds_at(e) for c in others]) / ours.seconds_at(e) for e in TARGETS]
-        ratios += best
-        print(f"  {'best/ours':<12}" + "".join(f"{r:12.2f}" for r in best), flush=True)
-    print(f"geometric mean {np.exp(np.mean(np.log(ratios))):.2f}, least {min(ratios):.2f}")
+        spent = [[float(c.seconds_at(e)) for e in TARGETS] for c in found]
+        ratios = [
+            float(np.nanmin([other[i] for other in spent[1:]]) / spent[0][i]) for i in range(len(TARGETS))
+        ]
+        times = {c.label: [1e3 * s for s in each] for c, each in zip(found, spent)}
+        rows.append({"problem": title, "milliseconds": times, "ratios": ratios})
+        show(rows[-1:])
+    every = [r for row in rows for r in row["ratios"] if np.isfinite(r)]
+    return {
+        "measured": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"), "gsp": gsp.__version__, "load": load,
+        "targets": list(TARGETS), "rows": rows, "goal": GOAL,
+        "mean": float(np.exp(np.mean(np.log(every)))) if every else None, "least": min(every, default=None),
+    }  # fmt: skip
+
+
+def show(rows: list[dict]) -> None:
+    """Print them."""
+    for row in rows:
+        print(
+            f"{row['problem']}: milliseconds to an error over the grid of "
+            + ", ".join(f"{e:.0e}" for e in TARGETS)
+        )
+        for name, times in (*row["milliseconds"].items(), ("best/ours", row["ratios"])):
+            print(f"  {name:<12}" + "".join(f"{value:12.2f}" for value in times), flush=True)
+
+
+def main(asked: list[str]) -> None:
+    data = measured(asked)
+    if data["mean"] is not None:
+        print(f"geometric mean {data['mean']:.2f}, least {data['least']:.2f}")
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def at_most(what: str, value: float, bound: float, unit: str, note: str = "") ->
 
 def targets(data: dict) -> list[Target]:
     """All that was to be reached and was measured in this run."""
-    return [*_integrators(data["integrators"]), *_others(data)]
+    return [*_integrators(data["integrators"]), *_others(data), *_parts(data)]
 
 
 def _integrators(found: dict) -> list[Target]:
@@ -119,6 +119,22 @@ def _others(data: dict) -> list[Target]:
     for row in data["slow_manifold"]["many"]:
         name = f"slow manifold at 10^5 points, order 8, {row['model']}"
         rows.append(at_most(name, row["seconds"], 1, "s"))
+    return rows
+
+
+def _parts(data: dict) -> list[Target]:
+    rows = []
+    if loose := data.get("loose"):
+        for i, error in enumerate(loose["errors"]):
+            if loose["means"][i] is None:
+                continue
+            name = f"problems not tuned on, {loose['rival']}'s time over ours at {power(error)} over the output grid"
+            rows.append(at_least(f"{name}, mean", loose["means"][i], loose["mean_goal"]))
+            rows.append(at_least(f"{name}, least", loose["least"][i], loose["least_goal"]))
+    large = data.get("large")
+    if large and large["mean"] is not None:
+        rows.append(at_least("large systems, best peer's time over ours, mean", large["mean"], large["goal"]))
+        rows.append(at_least("large systems, best peer's time over ours, least", large["least"], large["goal"]))
     return rows
 
 

@@ -215,7 +215,12 @@ def measure(*, quick: bool) -> dict:
             print(f"    {scene.name}: {str(failure)[:100]}")
             continue
         show(rows[-1:])
-    return {"measured": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"), "load": load, "rows": rows}
+    return {
+        "measured": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "gsp": gsp.__version__,
+        "load": load,
+        "rows": rows,
+    }
 
 
 def show(rows: list[dict]) -> None:

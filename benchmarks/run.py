@@ -1,9 +1,10 @@
 """Everything that is measured, in one run: tables on the screen, one JSON, and docs/benchmarks.md made from it.
 
-    python benchmarks/run.py [--quick] [--json FILE] [--write]
+    python benchmarks/run.py [--quick] [--only PART ...] [--json FILE] [--write]
 
 Whatever is compared is measured in turns in this run: read ratios. `--quick` takes three problems, compiled peers and
-few turns; `--json` writes all ladders too; `--write` writes docs/benchmarks.json and docs/benchmarks.md.
+few turns; `--json` writes all ladders too; `--write` writes docs/benchmarks.json and docs/benchmarks.md. `--only` takes
+the parts that say themselves when and with which version they were measured, and keeps the rest of the JSON.
 """
 
 from __future__ import annotations
@@ -14,14 +15,17 @@ import math
 import os
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import calls
 import ensembles
 import integrators
+import large
+import loose
 import reductions
 import series
 import slow_manifold
@@ -37,6 +41,12 @@ DOCS = Path(__file__).parent.parent / "docs"
 # Digits kept of a figure: clocks are not better.
 DIGITS = 4
 TURNS, QUICK_TURNS = 15, 3
+# Parts that carry date, version and load of their own.
+PARTS: dict[str, Callable[..., dict]] = {
+    "loose": loose.measured,
+    "large": large.measured,
+    "reductions": reductions.measure,
+}
 
 
 def rounded(value: Any) -> Any:
@@ -116,9 +126,13 @@ def measure(*, quick: bool) -> tuple[dict, dict]:
         "slow_manifold": timed(spent, "slow manifold", pointwise),
         "calls": timed(spent, "calls", around),
         "whole_calls": timed(spent, "whole calls", whole),
-        "reductions": timed(spent, "reductions", lambda: reductions.measure(quick=quick)),
-    }
+    } | parts(PARTS, spent, quick=quick)
     return rounded(data | {"seconds": spent}), rounded(ladders)
+
+
+def parts(names: Iterable[str], spent: dict[str, float], *, quick: bool) -> dict[str, dict]:
+    """Those of `PARTS`, measured."""
+    return {name: timed(spent, name, partial(PARTS[name], quick=quick)) for name in names}
 
 
 def show_targets(data: dict) -> None:
@@ -132,6 +146,7 @@ def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="three problems, compiled peers, few turns")
+    parser.add_argument("--only", nargs="+", choices=tuple(PARTS), help="measure these parts, keep the others")
     parser.add_argument("--json", type=Path, help="write everything measured, ladders included")
     parser.add_argument(
         "--write", action="store_true", help="write docs/benchmarks.json and docs/benchmarks.md"
@@ -140,7 +155,11 @@ def main() -> None:
     warnings.filterwarnings("ignore")
     begun = time.perf_counter()
     print(f"gsp {gsp.__version__}, {machine()}")
-    data, ladders = measure(quick=options.quick)
+    if options.only:
+        data = json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
+        data, ladders = data | rounded(parts(options.only, {}, quick=options.quick)), {}
+    else:
+        data, ladders = measure(quick=options.quick)
     show_targets(data)
     print(f"\n{time.perf_counter() - begun:.0f} s in all")
     if options.json:

@@ -91,3 +91,33 @@ def test_every_problem_is_solved(module) -> None:
             atol=1e-4 * problem.floor,
         )
         assert run.status.ok, problem.name
+
+
+def test_every_part_of_the_page_comes_from_a_run(module) -> None:
+    """A block entered by hand would be gone after the next run."""
+    run = module("run")
+    source = (ROOT / "benchmarks/run.py").read_text(encoding="utf-8")
+    for name, part in measured().items():
+        assert name in run.PARTS or f'"{name}":' in source or name == "seconds"
+        if name in run.PARTS:
+            assert {"measured", "load", "rows"} <= part.keys()
+
+
+def test_problems_of_loose_tolerances_are_none_that_methods_were_tuned_on(module) -> None:
+    problems = [make() for make in module("loose").PROBLEMS]
+    assert len(problems) >= 6
+    assert not {p.name for p in problems} & {p.name for p in module("problems").PROBLEMS}
+    for problem in problems:
+        run = integrate(
+            problem.field, start=problem.start, span=problem.span, rtol=1e-4, atol=1e-4 * problem.floor
+        )
+        assert run.status.ok
+
+
+def test_a_cell_below_the_goal_is_short(module) -> None:
+    page = module("page")
+    found = {row.what: row for row in page.targets(measured())}
+    loose = measured()["loose"]
+    for error, least in zip(loose["errors"], loose["least"]):
+        name = f"problems not tuned on, {loose['rival']}'s time over ours at {page.power(error)}"
+        assert found[f"{name} over the output grid, least"].is_met == (least >= 1)
