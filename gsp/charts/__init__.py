@@ -7,6 +7,7 @@ figure that an Axes belongs to.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from matplotlib.axes import Axes
 
@@ -29,6 +30,7 @@ from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
+from gsp.charts.views import view
 from gsp.charts.work_curves import work_precision
 from gsp.choice.simulation import Simulation
 from gsp.comparison.classical_table import MethodTable
@@ -85,6 +87,7 @@ __all__ = [
     "switches",
     "time_series",
     "trajectory",
+    "view",
     "work_precision",
 ]
 
@@ -164,6 +167,8 @@ def applicable(analysis: Analysis) -> Mapping[str, Callable[[Analysis], Axes]]:
     # The whole phenomenon first.
     if analysis.scene.path is not None:
         charts["path"] = path
+    for name in analysis.scene.views:
+        charts[f"view_{name}"] = partial(view, name=name)
     if "phenomenon" in analysis.lost or analysis.phenomenon is not None:
         charts["phenomenon"] = _phenomenon
     charts["phase_portrait"] = phase_portrait

@@ -76,11 +76,25 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
                         "Leave out `axes` to have them made."
                     )
                 draw(result, axes, *args, **kwargs)
+                _add_units(axes, getattr(getattr(result, "scene", None), "units", {}))
                 return axes
 
         return drawn
 
     return decorate
+
+
+def _add_units(axes: Axes, units: Mapping[str, str]) -> None:
+    """Units behind the variables that axes are labelled by, and behind the slow time."""
+    told = {mathematics(name): unit for name, unit in units.items()}
+    if "t" in units:
+        told["slow time $t$"] = units["t"]
+    for axis in "xyz":
+        label = getattr(axes, f"get_{axis}label", lambda: "")()
+        if label in told:
+            # With its unit a label is too long to stand upright.
+            turned = {"rotation": 90, "labelpad": 4.0} if axis == "y" and axes.name != "3d" else {}
+            getattr(axes, f"set_{axis}label")(f"{label} ({plain(told[label])})", **turned)
 
 
 # Without a time stamp and a version, so that equal figures are equal files.

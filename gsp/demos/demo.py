@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -83,7 +83,7 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
     program = program_of(study)
     told = _story(scene)
     quantities = program.parts["quantities"]
-    axes = told.get("axes") or _axes(program.parts)
+    axes = told.get("axes") or _asked(scene, quantities) or _axes(program.parts)
     data = {
         "title": scene.title,
         "description": printable(scene.description),
@@ -107,6 +107,14 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
     }
     title = scene.title or scene.name or scene.system.name or "A slow-fast system"
     return Demo(scene, *render(program, data, title=title))
+
+
+def _asked(scene: Scene, quantities: Collection[str]) -> list[str] | None:
+    """The plane of the first view whose quantities the demo has."""
+    wanted = (
+        view for view in scene.views.values() if len(view.names) == 2 and set(view.names) <= {*quantities}
+    )
+    return next((list(view.names) for view in wanted), None)
 
 
 def _axes(parts: Mapping[str, Any]) -> list[str]:

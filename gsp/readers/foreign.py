@@ -34,8 +34,8 @@ class ForeignModel:
 
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
     numbers; `other_starts` are further ones by name; `windows` are intervals that the file gives, or that are guessed
-    better here than around the start. `understood` and `notes` are for the reader; `small` is set where the format
-    itself says what is fast.
+    better here than around the start; `views` are names of axes with their ranges. `understood` and `notes` are for the
+    reader; `small` is set where the format itself says what is fast.
     """
 
     origin: str
@@ -48,6 +48,7 @@ class ForeignModel:
     windows: dict[str, tuple[float, float]] = field(default_factory=dict)
     total: str = "20"
     path: tuple[str, str] | None = None
+    views: dict[str, tuple[tuple[str, ...], dict[str, tuple[str, str]]]] = field(default_factory=dict)
     small: str | None = None
     title: str = ""
     understood: str = ""
@@ -190,10 +191,26 @@ def _written(
             f"[starts.{title}]",
             *(f"{name} = {json.dumps(number)}" for name, number in start.items()),
         ]
+
+    def is_time(name: str) -> bool:
+        return name == "t" and name not in model.states
+
+    for title, (axes, ranges) in model.views.items():
+        lines += ["", f"[views.{title}]", *(f"{axis} = {json.dumps(name)}" for axis, name in zip("xyz", axes))]
+        inner = ", ".join(
+            f"{name} = [{', '.join(_in_time(end, value, slow=fast_time and is_time(name)) for end in ends)}]"
+            for name, ends in ranges.items()
+        )
+        lines += [f"ranges = {{{inner}}}"] if inner else []
     lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
     if model.path is not None:
         lines.append(f"path = {json.dumps(list(model.path))}")
     return "\n".join(lines) + "\n"
+
+
+def _in_time(end: str, small: str, *, slow: bool) -> str:
+    """An end of a range as TOML, `slow` where it is to be in slow time."""
+    return json.dumps(f"({end})*({small})" if slow else end)
 
 
 def _region(model: ForeignModel, fast: Collection[str]) -> dict[str, tuple[float, float]]:

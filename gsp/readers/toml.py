@@ -30,6 +30,12 @@
     [starts.empty]                           # optional: another start by name, what differs from [start]
     c = 0
 
+    [views.phase]                            # optional: what to show against what, in the report and the demo
+    x = "s"                                  # states, observables, reconstruction variables or t; z makes it solid
+    y = "c"
+    title = "Substrate and complex"          # optional
+    ranges = {s = [0, 2], c = [0, 1]}        # optional
+
     [units]                                  # optional text for names of the model and for t
     s = "mM"
 
@@ -62,6 +68,7 @@ from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
 from gsp.scenes.scene import Scene
+from gsp.scenes.view import View
 from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
@@ -75,6 +82,7 @@ LADDER = (2, 1, sp.Rational(1, 2), sp.Rational(1, 4))
 
 CLAIMS = 8
 STARTS = 64
+VIEWS = 16
 
 _TABLES = (
     "parameters",
@@ -90,6 +98,7 @@ _TABLES = (
     "claims",
     "starts",
     "units",
+    "views",
 )
 _SCENE = ("span", "epsilon", "epsilons", "tolerance", "path")
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
@@ -188,6 +197,7 @@ def scene_of(document: dict, file: Path) -> Scene:
         path=values.path(scene.get("path")),
         claims=_claims(tables["claims"], symbols, definitions),
         starts=_starts(tables["starts"]),
+        views=_views(tables["views"]),
         units={
             key: values.text(value, f"units.{key[:64]}", TEXT["name"]) for key, value in tables["units"].items()
         },
@@ -305,6 +315,31 @@ def _claims(
                 raise ModelFileError(f"{key}.{state[:64]} is unknown.{nearest(state[:64], symbols)}")
             claims[name][symbols[state]] = _expression(rate, f"{key}.{state}", symbols, definitions)
     return claims
+
+
+def _views(tables: Mapping[str, object]) -> dict[str, View]:
+    """What to show, [views.NAME] each."""
+    if len(tables) > VIEWS:
+        raise ModelFileError(f"views holds {len(tables)} tables; {VIEWS} are allowed. Keep fewer.")
+    found = {}
+    for name, table in tables.items():
+        key = f"views.{name[:64]}"
+        if not isinstance(table, dict):
+            raise ModelFileError(f"{key} is a table. Got a {values.kind(table)}. Write [{key}].")
+        values.check_keys(table, ("x", "y", "z", "title", "ranges"), f"{key}.")
+        for axis in ("x", "y"):
+            if axis not in table:
+                raise ModelFileError(f'{key}.{axis} is missing. Name what to show, such as {axis} = "t".')
+        axes = [
+            values.text(table[axis], f"{key}.{axis}", TEXT["name"]) for axis in ("x", "y", "z") if axis in table
+        ]
+        ranges = values.table(table, "ranges")
+        found[name] = View(
+            *axes,
+            title=values.text(table.get("title", ""), f"{key}.title", TEXT["title"]),
+            ranges={item: values.pair(value, f"{key}.ranges.{item[:64]}") for item, value in ranges.items()},
+        )
+    return found
 
 
 def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:

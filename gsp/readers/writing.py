@@ -14,6 +14,7 @@ from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers.toml import read_model
 from gsp.results.files import write_file
 from gsp.scenes.scene import Scene
+from gsp.scenes.view import View
 from gsp.systems.arguments import check_noun, shown
 from gsp.systems.system import SlowFastSystem
 
@@ -65,6 +66,7 @@ def _content(scene: Scene) -> Iterator[object]:
         scene.path,
         scene.starts,
         scene.units,
+        scene.views,
     )
     for table in (
         system.parameters, dict(zip(system.states, system.rates)), system.observables, scene.reconstruction,
@@ -123,6 +125,7 @@ def _written(scene: Scene) -> str:
             f"starts.{_quoted(name)}": {state: repr(value) for state, value in start.items()}
             for name, start in scene.starts.items()
         },
+        **{f"views.{_quoted(name)}": _view(view) for name, view in scene.views.items()},
         "units": {name: _quoted(unit) for name, unit in scene.units.items()},
     }
     head = {key: _quoted(getattr(scene, key)) for key in ("name", "title", "source", "description")}
@@ -132,6 +135,16 @@ def _written(scene: Scene) -> str:
         if table:
             lines += ["", f"[{title}]", *(f"{name} = {value}" for name, value in table.items())]
     return "\n".join(lines) + "\n"
+
+
+def _view(view: View) -> dict[str, str]:
+    written = {axis: _quoted(name) for axis, name in zip("xyz", view.names, strict=False)}
+    if view.title:
+        written["title"] = _quoted(view.title)
+    if view.ranges:
+        inner = ", ".join(f"{name} = {_list(interval)}" for name, interval in view.ranges.items())
+        written["ranges"] = f"{{{inner}}}"
+    return written
 
 
 def _expressions(table: Mapping[sp.Symbol, sp.Expr]) -> dict[str, str]:

@@ -129,9 +129,7 @@ def read_ode(text: str) -> ForeignModel:
         model.states["t"], model.starts["t"] = "1", file.settings.get("t0", "0")
         begin = number_in(model.starts["t"], "t0")
         model.windows["t"] = begin, begin + number_in(model.total, "total")
-    x, y = (file.settings.get(axis, "") for axis in ("xp", "yp"))
-    if x != y and {x, y} <= {*model.states, *model.observables}:
-        model.path = x, y
+    _take_view(file, model)
     _take_sets(file, model)
     _take_windows(file, model)
     _take_notes(file, model, late)
@@ -281,6 +279,27 @@ def _take_sets(file: _File, model: ForeignModel) -> None:
             file.left_out.append(f"set {name} (line {number})")
 
 
+def _take_view(file: _File, model: ForeignModel) -> None:
+    """What is plotted, as a view, and as the path where that is a plane; for XPPAUT it is t and the first state."""
+    plotted = {axis: file.settings.get(f"{axis}p", "").rstrip(",") for axis in "xyz"}
+    if not plotted["x"] and not plotted["y"]:
+        return
+    x, y = plotted["x"] or "t", plotted["y"] or next(iter(model.states))
+    solid = file.settings.get("axes", "")[:1] == "3"
+    names = (x, y, plotted["z"]) if solid and plotted["z"] else (x, y)
+    shown = {*model.states, *model.observables, "t"}
+    if len(set(names)) < len(names) or not shown.issuperset(names):
+        return
+    ranges = {}
+    for axis, name in zip("xyz", names, strict=False):
+        ends = [file.settings.get(f"{axis}{end}") for end in ("lo", "hi")] if len(names) == 2 else []
+        if all(ends) and ends and number_in(ends[0] or "", "lo") < number_in(ends[1] or "", "hi"):
+            ranges[name] = ends[0] or "", ends[1] or ""
+    model.views["plot"] = names, ranges
+    if len(names) == 2 and "t" not in names:
+        model.path = x, y
+
+
 def _take_windows(file: _File, model: ForeignModel) -> None:
     """The plotted window of a state, where it holds the start."""
     for axis, low, high in (("xp", "xlo", "xhi"), ("yp", "ylo", "yhi")):
@@ -369,7 +388,7 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
     if file.passed_over:
         model.notes.append("lines that XPPAUT passes over: " + ", ".join(file.passed_over)[:300])
     model.left_out = file.left_out
-    known = ("total", "t0", "xp", "yp", "xlo", "xhi", "ylo", "yhi")
+    known = ("total", "t0", "xp", "yp", "zp", "axes", "xlo", "xhi", "ylo", "yhi")
     ignored = [key for key in file.settings if key not in known]
     if ignored:
         model.notes.append("settings left out: " + ", ".join(ignored)[:300])

@@ -15,10 +15,23 @@ from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 from gsp.singular.mixed_modes import MixedMode
 
+# What figures of views are called, before their names.
+VIEW = "view_"
+
 
 def caption(name: str, analysis: Analysis, setter: Typesetter) -> Markup:
     """The caption of the chart called `name`."""
+    if name.startswith(VIEW):
+        return _view(analysis, name.removeprefix(VIEW), setter)
     return _CAPTIONS[name](analysis, setter)
+
+
+def _view(analysis: Analysis, name: str, setter: Typesetter) -> Markup:
+    view = analysis.scene.views[name]
+    shown = Markup(", ").join(setter.inline(sp.Symbol(quantity)) for quantity in view.names)
+    return Markup("{}, a view of the model's author: {}. The full run at {} = {}, and the limit.").format(
+        view.title or name, shown, _epsilon(analysis, setter), number(analysis.scene.epsilon)
+    )
 
 
 def _phase_portrait(analysis: Analysis, setter: Typesetter) -> Markup:

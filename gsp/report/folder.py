@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -41,6 +42,7 @@ FIGURES = (
     "time_series",
     "failure_map",
 )
+_OF_A_VIEW = re.compile(r"view_[A-Za-z0-9][A-Za-z0-9_-]{0,63}\.png")
 
 
 def write_report(
@@ -184,6 +186,7 @@ def _stale(target: Path) -> set[str]:
     """Figures that an older report in the folder says are its own."""
     try:
         listed = json.loads((target / JSON).read_text(encoding="utf-8"))["figures"]
-        return {name for name in (f"{figure}.png" for figure in FIGURES) if name in listed}
+        own = {f"{figure}.png" for figure in FIGURES}
+        return {name for name in listed if name in own or _OF_A_VIEW.fullmatch(name)}
     except (OSError, ValueError, KeyError, TypeError):
         return set()

@@ -13,6 +13,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError, is_hidden, nearest, printable, unknown_name
 from gsp.results.card import Card
+from gsp.scenes.view import View, checked_views
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, named
@@ -38,7 +39,8 @@ class Scene(Question, Card):
     reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
     quantities (states, observables or reconstruction variables) that draw a path in the plane. `starts` are further
     starts by name, each what differs from `start`; `starting(name)` asks from there. `units` are text for names of
-    states, parameters, observables and t, which is shown and not computed with.
+    states, parameters, observables and t, which is shown and not computed with. `views` are what its author wants to
+    see, `gsp.scenes.view.View` by name: the report draws each, and a demo begins with the first of two states.
 
     Stored: `region` {name: (float, float)}, `start` {state name: float}, `reconstruction_start` {name: float}.
     Raises `DeclarationError`, naming the fact, the value and the remedy.
@@ -67,6 +69,7 @@ class Scene(Question, Card):
     claims: Mapping[str, Values] = field(default_factory=dict)
     starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    views: Mapping[str, View] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
@@ -111,6 +114,7 @@ class Scene(Question, Card):
         watched = [*states, *(s.name for s in self.system.observables), *(s.name for s in drivers)]
         self._set("path", _path(self.path, watched))
         self._set("starts", MappingProxyType(_starts(self.starts, [*states, *driven])))
+        self._set("views", MappingProxyType(checked_views(self.views, watched)))
         known = [*watched, *(s.name for s in self.system.parameters), str(self.system.epsilon), TIME]
         self._set("units", MappingProxyType(_units(self.units, known)))
 
@@ -164,6 +168,8 @@ class Scene(Question, Card):
             ("tolerance", f"{self.tolerance:g}"),
             *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),
         ]
+        for name, view in self.views.items():
+            rows.append((f"view {name}", " against ".join(reversed(view.names))))
         if self.units:
             rows.append(("units", ", ".join(f"{name} in {unit}" for name, unit in self.units.items())))
         width = max(len(left) for left, _ in rows)
@@ -193,6 +199,7 @@ class Scene(Question, Card):
             tuple((name, tuple(rates.items())) for name, rates in self.claims.items()),
             tuple((name, tuple(start.items())) for name, start in self.starts.items()),
             tuple(self.units.items()),
+            tuple(self.views.items()),
         )
 
     def __eq__(self, other: object) -> bool:

@@ -1,0 +1,97 @@
+"""Views of a scene: which quantities its author wants to see against which, where, and under what title."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from types import MappingProxyType
+
+from gsp.errors import DeclarationError, nearest
+from gsp.systems.arguments import check_text, shown
+from gsp.systems.region import Interval, check_interval
+
+TIME = "t"
+LONGEST_TITLE = 200
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True)
+class View:
+    """`x` across and `y` up, with a `z` in space: names of states, observables, reconstruction variables, or t.
+
+    `ranges` {name: (low, high)} bounds axes that are not to follow the runs; `title` is text.
+    """
+
+    x: str
+    y: str
+    z: str | None = None
+    _: KW_ONLY
+    title: str = ""
+    ranges: Mapping[str, Interval] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The quantities of the axes, in their order."""
+        return (self.x, self.y) if self.z is None else (self.x, self.y, self.z)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "ranges": dict(self.ranges)}
+
+    def __hash__(self) -> int:
+        return hash((self.names, self.title, tuple(self.ranges.items())))
+
+
+def checked_views(views: object, known: Collection[str]) -> dict[str, View]:
+    """Views by name, whose quantities are among `known` or t; raises `DeclarationError` that names what is none."""
+    if not isinstance(views, Mapping):
+        raise DeclarationError(f"views maps names to views. Got {shown(views)}.")
+    return {
+        _name(name): _checked(str(name), view, [*dict.fromkeys([*known, TIME])]) for name, view in views.items()
+    }
+
+
+def _name(name: object) -> str:
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise DeclarationError(
+            f"the name of a view is a plain word. Got {shown(name)}. Use letters and digits."
+        )
+    return name
+
+
+def _checked(name: str, view: object, known: list[str]) -> View:
+    if not isinstance(view, View):
+        raise DeclarationError(f'the view {name} is no View. Got {shown(view)}. Write View("t", "x").')
+    for quantity in view.names:
+        if quantity not in known:
+            raise DeclarationError(
+                f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable. "
+                f"There are {', '.join(known)}." + nearest(str(quantity), known)
+            )
+    if len(set(view.names)) < len(view.names):
+        raise DeclarationError(
+            f"the view {name} shows a quantity twice. Got {', '.join(view.names)}. Take another."
+        )
+    check_text(view.title, what=f"the title of the view {name}")
+    if len(view.title) > LONGEST_TITLE or not view.title.isprintable():
+        raise DeclarationError(
+            f"the title of the view {name} is text of at most {LONGEST_TITLE} characters on one line. "
+            f"Got {shown(view.title)}."
+        )
+    if not isinstance(view.ranges, Mapping):
+        raise DeclarationError(
+            f"the ranges of the view {name} map names to (low, high). Got {shown(view.ranges)}."
+        )
+    ranges = {}
+    for quantity, interval in view.ranges.items():
+        if quantity not in view.names:
+            raise DeclarationError(
+                f"the view {name} has a range of {shown(quantity)}, which it does not show. It shows "
+                f"{', '.join(view.names)}." + nearest(str(quantity), view.names)
+            )
+        ranges[quantity] = check_interval(
+            interval,
+            what=f"the range of {quantity} in the view {name}",
+            remedy="Give (low, high), low below high.",
+        )
+    return View(view.x, view.y, view.z, title=view.title, ranges=MappingProxyType(ranges))
