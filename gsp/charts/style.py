@@ -171,7 +171,8 @@ def name_axes(axes: Axes, *names: str) -> None:
     axes.set_xlabel(mathematics(names[0]))
     if len(names) > 1:
         text = mathematics(names[1])
-        short = len(names[1]) < 3 or text.startswith("$\\")
+        # A Greek letter is short, and a name of several upright ones is not.
+        short = len(names[1]) < 3 or (text.startswith("$\\") and not text.startswith("$\\mathrm"))
         axes.set_ylabel(text, rotation=0 if short else 90, labelpad=9.0 if short else 4.0)
 
 

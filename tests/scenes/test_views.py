@@ -108,6 +108,8 @@ def test_the_report_and_the_demo_show_the_views() -> None:
     assert axes.get_xlim() == (0.0, 4.0)
     assert axes.get_title() == "What is left"
     assert axes.get_xlabel() == "$t$ (min)"
+    # A long name lies along its axis, where it meets no number.
+    assert axes.yaxis.label.get_rotation() == 90
     assert drawn["view_room"](analysis).name == "3d"
     assert drawn["view_plane"](analysis).get_ylabel() == "$s$ (mM)"
     assert drawn["phase_portrait"](analysis).get_xlabel() == "$s$ (mM)"
