@@ -1,21 +1,100 @@
 """What can go wrong: exceptions for a wrong call, `Status` for how a computation ended.
 
 There are two channels and they do not mix. A call that cannot be carried out as written raises a
-`GspError`, worded *fact, value got, remedy*. A computation that started and stopped early returns its
-result with a `Status`; each status carries its meaning and its remedy.
+`GspError`, which carries *fact, value got, remedy* and what a caller may decide on. A computation that started and
+stopped early returns its result with a `Status`; each status carries its meaning and its remedy. Why a part of a result
+is missing is a `Reason`. Text is made of these once and never taken apart again.
 """
 
 from __future__ import annotations
 
 import difflib
+import pickle
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import Enum
-from typing import Never
+from typing import Never, Self
+
+_NOTHING = object()
 
 
 class GspError(ValueError):
-    """A call that cannot be carried out as written; base of every exception this package raises."""
+    """A call that cannot be carried out as written; base of every exception this package raises.
+
+    Beside its text it holds `fact`, what is the case (without a full stop), `value`, what was given instead (None where
+    nothing was), `remedy`, what to do (empty where the fact says it), and what a caller decides on: `known`, the names
+    or choices there are; `limit`, how much or how many are allowed, of which `value` is too much; `point`, a place by
+    name. `got` is how `value` is shown.
+    """
+
+    def __init__(
+        self,
+        fact: str = "",
+        remedy: str = "",
+        *,
+        got: object = _NOTHING,
+        value: object = None,
+        known: Iterable[object] = (),
+        limit: float | None = None,
+        point: Mapping[str, float] | None = None,
+    ) -> None:
+        self.known = tuple(str(name) for name in known)
+        self.value = value if value is not None or got is _NOTHING else got
+        self.limit, self.point = limit, point
+        self.remedy = remedy + (nearest(str(value), self.known) if self.known else "")
+        self.fact = fact.removesuffix(".")
+        shown = "" if got is _NOTHING else f"Got {got}."
+        super().__init__(" ".join(part for part in (fact, shown, self.remedy) if part))
+
+    def __reduce__(self) -> tuple:
+        """As it is, but for a `value` that no other process could read."""
+        fields = dict(self.__dict__)
+        try:
+            pickle.dumps(self.value)
+        except Exception:
+            fields["value"] = None
+        return type(self), self.args, fields
+
+    @property
+    def reason(self) -> Reason:
+        """Why what was asked for is not there."""
+        return Reason(str(self), fact=self.fact, remedy=self.remedy)
+
+    def under(self, place: str) -> Self:
+        """This error, with the `place` where it was met in front."""
+        return self.of(self, place)
+
+    @classmethod
+    def of(cls, error: GspError, place: str) -> Self:
+        """The `error` as one of this class, with the `place` where it was met in front, fit for a terminal."""
+        found = cls(printable(f"{place}: {error}"))
+        found.__dict__.update(error.__dict__, fact=printable(f"{place}: {error.fact}"))
+        return found
+
+
+class Reason(str):
+    """Why something is not there: a text, made once, with its `fact` (without a full stop) and its `remedy`.
+
+    It is empty where nothing is missing.
+    """
+
+    __slots__ = ("fact", "remedy")
+
+    def __new__(cls, text: str = "", *, fact: str | None = None, remedy: str = "") -> Self:
+        """The reason that `text` tells; without a `fact` all of it is the fact."""
+        made = super().__new__(cls, text)
+        made.fact = text.removesuffix(".") if fact is None else fact
+        made.remedy = remedy
+        return made
+
+    @classmethod
+    def of(cls, fact: str, remedy: str) -> Self:
+        """The reason of a `fact`, given without a full stop, and a `remedy`."""
+        return cls(f"{fact}. {remedy}", fact=fact, remedy=remedy)
+
+
+NO_REASON = Reason()
+"""The reason where nothing is missing."""
 
 
 class DeclarationError(GspError):
@@ -39,7 +118,12 @@ class UnsupportedFunctionError(GspError):
 
 
 class BudgetError(GspError):
-    """An exact computation that would take more terms than it is allowed."""
+    """An exact computation that would take more terms than it is allowed: `limit`, of which it would take `spent`."""
+
+    @property
+    def spent(self) -> object:
+        """How much it would have taken; None where that is not known."""
+        return self.value
 
 
 class ModelFileError(GspError):
@@ -63,9 +147,14 @@ class BeyondReachWarning(UserWarning):
 
 
 class UnknownNameError(GspError, KeyError):
-    """A name that a result does not have; what there is stands in the message."""
+    """A name that a result does not have: `name`, and what there is, `known`."""
 
     __str__ = Exception.__str__
+
+    @property
+    def name(self) -> object:
+        """The name that is not there."""
+        return self.value
 
 
 class EndKind(Enum):
@@ -192,10 +281,22 @@ def unknown_name(name: object, names: Iterable[str]) -> UnknownNameError:
     """The error for a `name` that is none of `names`."""
     known = list(names)
     if not known:
-        return UnknownNameError(f"there is no {name!r} here, and no other name: nothing was asked for.")
+        return UnknownNameError(
+            f"there is no {name!r} here, and no other name: nothing was asked for.", value=name
+        )
     return UnknownNameError(
-        f"there is no {name!r} here. The names are {', '.join(known)}." + nearest(str(name), known)
+        f"there is no {name!r} here.", f"The names are {', '.join(known)}.", value=name, known=known
     )
+
+
+def one_line(error: BaseException | Warning | str, most: int | None = None) -> str:
+    """What an exception says, to be shown: on one line, of `most` characters at most.
+
+    An exception that is none of this package's has its kind in front.
+    """
+    is_ours = isinstance(error, (GspError, Warning, str))
+    text = " ".join((str(error) if is_ours else f"{type(error).__name__}: {error}").split())
+    return text if most is None else text[:most]
 
 
 def printable(text: str) -> str:

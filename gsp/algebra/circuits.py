@@ -64,8 +64,9 @@ class Gate:
     def numerator(self) -> flint.fmpq_mpoly:
         """There is none: raises `BudgetError`."""
         raise BudgetError(
-            "so many coupled fast variables have a series by straight-line programs alone, whose numerators would be "
-            "too long to be written out. Take fewer variables, or what needs no polynomials."
+            "so many coupled fast variables have a series by straight-line programs alone, whose numerators "
+            "would be too long to be written out.",
+            "Take fewer variables, or what needs no polynomials.",
         )
 
     def __reduce__(self) -> tuple:
@@ -109,7 +110,11 @@ class CircuitRing:
         found = self._known.get(key)
         if found is None:
             if len(self._gates) >= GATES:
-                raise BudgetError(f"the straight-line program has {GATES:,} steps; no more are made.")
+                raise BudgetError(
+                    f"the straight-line program has {GATES:,} steps; no more are made.",
+                    limit=GATES,
+                    value=len(self._gates) + 1,
+                )
             found = self._known[key] = Gate(self, kind, inputs, what, len(self._gates))
             self._gates.append(found)
             self.spent += 1

@@ -13,6 +13,6 @@ def nearest_double(number: Any) -> str:
         return repr(int(number.p) / int(number.q))
     except OverflowError:
         raise BudgetError(
-            f"a number of {len(str(abs(int(number.p))))} digits is beyond double precision. "
-            "Give one below 1e308."
+            f"a number of {len(str(abs(int(number.p))))} digits is beyond double precision.",
+            "Give one below 1e308.",
         ) from None

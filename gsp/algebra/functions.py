@@ -78,7 +78,7 @@ def parts(expression: sp.Expr) -> tuple[str, tuple[sp.Expr, ...]]:
         else:
             remedy = "Replace it by one of them, or declare it as a state with its own equation."
         raise UnsupportedFunctionError(
-            f"{expression} has no power series rule. The functions that have one are {known}. {remedy}"
+            f"{expression} has no power series rule.", f"The functions that have one are {known}. {remedy}"
         )
     # The second argument of Heaviside is its value on the switching set, where there is no series.
     return name, expression.args[:1] if name == "Heaviside" else expression.args
@@ -108,7 +108,7 @@ def require_rules(equations: Mapping[str, sp.Expr]) -> None:
         try:
             are_rational([expression])
         except UnsupportedFunctionError as error:
-            raise UnsupportedFunctionError(f"in the equation for {left}: {error}") from None
+            raise error.under(f"in the equation for {left}") from None
 
 
 def are_rational(expressions: Iterable[sp.Expr]) -> bool:

@@ -86,8 +86,8 @@ def _coefficients(expression: sp.Expr, epsilon: sp.Symbol, order: int) -> dict[i
         offset = valuation * int(expression.exp)
         return _nonzero({k + offset: c for k, c in sorted(result.items())})
     raise DeclarationError(
-        f"epsilon stands in {expression}, which is no pole or power of epsilon. "
-        "Replace it by its Taylor polynomial in epsilon."
+        f"epsilon stands in {expression}, which is no pole or power of epsilon.",
+        "Replace it by its Taylor polynomial in epsilon.",
     )
 
 
@@ -108,7 +108,7 @@ def _valuation(expression: sp.Expr, epsilon: sp.Symbol) -> int:
         valuation = _valuation(expression.base, epsilon)
         if valuation >= _NEVER and int(expression.exp) < 0:
             raise DeclarationError(
-                f"{expression} divides by zero: {expression.base} is 0 identically. Remove it."
+                f"{expression} divides by zero: {expression.base} is 0 identically.", "Remove it."
             )
         return int(expression.exp) * valuation
     if expression.is_Add:
@@ -119,10 +119,12 @@ def _valuation(expression: sp.Expr, epsilon: sp.Symbol) -> int:
                 return k
             if k == lowest and vanishes(expression):
                 return _NEVER
-        raise DeclarationError(f"{expression} vanishes to all orders in epsilon. Simplify it before declaring.")
+        raise DeclarationError(
+            f"{expression} vanishes to all orders in epsilon.", "Simplify it before declaring."
+        )
     raise DeclarationError(
-        f"epsilon stands in {expression}, which is no pole or power of epsilon. "
-        "Replace it by its Taylor polynomial in epsilon."
+        f"epsilon stands in {expression}, which is no pole or power of epsilon.",
+        "Replace it by its Taylor polynomial in epsilon.",
     )
 
 

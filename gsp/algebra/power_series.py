@@ -210,9 +210,9 @@ class SeriesProgram:
             return u.coefficients[0].apply(name, *arguments)
         if name == "sign" and u.coefficients[0].is_zero and not u.coefficients[k].is_zero:
             raise UnsupportedFunctionError(
-                "the switching function of Abs, sign, Max, Min or Heaviside is zero on the whole branch at epsilon = 0 "
-                "and not beyond: the slow manifold has no power series across that kink. Declare the smooth field of "
-                "one side, or take solve_manifold."
+                "the switching function of Abs, sign, Max, Min or Heaviside is zero on the whole branch at "
+                "epsilon = 0 and not beyond: the slow manifold has no power series across that kink.",
+                "Declare the smooth field of one side, or take solve_manifold.",
             )
         # k v_k = sum_(j=1..k) j u_j rate_(k-j): v' = rate u'; the rate is needed through order k - 1 only.
         terms = [u.coefficients[j] * rate.coefficients[k - j] * j for j in range(1, k + 1)]

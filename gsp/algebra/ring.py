@@ -131,7 +131,9 @@ class LocalisedRing:
         if self.terms > TERMS:
             raise BudgetError(
                 f"the exact algebra formed a polynomial of {len(result):,} terms, and {self.terms:,} with all that "
-                f"came before; at most {TERMS:,} are formed."
+                f"came before; at most {TERMS:,} are formed.",
+                limit=TERMS,
+                value=self.terms,
             )
         return result
 
@@ -140,7 +142,9 @@ class LocalisedRing:
         if len(polynomial) > DENOMINATOR_TERMS:
             raise BudgetError(
                 f"the exact algebra met a denominator of {len(polynomial):,} terms; at most {DENOMINATOR_TERMS:,} are "
-                "factored."
+                "factored.",
+                limit=DENOMINATOR_TERMS,
+                value=len(polynomial),
             )
 
     def spend(self, a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> None:
@@ -153,7 +157,9 @@ class LocalisedRing:
         if count > PRODUCT or self.spent > BUDGET:
             raise BudgetError(
                 f"the exact algebra met polynomials of {len(a):,} and {len(b):,} terms, after {self.spent - count:,} "
-                f"products of terms; at most {PRODUCT:,} are formed in one step and {BUDGET:,} in all."
+                f"products of terms; at most {PRODUCT:,} are formed in one step and {BUDGET:,} in all.",
+                limit=PRODUCT if count > PRODUCT else BUDGET,
+                value=count if count > PRODUCT else self.spent,
             )
 
     # -- generators and derivations ----------------------------------------------------------------

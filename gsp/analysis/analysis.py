@@ -19,7 +19,15 @@ from gsp.choice.choice import Choice, choose
 from gsp.comparison.comparison import Comparison, compare, on_manifold
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.critical.continuation import CriticalCurve, CriticalSheet
-from gsp.errors import BranchError, BudgetError, HyperbolicityError, MissingPartError, UnsupportedFunctionError
+from gsp.errors import (
+    NO_REASON,
+    BranchError,
+    BudgetError,
+    HyperbolicityError,
+    MissingPartError,
+    Reason,
+    UnsupportedFunctionError,
+)
 from gsp.fibres.base_points import BasePoint
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.reduced_flow import ReducedFlow
@@ -88,7 +96,7 @@ class Analysis(Drawn):
     boundary: Boundary
     choice: Choice
     failures: FailureMap | None
-    failures_reason: str
+    failures_reason: Reason
     timings: Mapping[str, float]
     versions: Mapping[str, str]
     phenomenon: Trajectory | MixedMode | None = None
@@ -279,12 +287,12 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     )
 
 
-def _failures(study: Study, progress: Callable[[float], object]) -> tuple[FailureMap | None, str]:
+def _failures(study: Study, progress: Callable[[float], object]) -> tuple[FailureMap | None, Reason]:
     """A failure map over the region, or None and why there is none."""
     scene = study.scene
     axis = next((s.name for s in study.system.x if s.name in study.region), None)
     if axis is None:
-        return None, "the region bounds no slow variable"
+        return None, Reason("the region bounds no slow variable")
     low, high = study.region[axis]
     epsilons, positions, tolerances = MAP
     found = attempt(
@@ -301,7 +309,7 @@ def _failures(study: Study, progress: Callable[[float], object]) -> tuple[Failur
             progress=progress,
         ),
     )
-    return (None, found.reason) if isinstance(found, Missing) else (found, "")
+    return (None, found.reason) if isinstance(found, Missing) else (found, NO_REASON)
 
 
 def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple[BasePoint | None, str]:
@@ -309,7 +317,7 @@ def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple
     if hyperbolicity.kind is not Kind.ATTRACTING:
         return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
     found = attempt("the base point", lambda: study.base_point(order))
-    return (None, found.reason) if isinstance(found, Missing) else (found, "")
+    return (None, found.reason) if isinstance(found, Missing) else (found, NO_REASON)
 
 
 def _ladder(study: Study) -> Mapping[float, Trajectory]:

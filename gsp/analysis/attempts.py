@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from gsp.errors import DefectWarning, GspError, MissingPartError
+from gsp.errors import DefectWarning, GspError, MissingPartError, Reason, one_line
 
 T = TypeVar("T")
 
@@ -23,7 +23,7 @@ NUMERICAL = (ArithmeticError, np.linalg.LinAlgError)
 class Missing:
     """A part that could not be made, and why, as one or a few sentences."""
 
-    reason: str
+    reason: Reason
 
 
 def attempt(what: str, make: Callable[[], T]) -> T | Missing:
@@ -35,19 +35,19 @@ def attempt(what: str, make: Callable[[], T]) -> T | Missing:
     try:
         return make()
     except GspError as error:
-        return Missing(str(error))
+        return Missing(error.reason)
     except NUMERICAL as error:
-        return Missing(f"the computation failed: {error or type(error).__name__}.")
+        return Missing(Reason(f"the computation failed: {error or type(error).__name__}."))
     except Exception as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        told = " ".join(str(error).split())[:200]
         warnings.warn(
-            f"a defect in gsp: {what} could not be made. {type(error).__name__}: {told} "
+            f"a defect in gsp: {what} could not be made. {one_line(error, 200)} "
             f"({Path(frame.filename).name}, line {frame.lineno}). Please report it with the model.",
             DefectWarning,
             stacklevel=2,
         )
-        return Missing(f"a defect in gsp ({type(error).__name__}). Please report it with the model.")
+        fact = f"a defect in gsp ({type(error).__name__})"
+        return Missing(Reason.of(fact, "Please report it with the model."))
 
 
 def made(part: T | Missing) -> T:

@@ -21,7 +21,7 @@ from gsp.critical.continuation import (
     critical_sheet,
 )
 from gsp.critical.continuation.curve import uninterrupted
-from gsp.errors import GspError
+from gsp.errors import NO_REASON, GspError, Reason
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.scenes.study import Study
 from gsp.singular.passage import FoldPassage, PassageError, fold_passage
@@ -51,7 +51,7 @@ class FoldOutlook:
     point: Mapping[str, float]
     passage: FoldPassage | None
     canard: CanardValue | None
-    reason: str
+    reason: Reason
 
     def __repr__(self) -> str:
         place = ", ".join(f"{name} = {value:.6g}" for name, value in self.point.items())
@@ -73,9 +73,9 @@ class Boundary:
     surroundings: CriticalCurve | CriticalSheet | None
     folds: tuple[FoldOutlook, ...] = ()
     folded: tuple[FoldedSingularity, ...] = ()
-    folded_reason: str = ""
+    folded_reason: Reason = NO_REASON
     orbit: SingularOrbit | None = None
-    orbit_reason: str = ""
+    orbit_reason: Reason = NO_REASON
     period: tuple[float, float, float] | None = None
 
     @property
@@ -115,9 +115,9 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
 
 
 def surroundings(study: Study) -> CriticalCurve | CriticalSheet | None:
-    """M0 through its folds in a box around the region; None where `not_followed` says why."""
+    """M0 through its folds in a box around the region; None where `not_followed` has an error."""
     system, branch = study.system, study.branch
-    if not_followed(study):
+    if not_followed(study) is not None:
         return None
     bounds = _box(study)
     x = np.array([[study.start[s.name] for s in system.x]])
@@ -128,24 +128,27 @@ def surroundings(study: Study) -> CriticalCurve | CriticalSheet | None:
     return critical_sheet(system, start=start, bounds=bounds)
 
 
-def not_followed(study: Study) -> str:
-    """Why M0 is not followed through folds around the region, as a sentence; empty where it is."""
+def not_followed(study: Study) -> GspError | None:
+    """What a caller who wants M0 followed through folds around the region is told; None where it is."""
     system, branch = study.system, study.branch
     name = study.scene.name or "the scene"
     if never_folds(branch):
-        return f"the branch of {name} is the graph {branch} without roots: it has no folds."
+        return GspError(f"the branch of {name} is the graph {branch} without roots: it has no folds.")
     if len(system.x) > 2:
-        return (
-            f"folds are followed over one or two slow variables. Got {len(system.x)} in {name}. "
-            "Use gsp.continue_critical with free=... to follow them along one of the variables."
+        return GspError(
+            "folds are followed over one or two slow variables.",
+            "Use gsp.continue_critical with free=... to follow them along one of the variables.",
+            got=f"{len(system.x)} in {name}",
+            value=len(system.x),
         )
     unbounded = [y.name for y in system.y if y.name not in study.region]
     if len(system.x) == 2 and unbounded:
-        return (
-            f"over two slow variables folds are followed in a box. Got no bounds on {', '.join(unbounded)} in the "
-            f"region of {name}. Bound the fast variables there."
+        return GspError(
+            "over two slow variables folds are followed in a box.",
+            "Bound the fast variables there.",
+            got=f"no bounds on {', '.join(unbounded)} in the region of {name}",
         )
-    return ""
+    return None
 
 
 def never_folds(branch: Branch) -> bool:
@@ -170,9 +173,9 @@ def _box(study: Study) -> dict[str, Interval]:
 
 def _outlook(study: Study, fold: Mapping[str, float]) -> FoldOutlook:
     try:
-        return FoldOutlook(fold, fold_passage(study.system, fold), None, "")
+        return FoldOutlook(fold, fold_passage(study.system, fold), None, NO_REASON)
     except PassageError as error:
-        return FoldOutlook(fold, None, _canard(study, fold), str(error))
+        return FoldOutlook(fold, None, _canard(study, fold), error.reason)
 
 
 def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:
@@ -192,22 +195,22 @@ def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:
     return found if near else None
 
 
-def _folded(study: Study, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], str]:
+def _folded(study: Study, box: Mapping[str, Interval]) -> tuple[tuple[FoldedSingularity, ...], Reason]:
     if len(study.system.x) != 2 or len(study.system.y) != 1:
-        return (), ""
+        return (), NO_REASON
     try:
-        return folded_singularities(study.system, region=box), ""
+        return folded_singularities(study.system, region=box), NO_REASON
     except GspError as error:
-        return (), str(error)
+        return (), error.reason
 
 
 def _orbit(
     study: Study, hyperbolicity: Hyperbolicity
-) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, str]:
+) -> tuple[SingularOrbit | None, tuple[float, float, float] | None, Reason]:
     if hyperbolicity.kind is not Kind.ATTRACTING:
-        return None, None, f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it"
+        return None, None, Reason(f"the branch is {hyperbolicity.kind}, so no singular orbit starts on it")
     try:
         orbit = singular_orbit(study.branch, study.start, max_pieces=PIECES)
-        return orbit, orbit.coefficients, ""
+        return orbit, orbit.coefficients, NO_REASON
     except GspError as error:
-        return None, None, str(error)
+        return None, None, error.reason

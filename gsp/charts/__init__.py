@@ -130,8 +130,8 @@ def draw(result: object, axes: Axes | None = None) -> Axes:
         if kind in _CHARTS:
             return _CHARTS[kind](result, axes)
     raise DeclarationError(
-        f"there is no chart of a {type(result).__name__}. "
-        f"Those are of {', '.join(sorted(kind.__name__ for kind in _CHARTS))}."
+        f"there is no chart of a {type(result).__name__}.",
+        f"Those are of {', '.join(sorted(kind.__name__ for kind in _CHARTS))}.",
     )
 
 
@@ -142,8 +142,10 @@ def surroundings(analysis: Analysis) -> Axes:
         return critical_sheet(found)
     if found is None:
         raise DeclarationError(
-            "the critical manifold of this analysis is an explicit graph, or over more than two slow variables. "
-            "Got no curve and no sheet. Draw `manifold` instead."
+            "the critical manifold of this analysis is an explicit graph, or over more than two slow "
+            "variables.",
+            "Draw `manifold` instead.",
+            got="no curve and no sheet",
         )
     return critical_curve(found)
 

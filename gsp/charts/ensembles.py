@@ -26,8 +26,9 @@ def spread(ensemble: Ensemble, axes: Axes, *, name: str) -> None:
     t, values = ensemble.t[reached], values[:, reached]
     if t.size < 2:
         raise DeclarationError(
-            f"a spread over time needs two times or more that a member reached. Got {t.size}. "
-            "Integrate with at=[...]."
+            "a spread over time needs two times or more that a member reached.",
+            "Integrate with at=[...].",
+            got=t.size,
         )
     for low, high, colour in BANDS:
         bottom, top = np.nanpercentile(values, [low, high], axis=0)

@@ -165,8 +165,10 @@ def _value(canard: CanardValue, family: OrbitFamily) -> float | None:
     """The canard value in double precision, or to the digits that its series has at this epsilon."""
     if family.epsilon is None or canard.parameter.name != family.parameter:
         raise DeclarationError(
-            f"the canard value is one of {canard.parameter} in a system with epsilon. "
-            f"Got a family in {family.parameter}. Take the canard value of the family's parameter."
+            f"the canard value is one of {canard.parameter} in a system with epsilon.",
+            "Take the canard value of the family's parameter.",
+            got=f"a family in {family.parameter}",
+            value=family.parameter,
         )
     for digits in range(17, 0, -1):
         try:

@@ -151,8 +151,9 @@ def distance(analysis: Analysis, axes: Axes) -> None:
     """
     if not analysis.landing:
         raise DeclarationError(
-            f"no run lands on a manifold that is {analysis.hyperbolicity.kind}. Got an analysis without "
-            "landing runs. Draw `manifold` instead."
+            f"no run lands on a manifold that is {analysis.hyperbolicity.kind}.",
+            "Draw `manifold` instead.",
+            got="an analysis without landing runs",
         )
     _distance(analysis, axes)
 

@@ -82,14 +82,18 @@ def write_motion(
 def check_motion_name(path: str | Path) -> Path:
     """`path`, when a moving picture can be written there; raises `OutputError` with the remedy when not."""
     if not isinstance(path, (str, Path)):
-        raise OutputError(f"path is the name of a file, .gif or .mp4. Got {shown(path)}.")
+        raise OutputError("path is the name of a file, .gif or .mp4.", got=shown(path), value=path)
     target = Path(path)
     if target.suffix.lower() not in KINDS:
         raise OutputError(
-            f"a moving picture is written to a path that ends in .gif or .mp4. Got {target.name}. Give such a name."
+            "a moving picture is written to a path that ends in .gif or .mp4.",
+            "Give such a name.",
+            got=target.name,
         )
     if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
-        raise OutputError(f"{target.name} takes ffmpeg, which is not installed. Install it, or write a .gif.")
+        raise OutputError(
+            f"{target.name} takes ffmpeg, which is not installed.", "Install it, or write a .gif."
+        )
     return target
 
 

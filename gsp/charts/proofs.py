@@ -34,8 +34,9 @@ def proof(analysis: Analysis, axes: Axes) -> None:
     found = analysis.hyperbolicity.certificate
     if found is None or not has_boxes(analysis):
         raise DeclarationError(
-            "boxes of a proof are drawn over one or two slow variables. Got none. "
-            "Read `hyperbolicity.certificate`, which says what is proved."
+            "boxes of a proof are drawn over one or two slow variables.",
+            "Read `hyperbolicity.certificate`, which says what is proved.",
+            got="none",
         )
     names = list(found.region)
     for side, limits in zip(found.region.values(), (axes.set_xlim, axes.set_ylim)):

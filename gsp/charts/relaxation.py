@@ -58,8 +58,9 @@ def singular_orbit(
     slow, fast = [s.name for s in system.x], [s.name for s in system.y]
     if across not in slow or up not in fast:
         raise DeclarationError(
-            f"a singular orbit is drawn over a slow variable, one of {', '.join(slow)}, and a fast one, one of "
-            f"{', '.join(fast)}. Got {(across, up)!r}."
+            f"a singular orbit is drawn over a slow variable, one of {', '.join(slow)}, and a fast one, one "
+            f"of {', '.join(fast)}.",
+            got=f"{(across, up)!r}",
         )
     leading = len(orbit.pieces) - orbit.period_pieces if orbit.closes else 0
     runs = [dense_run(piece.run) for piece in orbit.pieces]
@@ -137,8 +138,8 @@ def relaxation(analysis: Analysis, axes: Axes) -> None:
     run = analysis.phenomenon
     if not isinstance(run, Trajectory):
         raise DeclarationError(
-            f"no run of {analysis.scene.name or 'this scene'} swings over folds of one slow variable. "
-            "Draw `phase_portrait` instead."
+            f"no run of {analysis.scene.name or 'this scene'} swings over folds of one slow variable.",
+            "Draw `phase_portrait` instead.",
         )
     system, found = analysis.study.system, analysis.boundary.orbit
     across, up = system.x[0].name, system.y[0].name

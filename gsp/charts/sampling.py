@@ -237,8 +237,9 @@ def path_names(analysis: Analysis) -> tuple[str, str]:
     """The two quantities of the path; raises `DeclarationError` for a scene without one."""
     if analysis.scene.path is None:
         raise DeclarationError(
-            f"the scene {analysis.scene.name or 'given'} draws no path. Got path=None. "
-            'Declare Scene(..., path=("x", "y")), or draw time_series.'
+            f"the scene {analysis.scene.name or 'given'} draws no path.",
+            'Declare Scene(..., path=("x", "y")), or draw time_series.',
+            got="path=None",
         )
     return analysis.scene.path
 

@@ -72,8 +72,10 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
                 elif solid(result) != (axes.name == "3d"):
                     wanted = "three-dimensional" if solid(result) else "plane"
                     raise DeclarationError(
-                        f"{draw.__name__} draws on {wanted} Axes for this result. Got {axes.name} Axes. "
-                        "Leave out `axes` to have them made."
+                        f"{draw.__name__} draws on {wanted} Axes for this result.",
+                        "Leave out `axes` to have them made.",
+                        got=f"{axes.name} Axes",
+                        value=axes.name,
                     )
                 draw(result, axes, *args, **kwargs)
                 _add_units(axes, getattr(getattr(result, "scene", None), "units", {}))
@@ -135,7 +137,9 @@ def check_chart_name(path: str | Path) -> Path:
     target = Path(path)
     if target.suffix[1:].lower() not in FORMATS:
         raise OutputError(
-            f"a chart is written as .png, .pdf or .svg. Got {target.name}. Give a name with one of these endings."
+            "a chart is written as .png, .pdf or .svg.",
+            "Give a name with one of these endings.",
+            got=target.name,
         )
     return target
 

@@ -32,7 +32,9 @@ def switches(simulation: Simulation, axes: Axes, *, names: tuple[str, str] | Non
     if names is None:
         names = plane or ("t", simulation.names[-1])
     if len(names) != 2:
-        raise DeclarationError(f'names is a pair. Got {names!r}. Give two names, "t" for time.')
+        raise DeclarationError(
+            "names is a pair.", 'Give two names, "t" for time.', got=f"{names!r}", value=names
+        )
     drawn: set[str] = set()
     corners: list[np.ndarray] = []
     for piece in simulation.pieces:

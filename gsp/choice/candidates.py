@@ -160,7 +160,7 @@ def solved_candidate(
     try:
         surface = foresee_surface(scene, outlook)
     except GspError as error:
-        return left_out(str(error))
+        return left_out(error.reason)
     after, last = scene.span[0] + outlook.layer, scene.span[1]
     times = np.linspace(after, last, GRID_POINTS)
     predicted = float(surface.errors(times).max())

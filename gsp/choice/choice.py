@@ -26,7 +26,7 @@ from gsp.choice.candidates import (
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
 from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown
-from gsp.errors import DeclarationError, GspError
+from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
@@ -171,9 +171,9 @@ def choose(
     rtol = INTEGRATION * scene.tolerance
     try:
         outlook: Outlook | None = foresee(study, wanted, fast=fast)
-        obstacle = ""
+        obstacle = NO_REASON
     except GspError as error:
-        outlook, obstacle = None, str(error)
+        outlook, obstacle = None, error.reason
     flow, start = (
         (scene.system, scene.start) if outlook is None else (outlook.study.system, outlook.study.start)
     )
@@ -290,8 +290,9 @@ def _check_start(scene: Scene) -> None:
     if bad:
         place = ", ".join(f"{s.name} = {value:g}" for s, value in zip(flow.states, start))
         raise DeclarationError(
-            f"the field is not finite at the scene's start: the rate of {', '.join(bad)} is not. Got {place}. "
-            "Move the start into the field's domain."
+            f"the field is not finite at the scene's start: the rate of {', '.join(bad)} is not.",
+            "Move the start into the field's domain.",
+            got=place,
         )
 
 

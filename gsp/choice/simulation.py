@@ -18,7 +18,7 @@ from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import Choice, choose
 from gsp.choice.hybrid_run import Piece, Run, Switch
 from gsp.choice.model_switching import run_solved, run_switched
-from gsp.errors import DeclarationError, GspError, Status, nearest
+from gsp.errors import DeclarationError, GspError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
@@ -91,8 +91,9 @@ class Simulation(Drawn, Tabular):
         outside = times[~((times >= first) & (times <= last))]
         if outside.size:
             raise GspError(
-                f"the simulation covers [{first:.17g}, {last:.17g}]. Got t = {outside[0]:.17g}. "
-                "Ask inside, or simulate a longer span."
+                f"the simulation covers [{first:.17g}, {last:.17g}].",
+                "Ask inside, or simulate a longer span.",
+                got=f"t = {outside[0]:.17g}",
             )
         ends = np.array([piece.end for piece in self.pieces[:-1]])
         return np.searchsorted(ends, times, side="left")
@@ -103,8 +104,10 @@ class Simulation(Drawn, Tabular):
         for name in names:
             if name not in known:
                 raise GspError(
-                    f"{name!r} is no state and no observable. Those are {', '.join(known)}."
-                    + nearest(str(name), known)
+                    f"{name!r} is no state and no observable.",
+                    f"Those are {', '.join(known)}.",
+                    value=name,
+                    known=known,
                 )
         owners = self._owners(times)
         result = np.empty((len(names), len(times)))
@@ -146,12 +149,18 @@ def simulate(scene: Scene | Study, *, choice: Choice | None = None) -> Simulatio
         choice = choose(study)
     if not isinstance(choice, Choice):
         raise DeclarationError(
-            f"choice is what choose(scene) returns. Got {shown(choice)}. Leave it out, or pass a Choice."
+            "choice is what choose(scene) returns.",
+            "Leave it out, or pass a Choice.",
+            got=shown(choice),
+            value=choice,
         )
     asked = study.scene
     if replace(choice.scene, epsilon=asked.epsilon, tolerance=asked.tolerance) != asked:
         raise DeclarationError(
-            f"the choice was made for {choice.scene!r}. Got {asked!r}. Call choose() with this scene."
+            f"the choice was made for {choice.scene!r}.",
+            "Call choose() with this scene.",
+            got=f"{asked!r}",
+            value=asked,
         )
     study, span = choice.study, choice.scene.span
     run = Run(study, _is_reducible(study))

@@ -165,4 +165,4 @@ def _enough(candidate: Candidate, scene: Scene) -> float:
 
 
 def _sentence(text: str) -> str:
-    return text if text.endswith(".") else f"{text}."
+    return f"{text.removesuffix('.')}."

@@ -25,7 +25,7 @@ def orders_through(order: int | None) -> tuple[int, ...] | None:
     if order is None:
         return None
     if order < 0:
-        raise DeclarationError(f"--order is a non-negative integer. Got {order}.")
+        raise DeclarationError("--order is a non-negative integer.", got=order)
     return tuple(range(order + 1))
 
 
@@ -87,7 +87,7 @@ def asked(
         for text in texts:
             name, found, value = text.partition("=")
             if not (name.strip() and found and value.strip()):
-                raise DeclarationError(f"{option} is given as {form}. Got {text[:80]!r}.")
+                raise DeclarationError(f"{option} is given as {form}.", got=f"{text[:80]!r}")
             yield name.strip(), value.strip()
 
     parameters: dict[str, Any] = {
@@ -98,7 +98,7 @@ def asked(
     for name, value in pairs("--region", intervals, "NAME=LOW:HIGH"):
         low, found, high = value.partition(":")
         if not found:
-            raise DeclarationError(f"--region is given as NAME=LOW:HIGH. Got {name}={value[:80]!r}.")
+            raise DeclarationError("--region is given as NAME=LOW:HIGH.", got=f"{name}={value[:80]!r}")
         region[name] = (
             float(toml_values.number(low.strip(), f"--region {name}")),
             float(toml_values.number(high.strip(), f"--region {name}")),

@@ -30,7 +30,7 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
     from gsp.scenes.study import study_of
 
     if output is not None and not prove:
-        raise DeclarationError("-o writes a proof, and samples are none. Add --prove, or leave -o out.")
+        raise DeclarationError("-o writes a proof, and samples are none.", "Add --prove, or leave -o out.")
     study = study_of(scene)
     if prove:
         from gsp.slow_tubes.certify import certify
@@ -70,7 +70,9 @@ def verify(file: Path, as_json: bool) -> None:
     try:
         found = verified(file)
     except OSError as error:
-        raise GspError(f"the proof cannot be read. Got {file}: {error.strerror}. Name another file.") from None
+        raise GspError(
+            "the proof cannot be read.", "Name another file.", got=f"{file}: {error.strerror}"
+        ) from None
     except Rejected as error:
         if as_json:
             print_json({"holds": False, "reason": str(error)})

@@ -56,7 +56,7 @@ def chart(
     charts.check_chart_name(target)
     for path in filter(None, (target, table)):
         if not path.absolute().parent.is_dir():
-            raise GspError(f"there is no folder {path.absolute().parent}. Make it, or give another path.")
+            raise GspError(f"there is no folder {path.absolute().parent}.", "Make it, or give another path.")
     orders = orders_through(order)
     found: Any
     with progress_bar("runs") as advance:
@@ -147,15 +147,15 @@ def sweep(
     folder = plan if begun else output or Path(f"gsp-sweep-{plan.stem}")
     if begun and (output is not None or anew):
         raise DeclarationError(
-            f"{plan} holds a sweep with its own plan. Leave -o and --anew out, or give a plan file."
+            f"{plan} holds a sweep with its own plan.", "Leave -o and --anew out, or give a plan file."
         )
     if status:
         found = Sweep(folder)
     elif begun and ":" in Sweep(folder).plan.task:
         # The folder is untrusted: it may name any function.
         raise DeclarationError(
-            f"the task of {plan} is the function {Sweep(folder).plan.task}, and a folder's word runs no code. "
-            "Go on from Python, with the same call of gsp.sweep."
+            f"the task of {plan} is the function {Sweep(folder).plan.task}, and a folder's word runs no code.",
+            "Go on from Python, with the same call of gsp.sweep.",
         )
     else:
         arguments = {} if begun else read_plan_file(plan)

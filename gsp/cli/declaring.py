@@ -44,7 +44,7 @@ def import_(file: Path, small: str | None, output: Path | None, force: bool) -> 
     target = output or file.with_suffix(".toml")
     if target.exists() and not force:
         raise GspError(
-            f"there is a file {target} already. Name another with -o, or write over it with --force."
+            f"there is a file {target} already.", "Name another with -o, or write over it with --force."
         )
     write_file(found.text.encode(), target)
     wrote(target)

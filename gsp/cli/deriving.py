@@ -68,8 +68,8 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
         series = carry_back(series, study.splitting)
         if series is None:
             raise GspError(
-                f"the series of {scene.name} cannot be carried back to the raw variables explicitly. "
-                "Leave --raw out; the slow coordinates are given by `gsp split`."
+                f"the series of {scene.name} cannot be carried back to the raw variables explicitly.",
+                "Leave --raw out; the slow coordinates are given by `gsp split`.",
             )
     fields = [("h", series.coefficients), ("f", series.reduced_field)]
     if as_json:
@@ -114,16 +114,17 @@ def folds(scene: Scene, as_json: bool) -> None:
     from gsp.scenes.study import study_of
 
     study = study_of(scene)
-    found = surroundings(study)
-    if found is None and never_folds(study.branch):
-        message = not_followed(study).rstrip(".")
+    found, obstacle = surroundings(study), not_followed(study)
+    if obstacle is not None and never_folds(study.branch):
+        message = obstacle.fact
         if as_json:
             print_json({"name": scene.name, "message": message, "special": [], "curves": []})
         else:
             click.echo(message)
         return
-    if found is None:
-        raise GspError(not_followed(study))
+    if obstacle is not None:
+        raise obstacle
+    assert found is not None
     curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
     if as_json:
         print_json(

@@ -13,7 +13,7 @@ import click
 
 from gsp import __version__
 from gsp.cli.telling import CHECK, WRITTEN
-from gsp.errors import GspError, OutputError, printable
+from gsp.errors import GspError, OutputError, one_line, printable
 from gsp.results.interrupts import noticing
 
 # EX_SOFTWARE of sysexits.h: no verdict of `check`, which has 1.
@@ -41,7 +41,7 @@ class Program(click.Group):
             if error.filename is not None:
                 raise
             raise OutputError(
-                f"the output cannot be written: {error.strerror or error}. What was printed is not complete."
+                f"the output cannot be written: {error.strerror or error}.", "What was printed is not complete."
             ) from None
 
 
@@ -65,7 +65,7 @@ def cli() -> None:
 def _tell(message: Any, category: Any, filename: Any, lineno: Any, file: Any = None, line: Any = None) -> None:
     """A warning in one line."""
     with suppress(OSError):
-        click.echo(f"gsp: {printable(' '.join(str(message).split()))}", err=True)
+        click.echo(f"gsp: {printable(one_line(message))}", err=True)
 
 
 def _stop_writing() -> None:
@@ -102,10 +102,9 @@ def main() -> None:
     except Exception as error:
         if os.environ.get(DEBUG):
             raise
-        said = " ".join(f"{type(error).__name__}: {error}".split())
         click.echo(
-            f"gsp: this is a defect of gsp, not of your model: {said}. Run again with {DEBUG}=1 for the traceback, "
-            "and report both.",
+            f"gsp: this is a defect of gsp, not of your model: {one_line(error)}. Run again with {DEBUG}=1 for the "
+            "traceback, and report both.",
             err=True,
         )
         sys.exit(DEFECT)

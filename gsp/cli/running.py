@@ -77,10 +77,10 @@ def _check_target(output: Path | None) -> None:
         return
     if output.suffix.lower() not in ENDINGS:
         raise DeclarationError(
-            f"values are written as .csv or .json. Got {output.name}. Give a name with one of these."
+            "values are written as .csv or .json.", "Give a name with one of these.", got=output.name
         )
     if not output.absolute().parent.is_dir():
-        raise GspError(f"there is no folder {output.absolute().parent}. Make it, or give another path.")
+        raise GspError(f"there is no folder {output.absolute().parent}.", "Make it, or give another path.")
 
 
 def _give(found: Tabular, output: Path | None, as_json: bool) -> None:

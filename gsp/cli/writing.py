@@ -86,14 +86,14 @@ def demo(
     if model is None:
         if settings or epsilon is not None or output is not None:
             raise DeclarationError(
-                "a demo is made of a model. Got options and no MODEL. Name a scene or a model file."
+                "a demo is made of a model.", "Name a scene or a model file.", got="options and no MODEL"
             )
         _list_demos(stories(), as_json)
         return
     scene = asked(load_scene(model), settings, epsilon, ())
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
     if not target.absolute().parent.is_dir():
-        raise GspError(f"there is no folder {target.absolute().parent}. Make it, or give another path.")
+        raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
     with compiling_told():
         page = make_demo(scene)
     check_interrupt()

@@ -166,8 +166,9 @@ def fraser_roussel(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: i
     """
     if x.shape[1] > LARGEST_DIMENSION:
         raise DeclarationError(
-            f"fraser_roussel takes one to three slow variables. Got {x.shape[1]}: "
-            f"{', '.join(s.name for s in branch.system.x)}. Use csp or the zero-derivative principle."
+            "fraser_roussel takes one to three slow variables.",
+            "Use csp or the zero-derivative principle.",
+            got=f"{x.shape[1]}: {', '.join(s.name for s in branch.system.x)}",
         )
     if iterates == 0:
         return quasi_steady_state(branch, x)

@@ -171,12 +171,14 @@ def method_table(
     chosen = {name: check_orders(values, what=name, empty=True) for name, values in given.items()}
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if len(ladder) < 2:
-        raise DeclarationError(f"an order needs two epsilons or more. Got {ladder}. Try (0.02, 0.01, 0.005).")
+        raise DeclarationError("an order needs two epsilons or more.", "Try (0.02, 0.01, 0.005).", got=ladder)
     branch = study.branch
     if points is not None:
         points = as_points(branch.system.x, points, what="points")[0]
         if not (points.size and np.isfinite(points).all()):
-            raise DeclarationError(f"points are finite numbers, one point or more. Got {shown(points)}.")
+            raise DeclarationError(
+                "points are finite numbers, one point or more.", got=shown(points), value=points
+            )
     box = {s.name: study.region[s.name] for s in branch.system.x if s.name in study.region}
     x = _grid(branch, box) if points is None else points
     gridded = len(branch.system.x) <= LARGEST_GRID
@@ -364,7 +366,8 @@ def _grid(branch: Branch, box) -> np.ndarray:
     missing = [name for name in names if name not in box]
     if missing:
         raise DeclarationError(
-            f"the region gives no interval for {', '.join(missing)}. Give points, or bound {', '.join(missing)}."
+            f"the region gives no interval for {', '.join(missing)}.",
+            f"Give points, or bound {', '.join(missing)}.",
         )
     n = AXIS_POINTS.get(len(names), 3)
     axes = [

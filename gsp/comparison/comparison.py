@@ -134,7 +134,7 @@ def compare(
     wanted = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if not ladder:
-        raise DeclarationError("epsilons has no value. Give one or more, such as (0.02, 0.01).")
+        raise DeclarationError("epsilons has no value.", "Give one or more, such as (0.02, 0.01).")
     if correction is not None:
         check_order(correction, what="correction")
     check_progress(progress)
@@ -226,8 +226,8 @@ def _inner(study: Study, correction: int) -> InnerExpansion:
     inner = expand_inner(study.branch, study.start, order=correction, fast_order=max(correction - 1, 0))
     if inner.direction < 0:
         raise HyperbolicityError(
-            f"the branch {study.branch} repels, so a run from off the slow manifold leaves it. "
-            "Use correction=None, which starts on the manifold."
+            f"the branch {study.branch} repels, so a run from off the slow manifold leaves it.",
+            "Use correction=None, which starts on the manifold.",
         )
     return inner
 
@@ -239,8 +239,9 @@ def layer_time(inner: InnerExpansion, scene: Scene, epsilon: float, highest: int
     length = scene.span[1] - scene.span[0]
     if time > 0.5 * length:
         raise DeclarationError(
-            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}), more "
-            f"than half of the span {scene.span}. Take smaller epsilons or a longer span."
+            f"the initial layer takes {time:.3g} of slow time at epsilon = {epsilon:g} (gap {inner.gap:.3g}"
+            f"), more than half of the span {scene.span}.",
+            "Take smaller epsilons or a longer span.",
         )
     return time
 

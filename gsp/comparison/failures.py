@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
-from gsp.errors import DeclarationError, Named, nearest
+from gsp.errors import DeclarationError, Named
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
 from gsp.results.tabular import Tabular
@@ -83,8 +83,9 @@ class FailureMap(Drawn, Tabular):
         inside = (self.positions >= between[0] - slack) & (self.positions <= between[1] + slack)
         if not inside.any():
             raise DeclarationError(
-                f"no position of the map lies between {between[0]:g} and {between[1]:g}. Got positions from "
-                f"{self.positions[0]:g} to {self.positions[-1]:g}. Widen the interval."
+                f"no position of the map lies between {between[0]:g} and {between[1]:g}.",
+                "Widen the interval.",
+                got=f"positions from {self.positions[0]:g} to {self.positions[-1]:g}",
             )
         return _up_to(self.epsilons, np.all(self.places[reduced_name(order)].holds[:, inside], axis=1))
 
@@ -100,7 +101,10 @@ class FailureMap(Drawn, Tabular):
     def _require(self, order: int) -> None:
         if order not in self.orders:
             raise DeclarationError(
-                f"the map has the orders {', '.join(map(str, self.orders))}. Got {order!r}. Ask for one of them."
+                f"the map has the orders {', '.join(map(str, self.orders))}.",
+                "Ask for one of them.",
+                got=f"{order!r}",
+                value=order,
             )
 
     def as_rows(self) -> list[dict[str, object]]:
@@ -239,13 +243,13 @@ def _axis(study: Study, axis: str | None) -> str:
     if axis is None:
         if not bounded:
             raise DeclarationError(
-                f"the region bounds none of the slow variables {', '.join(slow)}. Bound one, "
-                "or give axis and positions."
+                f"the region bounds none of the slow variables {', '.join(slow)}.",
+                "Bound one, or give axis and positions.",
             )
         return bounded[0]
     if not isinstance(axis, str) or axis not in slow:
         raise DeclarationError(
-            f"axis is a slow variable, one of {', '.join(slow)}. Got {shown(axis)}." + nearest(axis, slow)
+            f"axis is a slow variable, one of {', '.join(slow)}.", got=shown(axis), value=axis, known=slow
         )
     return axis
 
@@ -253,14 +257,14 @@ def _axis(study: Study, axis: str | None) -> str:
 def _positions(study: Study, axis: str, positions: Sequence[float] | None) -> np.ndarray:
     if positions is None:
         if axis not in study.region:
-            raise DeclarationError(f"the region gives no interval for {axis}. Bound it, or give positions.")
+            raise DeclarationError(f"the region gives no interval for {axis}.", "Bound it, or give positions.")
         low, high = study.region[axis]
         return np.linspace(low - WIDENED * (high - low), high + WIDENED * (high - low), POSITIONS)
     be = "two finite numbers or more"
     given = check_array(positions, what="positions", be=be)
     values = np.unique(given)
     if given.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise DeclarationError(f"positions are {be}. Got {shown(positions)}.")
+        raise DeclarationError(f"positions are {be}.", got=shown(positions), value=positions)
     return values
 
 
@@ -270,7 +274,7 @@ def _tolerances(tolerances: Sequence[float] | None) -> np.ndarray:
     values = np.unique(check_epsilons(tolerances, what="tolerance"))[::-1]
     if values.size < 2:
         raise DeclarationError(
-            f"tolerances are two numbers or more. Got {shown(tolerances)}. Try (1e-2, 1e-6)."
+            "tolerances are two numbers or more.", "Try (1e-2, 1e-6).", got=shown(tolerances), value=tolerances
         )
     return values
 
@@ -281,6 +285,6 @@ def _epsilons(scene: Scene, epsilons: Sequence[float] | None) -> np.ndarray:
     values = np.unique(check_epsilons(epsilons))
     if values.size < 2:
         raise DeclarationError(
-            f"epsilons are two numbers or more. Got {shown(epsilons)}. Try (0.1, 0.01, 0.001)."
+            "epsilons are two numbers or more.", "Try (0.1, 0.01, 0.001).", got=shown(epsilons), value=epsilons
         )
     return values

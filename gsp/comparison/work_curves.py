@@ -212,7 +212,7 @@ def _ladder(rtols: Sequence[float]) -> tuple[float, ...]:
         remedy=remedy,
     )
     if not values:
-        raise DeclarationError(f"rtols has no value. {remedy}")
+        raise DeclarationError("rtols has no value.", remedy)
     return tuple(sorted(set(values), reverse=True))
 
 
@@ -220,7 +220,7 @@ def _methods(methods: Sequence[Method]) -> list[Method]:
     """The methods asked for, each as `integrate` takes it."""
     found = check_each(methods, check_method, what="methods", be="a sequence of methods")
     if None in found:
-        raise DeclarationError(f"methods is a sequence of methods. Got {shown(methods)}.")
+        raise DeclarationError("methods is a sequence of methods.", got=shown(methods), value=methods)
     return [method for method in found if method is not None]
 
 
@@ -228,7 +228,9 @@ def _peers(peers: Sequence[Peer]) -> tuple[Peer, ...]:
     found = check_each(peers, lambda peer: peer, what="peers", be="a sequence of gsp.peers.Peer")
     for peer in found:
         if not isinstance(peer, Peer):
-            raise DeclarationError(f"peers is a sequence of gsp.peers.Peer. Got {shown(peer)} in it.")
+            raise DeclarationError(
+                "peers is a sequence of gsp.peers.Peer.", got=f"{shown(peer)} in it", value=peer
+            )
     return found
 
 
@@ -268,8 +270,8 @@ def _reference(
         )
         if not run.status.ok:
             raise DeclarationError(
-                f"there is no reference for {study.scene.name} at epsilon = {epsilon:g}: {run.message}. "
-                "Shorten the span, move the start or take another epsilon."
+                f"there is no reference for {study.scene.name} at epsilon = {epsilon:g}: {run.message}.",
+                "Shorten the span, move the start or take another epsilon.",
             )
         runs.append(slow_values(run.y, study.system, study))
     error, _ = largest_errors(runs[1], runs[0])

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gsp.errors import GspError, Status
+from gsp.errors import GspError, Status, one_line
 from gsp.integration.methods import Method, program_of
 from gsp.integration.reduced_flow import restrict
 from gsp.integration.trajectory import trajectory_of
@@ -189,10 +189,7 @@ def peer_tasks(
 
 def _reason(error: Exception) -> str:
     """What an exception says, in one line."""
-    text = " ".join(str(error).split())
-    if isinstance(error, GspError):
-        return text
-    return f"{type(error).__name__}: {text}"[:REASON]
+    return one_line(error, None if isinstance(error, GspError) else REASON)
 
 
 def reduced_tasks(

@@ -333,8 +333,8 @@ class Branch(Portable, Card):
     def _only(self, point: np.ndarray) -> np.ndarray:
         if self._polynomial is None:
             raise BranchError(
-                f"the branch {self} is implicit and may have several points over {self._shown(point)}. "
-                "Pass near=..., or fix a sheet with branch.through({...})."
+                f"the branch {self} is implicit and may have several points over {self._shown(point)}.",
+                "Pass near=..., or fix a sheet with branch.through({...}).",
             )
         found = self._polynomial_roots(point)
         if len(found) == 1:
@@ -342,7 +342,7 @@ class Branch(Portable, Card):
         values = ", ".join(f"{value:.6g}" for value in found[:, 0])
         fact = f"has {len(found)} points" + (f" ({self.system.y[0]} = {values})" if len(found) else "")
         remedy = "Pass near=..., or fix a sheet with branch.through({...})." if len(found) else "Move x."
-        raise BranchError(f"the branch {self} {fact} over {self._shown(point)}. {remedy}")
+        raise BranchError(f"the branch {self} {fact} over {self._shown(point)}.", remedy)
 
     def _polynomial_roots(self, point: np.ndarray) -> np.ndarray:
         assert self._polynomial is not None
@@ -363,7 +363,8 @@ class Branch(Portable, Card):
                 return y[good]
             raise BranchError(
                 f"the branch {self} is implicit and its points cannot all be found without bounds on "
-                f"{', '.join(missing)}. Give the region an interval for each, or fix a sheet with through()."
+                f"{', '.join(missing)}.",
+                "Give the region an interval for each, or fix a sheet with through().",
             )
         box = np.array([bounds[y.name] for y in self.system.y])
         return scattered_roots(partial(self._newton_over, point), box)
@@ -380,8 +381,9 @@ class Branch(Portable, Card):
         if not good.all():
             first = x[np.argmin(good)]
             raise BranchError(
-                f"{fact} over {self._shown(first)} ({int((~good).sum())} of {len(good)} points) on the branch "
-                f"{self}. Move or shrink the range of {', '.join(s.name for s in self.system.x)}."
+                f"{fact} over {self._shown(first)} ({int((~good).sum())} of {len(good)} points) on the "
+                f"branch {self}.",
+                f"Move or shrink the range of {', '.join(s.name for s in self.system.x)}.",
             )
 
     def __str__(self) -> str:

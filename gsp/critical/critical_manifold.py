@@ -69,8 +69,9 @@ class CriticalManifold(Card):
         if lost and any(_is_fold(branch, x, y) for branch in self.branches):
             place_of = ", ".join(f"{s} = {v:.6g}" for s, v in zip(self.system.states, (*x, *y)))
             raise BranchError(
-                "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest. "
-                f"Got {place_of}. Move the start along one of the sheets."
+                "the start lies on a fold of the critical manifold, where two sheets meet and none is nearest.",
+                "Move the start along one of the sheets.",
+                got=place_of,
             )
         if best is None:
             raise BranchError("no branch of the critical manifold is real near the start. " + " ".join(reasons))
@@ -154,8 +155,9 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
             )
         shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
         raise BranchError(
-            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown} at which the "
-            "rates are defined. There is no critical manifold to reduce to."
+            f"g has no real zeros over the slow variables: {shown} has no real solution for {unknown} at "
+            "which the rates are defined.",
+            "There is no critical manifold to reduce to.",
         )
     return CriticalManifold(system, branches, tuple(found.unsolved), tuple(found.vanished))
 
@@ -189,6 +191,8 @@ def _refuse_constants(system: SlowFastSystem) -> None:
     for y, rate in system.fast.items():
         if not laurent(rate, system.epsilon, order=0):
             raise BranchError(
-                f"the fast rate of {y} vanishes identically at {system.epsilon} = 0. "
-                f"Got g = {rate}. Declare {y} as slow, with the rate divided by {system.epsilon}."
+                f"the fast rate of {y} vanishes identically at {system.epsilon} = 0.",
+                f"Declare {y} as slow, with the rate divided by {system.epsilon}.",
+                got=f"g = {rate}",
+                value=rate,
             )

@@ -17,7 +17,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
-from gsp.errors import BranchError, DeclarationError, nearest
+from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
@@ -168,8 +168,10 @@ def find_symbol(
     names = [symbol.name for symbol in among]
     known = ", ".join(names) or "none"
     raise DeclarationError(
-        f"{what} is one of {known}. Got {shown(name)}. Take a symbol of the system {system.name or repr(system)}."
-        + nearest(name, names)
+        f"{what} is one of {known}.",
+        f"Got {shown(name)}. Take a symbol of the system {system.name or repr(system)}.",
+        value=name,
+        known=names,
     )
 
 
@@ -188,12 +190,14 @@ def layer_problem(
             known = [s.name for s in parameters]
             fact = "a parameter that is not free" if name in known else "no state and no free parameter"
             raise DeclarationError(
-                f'start names "{name}", which is {fact}. It takes {", ".join(allowed)}.'
-                + nearest(name, allowed)
+                f'start names "{name}", which is {fact}.',
+                f"It takes {', '.join(allowed)}.",
+                value=name,
+                known=allowed,
             )
     missing = [s.name for s in system.states if s.name not in values]
     if missing:
-        raise DeclarationError(f"start gives no value for {', '.join(missing)}. Give every state a value.")
+        raise DeclarationError(f"start gives no value for {', '.join(missing)}.", "Give every state a value.")
     everything = {**parameters, **{s: values[s.name] for s in system.states}}
     everything |= {s: values[s.name] for s in free if s.name in values}
     fixed = {s: v for s, v in everything.items() if s not in free and s not in system.y}
@@ -206,15 +210,17 @@ def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Inte
     if bounds is None:
         return {}
     if not isinstance(bounds, Mapping):
-        raise DeclarationError(f"bounds maps names to intervals (low, high). Got {shown(bounds)}.")
+        raise DeclarationError("bounds maps names to intervals (low, high).", got=shown(bounds), value=bounds)
     names = [s.name for s in problem.unknowns]
     result: dict[str, Interval] = {}
     for key, interval in bounds.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if name not in names:
             raise DeclarationError(
-                f'bounds names "{name}", which does not vary here. What varies is {", ".join(names)}.'
-                + nearest(str(name), names)
+                f'bounds names "{name}", which does not vary here.',
+                f"What varies is {', '.join(names)}.",
+                value=name,
+                known=names,
             )
         result[name] = check_interval(
             interval, what=f"bounds of {name}", remedy="Give (low, high) with low < high."
@@ -277,8 +283,9 @@ def corrected_start(problem: LayerProblem, u: np.ndarray, scales: np.ndarray, to
         at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(u).items())
         size = ", ".join(f"{value:.3g}" for value in problem.residual(u))
         raise BranchError(
-            f"start is not on the critical manifold and Newton's method found no point of it nearby. Got {at}, "
-            f"where g = {size}. Give a point with g(x, y, 0) near 0; solve_critical(system) has some."
+            "start is not on the critical manifold and Newton's method found no point of it nearby.",
+            "Give a point with g(x, y, 0) near 0; solve_critical(system) has some.",
+            got=f"{at}, where g = {size}",
         )
     return found
 

@@ -134,7 +134,7 @@ def guesses(near, count: int, fast: Sequence[sp.Symbol]) -> np.ndarray:
             return np.array(np.broadcast_to(array, (count, len(fast))))
         except ValueError:
             pass
-    raise DeclarationError(f"near is {be}. Got {shown(near)} for {count} points.")
+    raise DeclarationError(f"near is {be}.", got=f"{shown(near)} for {count} points")
 
 
 def place(system: SlowFastSystem, point: Point) -> tuple[np.ndarray, np.ndarray]:

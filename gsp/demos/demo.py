@@ -41,7 +41,7 @@ class Demo(Card):
     def save(self, path: str | Path) -> Path:
         """Write the page to `path`, whole or not at all; raises `OutputError` when that cannot be done."""
         if not isinstance(path, (str, Path)):
-            raise DeclarationError(f"path is the name of a file. Got {shown(path)}.")
+            raise DeclarationError("path is the name of a file.", got=shown(path), value=path)
         return write_file(self.html.encode(), path)
 
     def __repr__(self) -> str:

@@ -104,7 +104,7 @@ class _Printer(JavascriptCodePrinter):
 
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         if expr not in self._names:
-            raise UnsupportedFunctionError(f"{expr} stands for no argument. Got an expression that holds it.")
+            raise UnsupportedFunctionError(f"{expr} stands for no argument.", got="an expression that holds it")
         return self._names[expr]
 
     _print_Dummy = _print_Symbol
@@ -180,5 +180,7 @@ class _Printer(JavascriptCodePrinter):
 
     def _print_not_supported(self, expr: Any) -> str:
         raise UnsupportedFunctionError(
-            f"{type(expr).__name__} has no counterpart in JavaScript. Got {str(expr)[:80]}. Use other functions."
+            f"{type(expr).__name__} has no counterpart in JavaScript.",
+            "Use other functions.",
+            got=str(expr)[:80],
         )

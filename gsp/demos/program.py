@@ -145,7 +145,7 @@ def _expanded(study: Study, *, symbolic: bool) -> tuple[SeriesManifold | None, s
                 break
             found = series
     except BudgetError as error:
-        reason = str(error)
+        reason = error.reason
     return found, reason
 
 

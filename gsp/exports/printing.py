@@ -121,14 +121,17 @@ class Printer(CodePrinter):
     def _function(self, name: str, expression: Any) -> str:
         if name not in self._in.functions:
             raise UnsupportedFunctionError(
-                f"{name} has no counterpart in {self._in.name}. Got {str(expression)[:80]}. "
-                "Use other functions, or export to python or c."
+                f"{name} has no counterpart in {self._in.name}.",
+                "Use other functions, or export to python or c.",
+                got=str(expression)[:80],
             )
         return self._in.functions[name]
 
     def _print_not_supported(self, expr: Any) -> Never:
         raise UnsupportedFunctionError(
-            f"{type(expr).__name__} has no counterpart in {self._in.name}. Got {str(expr)[:80]}. Use other functions."
+            f"{type(expr).__name__} has no counterpart in {self._in.name}.",
+            "Use other functions.",
+            got=str(expr)[:80],
         )
 
     emptyPrinter = _print_not_supported

@@ -95,9 +95,9 @@ def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> Reduc
     if not study.branch.is_explicit and not implicit:
         raise BranchError(
             f"{to} has fast variables as expressions, and the branch of {scene.name or 'this scene'} gives "
-            f"{', '.join(s.name for s in system.y)} only implicitly. Export to c, which solves for them, choose a slow "
-            "variable along the branch in which it is a graph, or run the reduced flow here: "
-            "integrate(study(scene).reduced(order), ...)."
+            f"{', '.join(s.name for s in system.y)} only implicitly.",
+            "Export to c, which solves for them, choose a slow variable along the branch in which it is a "
+            "graph, or run the reduced flow here: integrate(study(scene).reduced(order), ...).",
         )
     sheet = None if study.branch.is_explicit else _sheet(study)
     series, fixed = _series(study, order)
@@ -136,8 +136,8 @@ def _sheet(study: Study) -> Sheet:
     branch = study.branch
     if branch.seed is None:
         raise BranchError(
-            f"{branch} is implicit, and no sheet of it is chosen, from which its points could be followed. "
-            "Give the scene a start on one sheet."
+            f"{branch} is implicit, and no sheet of it is chosen, from which its points could be followed.",
+            "Give the scene a start on one sheet.",
         )
     return Sheet(tuple(branch.equations), tuple(map(float, branch.seed[0])), tuple(map(float, branch.seed[1])))
 

@@ -64,8 +64,10 @@ class BasePoint(Mapping[str, float], Card):
         """The values with the series cut at a lower order; raises `DeclarationError` when it is not known so far."""
         if not self.coefficients or self.order is None or not 0 <= order <= self.order:
             raise DeclarationError(
-                f"this base point was found by {self.route}, through order {self.order}. Got order {order!r}. "
-                "Project again with the order wanted."
+                f"this base point was found by {self.route}, through order {self.order}.",
+                "Project again with the order wanted.",
+                got=f"order {order!r}",
+                value=order,
             )
         return {
             n: sum(float(c[k]) * self.epsilon**k for k in range(order + 1))
@@ -125,12 +127,18 @@ def project(
     own = getattr(manifold, "epsilon", None)
     if own is not None and own != value:
         raise DeclarationError(
-            f"the manifold was solved at epsilon = {own:g}. Got epsilon = {value:g}. Solve it at that epsilon."
+            f"the manifold was solved at epsilon = {own:g}.",
+            "Solve it at that epsilon.",
+            got=f"epsilon = {value:g}",
+            value=value,
         )
     if numeric:
         if order is not None:
             raise DeclarationError(
-                f"backward shadowing has no order. Got order={order!r} with numeric=True. Leave one of them out."
+                "backward shadowing has no order.",
+                "Leave one of them out.",
+                got=f"order={order!r} with numeric=True",
+                value=order,
             )
         surface = None if isinstance(manifold, (Branch, SeriesManifold)) else manifold
         return _shadowed(branch, start, value, reconstruction, surface)

@@ -17,7 +17,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.critical.branch import Branch
-from gsp.errors import GspError, HyperbolicityError, Status, nearest
+from gsp.errors import GspError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.integration.loop import check_grid, check_span
 from gsp.integration.reduced_flow import restrict
@@ -85,7 +85,10 @@ class CompositeSolution(Card, Tabular):
             return values[:, observables.index(name)]
         known = [*self.names, *observables]
         raise GspError(
-            f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
+            f"{name!r} is no state and no observable.",
+            f"Those are {', '.join(known)}.",
+            value=name,
+            known=known,
         )
 
     def at(self, t: ArrayLike) -> np.ndarray:
@@ -173,8 +176,8 @@ def composite(
     inner = expand_inner(branch, start, order=order, reconstruction=reconstruction)
     if inner.direction < 0:
         raise HyperbolicityError(
-            f"the branch {branch} repels, so a layer grows forward in time from {dict(inner.start)}. "
-            "There is nothing to match; start on the manifold, or on an attracting branch."
+            f"the branch {branch} repels, so a layer grows forward in time from {dict(inner.start)}.",
+            "There is nothing to match; start on the manifold, or on an attracting branch.",
         )
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
     outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)

@@ -28,7 +28,7 @@ from gsp.algebra.laurent import laurent
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import read
 from gsp.critical.branch import Branch
-from gsp.errors import DeclarationError, HyperbolicityError, nearest
+from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.fibres.layer_orbit import REFINEMENTS, Landing, land
 from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, named
@@ -97,8 +97,9 @@ class InnerExpansion:
         """The coefficient of epsilon^k as an expression in `tau`; raises `DeclarationError` unless exact."""
         if not self.is_exact:
             raise DeclarationError(
-                f"the layer from {dict(self.start)} is not linear with rational rates, so it is known by samples "
-                "only. Use layer() and matched()."
+                f"the layer from {dict(self.start)} is not linear with rational rates, so it is known by "
+                "samples only.",
+                "Use layer() and matched().",
             )
         return self.terms[name][k].to_sympy(tau)
 
@@ -148,8 +149,9 @@ def expand_inner(
 
 def _not_finite(problem: Problem) -> DeclarationError:
     return DeclarationError(
-        f"the field is not finite along the layer from {problem.place()}: a division by zero, or a root or logarithm "
-        "outside its domain. Move the start."
+        f"the field is not finite along the layer from {problem.place()}: a division by zero, or a root or "
+        "logarithm outside its domain.",
+        "Move the start.",
     )
 
 
@@ -166,7 +168,7 @@ class Problem:
     @classmethod
     def declare(cls, branch: Branch, start, reconstruction: Mapping[sp.Symbol, sp.Expr]) -> Problem:
         if not isinstance(branch, Branch):
-            raise DeclarationError(f"a Branch is needed here. Got {type(branch).__name__}.")
+            raise DeclarationError("a Branch is needed here.", got=type(branch).__name__)
         system = branch.system
         given = named(start, what="start")
         states = [s.name for s in system.states]
@@ -174,14 +176,17 @@ class Problem:
         for name in given:
             if name not in states and name not in extra:
                 raise DeclarationError(
-                    f'start names "{name}", which is no state. The states are {", ".join([*states, *extra])}.'
-                    + nearest(name, [*states, *extra])
+                    f'start names "{name}", which is no state.',
+                    f"The states are {', '.join([*states, *extra])}.",
+                    value=name,
+                    known=[*states, *extra],
                 )
         missing = [name for name in states if name not in given]
         if missing:
             raise DeclarationError(
-                f"start gives no value for {', '.join(missing)}. Got {given}. A fibre passes through a point of "
-                "the full state space: give every state a value."
+                f"start gives no value for {', '.join(missing)}.",
+                "A fibre passes through a point of the full state space: give every state a value.",
+                got=given,
             )
         values = {name: given[name] for name in states} | {name: given.get(name, 0.0) for name in extra}
         observables = dict(system.observables)
@@ -244,7 +249,8 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
     ring = ExponentialRing(A)
     if 0 in ring.rates:
         raise HyperbolicityError(
-            f"the fast Jacobian is singular over the start {problem.place()}: it has no fibre. Move the start."
+            f"the fast Jacobian is singular over the start {problem.place()}: it has no fibre.",
+            "Move the start.",
         )
     if all(rate > 0 for rate in ring.rates):
         return _exact(problem.reversed(), order, deepest)
@@ -275,10 +281,11 @@ def _refuse_growth(problem: Problem, terms: Mapping[str, list]) -> None:
         for name, series in terms.items():
             if k < len(series) and series[k].growing:
                 raise HyperbolicityError(
-                    f"the branch {problem.branch} is of saddle type, and the start {problem.place()} is not on its "
-                    f"stable side: at order {k} in epsilon {name} grows as exp({series[k].growing} tau). Stable and "
-                    "unstable fibres have different base points; the stable one exists only for starts on the "
-                    "stable manifold. Move the start there."
+                    f"the branch {problem.branch} is of saddle type, and the start {problem.place()} is not "
+                    f"on its stable side: at order {k} in epsilon {name} grows as exp({series[k].growing} "
+                    "tau).",
+                    "Stable and unstable fibres have different base points; the stable one exists only for "
+                    "starts on the stable manifold. Move the start there.",
                 )
 
 
@@ -302,8 +309,9 @@ def _sampled(problem: Problem, order: int, deepest: int) -> InnerExpansion:
             break
         landing = landing.halved(rough)
     raise DeclarationError(
-        f"the field is singular, or not smooth, along the layer from {problem.place()}, near fast time {when:.4g}: the "
-        "fast motion passes a pole, a kink or a jump of f or g. Start on the other side of it."
+        f"the field is singular, or not smooth, along the layer from {problem.place()}, near fast time "
+        f"{when:.4g}: the fast motion passes a pole, a kink or a jump of f or g.",
+        "Start on the other side of it.",
     )
 
 

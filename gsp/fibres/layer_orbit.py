@@ -159,19 +159,22 @@ def land(branch: Branch, x: np.ndarray, y: np.ndarray) -> Landing:
     if not np.isfinite(limit).all() or np.abs(real).min() <= 1e-12 * scale:
         raise HyperbolicityError(
             f"the branch {branch} is not normally hyperbolic over {where}: the fast eigenvalues are "
-            f"{np.array2string(eigenvalues, precision=4)}. There is no fibre to project along; move the start."
+            f"{np.array2string(eigenvalues, precision=4)}.",
+            "There is no fibre to project along; move the start.",
         )
     if (real > 0).any() and (real < 0).any():
         raise HyperbolicityError(
             f"the branch {branch} is of saddle type over {where}: fast eigenvalues "
-            f"{np.array2string(eigenvalues, precision=4)}. Its stable and unstable fibres differ, and a stable one "
-            "passes only through starts on the stable manifold, which rounding leaves at once. This is computed "
-            "exactly, for layers that are linear in the fast variables; here give a start on the slow manifold."
+            f"{np.array2string(eigenvalues, precision=4)}.",
+            "Its stable and unstable fibres differ, and a stable one passes only through starts on the "
+            "stable manifold, which rounding leaves at once. This is computed exactly, for layers that are "
+            "linear in the fast variables; here give a start on the slow manifold.",
         )
     if scale > SPREAD * np.abs(real).min():
         raise HyperbolicityError(
-            f"the fast variables of the branch {branch} over {where} have two time scales of their own: fast rates "
-            f"from {np.abs(real).min():.3g} to {scale:.3g}. Give the slower ones a scale between, or declare them slow."
+            f"the fast variables of the branch {branch} over {where} have two time scales of their own: fast "
+            f"rates from {np.abs(real).min():.3g} to {scale:.3g}.",
+            "Give the slower ones a scale between, or declare them slow.",
         )
     if (real > 0).all():
         layer, limit, eigenvalues = replace(layer, direction=-1), -limit, -eigenvalues
@@ -197,8 +200,9 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
             return branch.points(layer.x[None, :], near=run.y[:, -1])[0]
         span *= 2.0
     raise BranchError(
-        f"the branch {branch} has several sheets and the layer from {_named(branch, y)} settles on none of them "
-        f"({run.message}). Fix the sheet with branch.through({{...}})."
+        f"the branch {branch} has several sheets and the layer from {_named(branch, y)} settles on none of "
+        f"them ({run.message}).",
+        "Fix the sheet with branch.through({...}).",
     )
 
 
@@ -250,8 +254,9 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
         pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
         if pieces is None:
             raise BranchError(
-                f"the layer from {names} to the branch {branch} could not be resolved near fast time {ends[-1]:.4g}: "
-                "the field is not smooth there. Move the start."
+                f"the layer from {names} to the branch {branch} could not be resolved near fast time "
+                f"{ends[-1]:.4g}: the field is not smooth there.",
+                "Move the start.",
             )
         for stop, piece in pieces:
             ends.append(stop)

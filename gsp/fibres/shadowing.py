@@ -107,9 +107,9 @@ def shadow(
     else:
         end = ", ".join(f"{s.name} = {run[s.name][-1]:.6g}" for s in system.states)
         raise BranchError(
-            f"the full system from {problem.place()} at epsilon = {epsilon:g} is still away from the slow manifold of "
-            f"{branch} at time {run.t[-1]:.4g}, {end}. The start is outside its basin; move it, or take a smaller "
-            "epsilon."
+            f"the full system from {problem.place()} at epsilon = {epsilon:g} is still away from the slow "
+            f"manifold of {branch} at time {run.t[-1]:.4g}, {end}.",
+            "The start is outside its basin; move it, or take a smaller epsilon.",
         )
     names = [s.name for s in problem.slow]
     ends = np.array([run[name] for name in names])
@@ -121,8 +121,9 @@ def shadow(
     estimate = max(float(np.abs(first - second).max()), defect, 4 * np.finfo(float).eps * scale)
     if not estimate <= LOST * scale:
         raise HyperbolicityError(
-            f"the base point of {problem.place()} is determined only to {estimate:.2g} at epsilon = {epsilon:g}: the "
-            f"slow manifold of {branch} is not separated from its neighbours any more. Take a smaller epsilon."
+            f"the base point of {problem.place()} is determined only to {estimate:.2g} at epsilon = "
+            f"{epsilon:g}: the slow manifold of {branch} is not separated from its neighbours any more.",
+            "Take a smaller epsilon.",
         )
     values = dict(zip(names, map(float, first)))
     return Shadow(problem.start, values, estimate, float(run.t[times[0]]), Status.SUCCESS)
@@ -179,8 +180,8 @@ def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surfac
         found = zero_derivative(branch, x, epsilon=epsilon, tolerance=1e-15, near=guess)
         if not found.status.ok:
             raise BranchError(
-                f"the slow manifold of {branch} was not found at epsilon = {epsilon:g}: {found.message}. "
-                "Take a smaller epsilon."
+                f"the slow manifold of {branch} was not found at epsilon = {epsilon:g}: {found.message}.",
+                "Take a smaller epsilon.",
             )
         return found.y, float(np.max(found.error))
 

@@ -91,7 +91,7 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
             points, origins, ends = search.sampled(box)
     except UnsupportedFunctionError as error:
         everything = (dict(zip(names, whole)),)
-        return Exclusion(0, everything, 1.0, str(error).split(". ", 1)[0])
+        return Exclusion(0, everything, 1.0, error.fact)
     left = tuple(dict(zip(names, part)) for part in search.left)
     share = min(sum(share_of(part, whole) for part in search.left), 1.0)
     return Exclusion(search.tried, left, share, "", points, origins, ends)

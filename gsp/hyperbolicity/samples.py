@@ -61,8 +61,8 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     z = z[bounded]
     if len(z) == 0:
         raise BranchError(
-            f"the branch {branch} has no real point in the region {shown_box(box)}. "
-            "Move the region, or take another branch."
+            f"the branch {branch} has no real point in the region {shown_box(box)}.",
+            "Move the region, or take another branch.",
         )
     refuse_beyond_doubles(branch, z, box)
     eigenvalues = sampler.eigenvalues(z)
@@ -78,8 +78,8 @@ def refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Inter
         names = [s.name for s in branch.system.states]
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
         raise BranchError(
-            f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_box(box)}: {at}. "
-            f"Rescale {names[k]}, or bound it in the region."
+            f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_box(box)}: {at}.",
+            f"Rescale {names[k]}, or bound it in the region.",
         )
 
 
@@ -111,8 +111,8 @@ def judged_samples(
     if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
             f"the branch {branch} has sheets of different type in the region {shown_box(box)}: "
-            f"{', '.join(kind_of(int(k), len(sampler.system.y)) for k in kinds)}. "
-            "Fix one with branch.through({...}), or bound the fast variables."
+            f"{', '.join(kind_of(int(k), len(sampler.system.y)) for k in kinds)}.",
+            "Fix one with branch.through({...}), or bound the fast variables.",
         )
     return Judged(found, losses, kinds, lost)
 

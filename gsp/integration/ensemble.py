@@ -6,13 +6,14 @@ import operator
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from textwrap import indent
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from gsp.errors import GspError, Status, nearest
+from gsp.errors import GspError, Status
 from gsp.integration.crossings import LOOK
 from gsp.integration.explanations import Explanation
 from gsp.integration.loop import (
@@ -99,8 +100,10 @@ class Ensemble(Drawn, Tabular):
         if name not in observables:
             known = [*states, *observables]
             raise GspError(
-                f"{name!r} is no state and no observable. Those are {', '.join(known)}."
-                + nearest(str(name), known)
+                f"{name!r} is no state and no observable.",
+                f"Those are {', '.join(known)}.",
+                value=name,
+                known=known,
             )
         # Copies: compiled code takes writable contiguous arrays only.
         kept = np.array(self.y.transpose(0, 2, 1), order="C")
@@ -114,7 +117,7 @@ class Ensemble(Drawn, Tabular):
     def member(self, i: int) -> Member:
         """The run with index `i`, from 0; raises `GspError` when there is none."""
         if not 0 <= operator.index(i) < len(self):
-            raise GspError(f"the members are numbered 0 to {len(self) - 1}. Got {i}.")
+            raise GspError(f"the members are numbered 0 to {len(self) - 1}.", got=i)
         states = [symbol.name for symbol in self.flow.states]
         epsilon, *parameters = self.members.constants[i].tolist()
         steps, rejected, field_calls, jacobian_calls, decompositions, stiff = self._counters[i].tolist()
@@ -208,7 +211,7 @@ class Ensemble(Drawn, Tabular):
         for name, values in rows:
             found = np.quantile(values, _QUANTILES) if values.size else ()
             lines.append(f"  {name:>{width}}" + "".join(f"{value:14.6g}" for value in found))
-        return "\n".join([*lines, *(f"  {line}" for line in self.message.splitlines())])
+        return "\n".join([*lines, indent(self.message, "  ")])
 
 
 def integrate_many(

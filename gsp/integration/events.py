@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.integration.crossings import Watched, settle_event
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
@@ -45,8 +45,9 @@ class Event(Card):
     def __post_init__(self) -> None:
         if not isinstance(self.expression, (str, sp.Expr)):
             raise DeclarationError(
-                "an event is a SymPy expression, or the name of a state or an observable. "
-                f"Got {shown(self.expression)}."
+                "an event is a SymPy expression, or the name of a state or an observable.",
+                got=shown(self.expression),
+                value=self.expression,
             )
         be = "1 for rising, -1 for falling, 0 for all zeros"
         check_one_of(self.direction, (-1, 0, 1), what="direction", be=be)
@@ -115,7 +116,7 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
     names = [event.name for event in given]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise DeclarationError(f'two events are called "{twice[0]}". Give each a name=... of its own.')
+        raise DeclarationError(f'two events are called "{twice[0]}".', "Give each a name=... of its own.")
     time = sp.Symbol("t")
     # A state called t is the state, and time has no name then.
     clock = sp.Dummy("t") if time in flow.states or time in flow.observables else time
@@ -138,11 +139,13 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
 def _listed(events: Iterable[Event]) -> tuple[Event, ...]:
     remedy = 'Write events=(Event("x", direction=1),).'
     if isinstance(events, (str, bytes, sp.Basic)) or not isinstance(events, Iterable):
-        raise DeclarationError(f"events is a sequence of Event. Got {shown(events)}. {remedy}")
+        raise DeclarationError("events is a sequence of Event.", remedy, got=shown(events), value=events)
     given = tuple(events)
     for event in given:
         if not isinstance(event, Event):
-            raise DeclarationError(f"events is a sequence of Event. Got {shown(event)} in it. {remedy}")
+            raise DeclarationError(
+                "events is a sequence of Event.", remedy, got=f"{shown(event)} in it", value=event
+            )
     return given
 
 
@@ -152,8 +155,10 @@ def _expression(event: Event, flow: Flow, clock: sp.Symbol) -> sp.Expr:
     if isinstance(expression, str):
         if expression not in names:
             raise DeclarationError(
-                f'the event "{expression}" is no state and no observable. Those are {", ".join(names)}. '
-                "Write other functions as SymPy expressions." + nearest(expression, names)
+                f'the event "{expression}" is no state and no observable.',
+                f"Those are {', '.join(names)}. Write other functions as SymPy expressions.",
+                value=expression,
+                known=names,
             )
         expression = names[expression]
     expression = expression.xreplace(dict(flow.observables)).xreplace(dict(flow.fixed))
@@ -162,7 +167,9 @@ def _expression(event: Event, flow: Flow, clock: sp.Symbol) -> sp.Expr:
     if unknown:
         words = [*names, *(s.name for s in flow.parameters)]
         raise DeclarationError(
-            f'the event "{event.name}" contains {unknown[0]}, which is no state, observable or parameter. There are '
-            f"{', '.join(words)}, and t for the time." + nearest(unknown[0], words)
+            f'the event "{event.name}" contains {unknown[0]}, which is no state, observable or parameter.',
+            f"There are {', '.join(words)}, and t for the time.",
+            value=unknown[0],
+            known=words,
         )
     return expression

@@ -259,19 +259,22 @@ def check_span(span: tuple[float, float]) -> tuple[float, float]:
     try:
         first, last = span
     except (TypeError, ValueError):
-        raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(span)}.") from None
+        raise DeclarationError("span is two numbers, (t0, t1).", got=shown(span), value=span) from None
     t0 = first if type(first) is float else as_float(first)
     t1 = last if type(last) is float else as_float(last)
     if t0 != t1 and math.isfinite(t1 - t0):
         return t0, t1
     for end, number in ((first, t0), (last, t1)):
         if math.isnan(number) and not isinstance(end, (float, np.floating)):
-            raise DeclarationError(f"span is two numbers, (t0, t1). Got {shown(end)} in it.")
+            raise DeclarationError("span is two numbers, (t0, t1).", got=f"{shown(end)} in it", value=end)
     if t0 == t1 and math.isfinite(t0):
         remedy = "Give an end that differs from the start."
-        raise DeclarationError(f"span must have a length. Got {shown(span)}. {remedy}")
+        raise DeclarationError("span must have a length.", remedy, got=shown(span), value=span)
     raise DeclarationError(
-        f"span must be finite, and its length. Got {shown(span)}. Give the times of the start and the end."
+        "span must be finite, and its length.",
+        "Give the times of the start and the end.",
+        got=shown(span),
+        value=span,
     )
 
 
@@ -301,20 +304,24 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
     else:
         grid = check_array(at, what="at", be="a sequence of times")
     if grid.ndim != 1 or grid.size == 0:
-        raise DeclarationError(f"at is a sequence of one or more times. Got the shape {grid.shape}.")
+        raise DeclarationError(
+            "at is a sequence of one or more times.", got=f"the shape {grid.shape}", value=grid.shape
+        )
     if runs_along(grid, first, last):
         return grid
     low, high = min(first, last), max(first, last)
     outside = grid[~((grid >= low) & (grid <= high))]
     if outside.size:
         raise DeclarationError(
-            f"at must lie inside the span ({first:g}, {last:g}). Got {outside[0]:.17g}. "
-            "Drop it or lengthen the span."
+            f"at must lie inside the span ({first:g}, {last:g}).",
+            "Drop it or lengthen the span.",
+            got=f"{outside[0]:.17g}",
         )
     i = int(np.argmin((grid[1:] - grid[:-1]) * (last - first) > 0.0))
     raise DeclarationError(
-        f"at must run from the start to the end of the span, without repeats. Got {grid[i]:.17g}, then "
-        f"{grid[i + 1]:.17g}. Sort it."
+        "at must run from the start to the end of the span, without repeats.",
+        "Sort it.",
+        got=f"{grid[i]:.17g}, then {grid[i + 1]:.17g}",
     )
 
 

@@ -77,8 +77,9 @@ def _parameters(flow: Flow, parameters: Columns | None) -> dict[str, np.ndarray]
     given = _columns({} if parameters is None else parameters, "parameters")
     if given and not flow.parameters:
         raise DeclarationError(
-            f"this flow has no parameters; in a reduced flow their values are put in. Got {', '.join(given)}. "
-            "Restrict a manifold of the system with each value."
+            "this flow has no parameters; in a reduced flow their values are put in.",
+            "Restrict a manifold of the system with each value.",
+            got=", ".join(given),
         )
     updated_parameters(flow.parameters, dict.fromkeys(given, 0.0))
     return given
@@ -86,14 +87,16 @@ def _parameters(flow: Flow, parameters: Columns | None) -> dict[str, np.ndarray]
 
 def _columns(values: Columns, what: str) -> dict[str, np.ndarray]:
     if not isinstance(values, Mapping):
-        raise DeclarationError(f"{what} is a mapping of names to numbers or arrays. Got {shown(values)}.")
+        raise DeclarationError(
+            f"{what} is a mapping of names to numbers or arrays.", got=shown(values), value=values
+        )
     result: dict[str, np.ndarray] = {}
     for key, value in values.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if not isinstance(name, str):
-            raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {key!r}.")
+            raise DeclarationError(f"{what} is keyed by names or symbols.", got=f"the key {key!r}", value=key)
         if name in result:
-            raise DeclarationError(f'{what} gives "{name}" twice. Give each name one value.')
+            raise DeclarationError(f'{what} gives "{name}" twice.', "Give each name one value.")
         result[name] = _column(value, f"{what}[{name!r}]")
     return result
 
@@ -103,8 +106,10 @@ def _column(value: Column, what: str) -> np.ndarray:
     array = check_array(value, what=what, be="a number or a sequence of numbers")
     if array.ndim > 1:
         raise DeclarationError(
-            f"{what} is a number or one number for each member. Got the shape {array.shape}. "
-            "Flatten it with .ravel()."
+            f"{what} is a number or one number for each member.",
+            "Flatten it with .ravel().",
+            got=f"the shape {array.shape}",
+            value=array.shape,
         )
     _check_finite(np.atleast_1d(array), what)
     return np.atleast_1d(array)
@@ -113,13 +118,13 @@ def _column(value: Column, what: str) -> np.ndarray:
 def _check_finite(column: np.ndarray, what: str) -> None:
     wrong = np.flatnonzero(~np.isfinite(column))
     if wrong.size:
-        raise DeclarationError(f"{what} is {column[wrong[0]]} for member {wrong[0]}. Give finite numbers.")
+        raise DeclarationError(f"{what} is {column[wrong[0]]} for member {wrong[0]}.", "Give finite numbers.")
 
 
 def _checked(epsilons: np.ndarray) -> float:
     """The first value, once all are positive."""
     if not epsilons.size:
-        raise DeclarationError("an ensemble has one member or more. Got no value in epsilon.")
+        raise DeclarationError("an ensemble has one member or more.", got="no value in epsilon")
     wrong = np.flatnonzero(~(epsilons > 0.0))
     i = int(wrong[0]) if wrong.size else 0
     return check_epsilon(float(epsilons[i]), what=f"epsilon of member {i}")
@@ -131,13 +136,14 @@ def _length(sources: Mapping[str, np.ndarray]) -> int:
     for name, values in sources.items():
         first.setdefault(len(values), name)
     if 0 in first:
-        raise DeclarationError(f"an ensemble has one member or more. Got no value in {first[0]}.")
+        raise DeclarationError("an ensemble has one member or more.", got=f"no value in {first[0]}")
     several = {length: name for length, name in first.items() if length > 1}
     if len(several) > 1:
         shown = " and ".join(f"{length} in {name}" for length, name in several.items())
         raise DeclarationError(
-            f"each argument gives one value for all members or one for each. Got {shown}. "
-            "For all pairs use np.meshgrid and .ravel()."
+            "each argument gives one value for all members or one for each.",
+            "For all pairs use np.meshgrid and .ravel().",
+            got=shown,
         )
     return max(first, default=1)
 
@@ -149,7 +155,7 @@ def _gathered(starts: Sequence[Any]) -> dict[str, np.ndarray]:
     for i, row in enumerate(rows):
         if row.keys() != rows[0].keys():
             raise DeclarationError(
-                f"every start names the same quantities. Got {', '.join(names)} in starts[0] and "
-                f"{', '.join(row) or 'none'} in starts[{i}]."
+                "every start names the same quantities.",
+                got=f"{', '.join(names)} in starts[0] and {', '.join(row) or 'none'} in starts[{i}]",
             )
     return {name: np.array([row[name] for row in rows]) for name in names}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau, rodas5p_tableau
 from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
@@ -158,7 +158,7 @@ def check_method(method: Method | str | None) -> Method | None:
     except (ValueError, TypeError):
         names = [member.value for member in Method]
         raise DeclarationError(
-            f"{shown(method)} is no method. The methods are {', '.join(names)}." + nearest(method, names)
+            f"{shown(method)} is no method.", f"The methods are {', '.join(names)}.", value=method, known=names
         ) from None
 
 

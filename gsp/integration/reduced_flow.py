@@ -74,8 +74,9 @@ class ReducedFlow(Flow, Card):
             fact = f"start names {', '.join(unknown)}, unknown here" if unknown else ""
             lack = f"start gives no value for {', '.join(missing)}" if missing else ""
             raise DeclarationError(
-                f"{'; '.join(filter(None, (fact, lack)))}. Got {given}. "
-                f"A reduced flow starts at its slow variables {', '.join(slow)}."
+                f"{'; '.join(filter(None, (fact, lack)))}.",
+                f"A reduced flow starts at its slow variables {', '.join(slow)}.",
+                got=given,
             )
         branch = self.manifold.branch
         values = given
@@ -146,7 +147,7 @@ class ReducedFlow(Flow, Card):
                 try:
                     states[i] = self.initial(dict(zip(names, x[i].tolist())))[: len(places)]
                 except GspError as error:
-                    raise type(error)(f"member {i}: {error}") from None
+                    raise error.under(f"member {i}") from None
             return np.hstack([states, np.tile(rest, (len(x), 1))])
         if not branch.is_explicit:
             return super().initials(starts)

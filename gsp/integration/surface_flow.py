@@ -68,13 +68,16 @@ def flow_on(
     surface = manifold.surface
     if surface is None:
         raise DeclarationError(
-            f"the manifold has no surface to run on. Got {manifold.message}. Solve it on a region where it holds."
+            "the manifold has no surface to run on.",
+            "Solve it on a region where it holds.",
+            got=manifold.message,
         )
     size = int(np.prod(surface.coefficients.shape))
     if size > LARGEST_SIZE:
         raise DeclarationError(
-            f"the interpolant has {size} coefficients, more than {LARGEST_SIZE}. Loosen the tolerance of "
-            "solve_manifold, or shrink its region."
+            f"the interpolant has {size} coefficients, more than {LARGEST_SIZE}.",
+            "Loosen the tolerance of solve_manifold, or shrink its region.",
+            limit=LARGEST_SIZE,
         )
     system = manifold.branch.system
     values = {**system.parameters, system.epsilon: exact(manifold.epsilon)}

@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from gsp.errors import DeclarationError, GspError, Named, Status, nearest
+from gsp.errors import DeclarationError, GspError, Named, Status
 from gsp.integration.crossings import LOOK, Search, Stepper
 from gsp.integration.events import CompiledEvents, Crossings, Event, compile_events
 from gsp.integration.explanations import explain
@@ -108,7 +108,10 @@ class Trajectory(Drawn, Tabular):
             return frozen(self._observed[:, observables.index(name)].copy())
         known = [*(symbol.name for symbol in self.flow.states), *observables]
         raise GspError(
-            f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
+            f"{name!r} is no state and no observable.",
+            f"Those are {', '.join(known)}.",
+            value=name,
+            known=known,
         )
 
     def at(self, t: ArrayLike) -> np.ndarray:
@@ -123,12 +126,14 @@ class Trajectory(Drawn, Tabular):
         """
         times = check_array(t, what="t", be="a number or a one-dimensional array of times").copy(order="C")
         if times.ndim > 1:
-            raise GspError(f"t is a number or a one-dimensional array. Got the shape {times.shape}.")
+            raise GspError(
+                "t is a number or a one-dimensional array.", got=f"the shape {times.shape}", value=times.shape
+            )
         ends, states, dense = self._record.times, self._record.states, self._record.dense
         if len(dense) < len(ends) - 1:
             raise GspError(
-                "the trajectory holds no values between its steps. It was integrated with dense=False. "
-                "Leave dense out, or name the times as at=..."
+                "the trajectory holds no values between its steps.",
+                "It was integrated with dense=False. Leave dense out, or name the times as at=...",
             )
         flat = times if times.ndim else times.reshape(1)
         out = np.empty((states.shape[1], flat.size))
@@ -136,8 +141,9 @@ class Trajectory(Drawn, Tabular):
         if outside >= 0:
             low, high = sorted((float(ends[0]), float(ends[-1])))
             raise GspError(
-                f"the trajectory covers [{low:.17g}, {high:.17g}]. Got t = {flat[outside]:.17g}. "
-                "Ask inside, or integrate over a longer span."
+                f"the trajectory covers [{low:.17g}, {high:.17g}].",
+                "Ask inside, or integrate over a longer span.",
+                got=f"t = {flat[outside]:.17g}",
             )
         return out if times.ndim else out[:, 0]
 
@@ -244,7 +250,7 @@ def integrate(
         check_noun(flow, Flow, verb="integrate")
     if start is None or span is None:
         missing = "start" if start is None else "span"
-        raise DeclarationError(f"{missing} is missing. Got None. Only a Scene has one of its own.")
+        raise DeclarationError(f"{missing} is missing.", "Only a Scene has one of its own.", got="None")
     # By their places, which takes half the time that their names do.
     return trajectory_of(
         flow, start, span, epsilon, rtol, atol, at, method, dense, max_steps, events, progress, True
@@ -399,6 +405,6 @@ def _start(flow: Flow, start: Point) -> tuple[float, ...]:
     y = flow.initial(start)
     if len(y) != len(flow.states):
         raise GspError(
-            f"the flow has {len(flow.states)} states. Its initial() gave {len(y)}. Report this as a bug."
+            f"the flow has {len(flow.states)} states.", f"Its initial() gave {len(y)}. Report this as a bug."
         )
     return y

@@ -63,7 +63,7 @@ class WatchedMembers:
             try:
                 Ending(flow, stepper, span, starts[i])
             except GspError as error:
-                raise type(error)(f"member {i}: {error}") from None
+                raise error.under(f"member {i}") from None
         self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1) & (not validity.leaves_pairs)
         self._tests = (validity.functions, signs)
 

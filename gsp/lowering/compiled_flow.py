@@ -268,13 +268,15 @@ class CompiledFlow:
         if symbol is None:
             if epsilon is not None:
                 raise DeclarationError(
-                    f"this flow has no small parameter. Got epsilon={epsilon!r}. "
-                    "Leave epsilon out, or declare the field with one."
+                    "this flow has no small parameter.",
+                    "Leave epsilon out, or declare the field with one.",
+                    got=f"epsilon={epsilon!r}",
+                    value=epsilon,
                 )
             return self._values
         if epsilon is None:
             raise DeclarationError(
-                f"this flow depends on {symbol}. Got epsilon=None. Give its value, as in epsilon=0.01."
+                f"this flow depends on {symbol}.", "Give its value, as in epsilon=0.01.", got="epsilon=None"
             )
         return check_epsilon(epsilon), *self._values[1:]
 
@@ -306,7 +308,7 @@ def compile_flow(flow: Flow) -> CompiledFlow:
     unknown = next((str(state) for state, rate in zip(flow.states, flow.rates) if _has_nan(rate, seen)), None)
     if unknown is not None:
         # An observable may have no value anywhere, and is nan then; a rate may not.
-        raise UnsupportedFunctionError(f"the rate of {unknown} is nan. Write the expression in real terms.")
+        raise UnsupportedFunctionError(f"the rate of {unknown} is nan.", "Write the expression in real terms.")
     rates = tuple(map(exact, flow.rates))
     code = FlowCode(tuple(flow.states), rates, flow.epsilon, tuple(flow.parameters), flow.calls)
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)

@@ -69,10 +69,10 @@ class CompiledFunction:
         size, length = len(self.arguments), 1 + len(self.parameters)
         if z.ndim not in (1, 2) or z.shape[-1] != size:
             raise GspError(
-                f"points have shape (m, {size}) or ({size},), one column for each argument. Got {z.shape}."
+                f"points have shape (m, {size}) or ({size},), one column for each argument.", got=z.shape
             )
         if constants.shape != (length,):
-            raise GspError(f"p has shape ({length},): epsilon, then the parameters. Got {constants.shape}.")
+            raise GspError(f"p has shape ({length},): epsilon, then the parameters.", got=constants.shape)
         rows = z if z.ndim == 2 else z[np.newaxis]
         out = np.empty((rows.shape[0], self.outputs))
         if out.size:

@@ -228,7 +228,7 @@ def constrain(
     u1*cos(phi)
     """
     if not isinstance(system, LagrangianSystem):
-        raise DeclarationError(f"constrain takes a LagrangianSystem. Got {type(system).__name__}.")
+        raise DeclarationError("constrain takes a LagrangianSystem.", got=type(system).__name__)
     forms = read_constraints(system, constraints)
     adapted = moving_frame(system, forms, frame)
     return ConstrainedSystem(system, forms.expressions, adapted, hamel(system, adapted))

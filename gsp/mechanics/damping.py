@@ -33,30 +33,32 @@ def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.Immut
             else [list(_row(row, damping)) for row in damping]
         )
         if len({len(row) for row in rows}) != 1:
-            raise DeclarationError(f"damping is a number or a square matrix. Got {damping!r}.")
+            raise DeclarationError("damping is a number or a square matrix.", got=f"{damping!r}", value=damping)
         # Checked before they meet a matrix, which would read text as code.
         given = sp.ImmutableMatrix(
             [[system.checked(e, "an entry of the damping") for e in row] for row in rows]
         )
         if given.shape != (count, count):
             raise DeclarationError(
-                f"damping has the shape {given.shape} for {count} constraints. "
-                f"Give ({count}, {count}), or a number."
+                f"damping has the shape {given.shape} for {count} constraints.",
+                f"Give ({count}, {count}), or a number.",
             )
     else:
         given = sp.ImmutableMatrix(sp.eye(count)) * system.checked(damping, "the damping")
     moving = [s for s in (*system.velocities, *system.clock) if given.has(s)]
     if moving:
         raise DeclarationError(
-            f"damping depends on {moving[0]}: {given.tolist()}. Friction that is not linear in the slip "
-            "velocity, or changes with time, is not covered; B is a matrix of parameters and positions."
+            f"damping depends on {moving[0]}: {given.tolist()}.",
+            "Friction that is not linear in the slip velocity, or changes with time, is not covered; B is a "
+            "matrix of parameters and positions.",
         )
     for i in range(count):
         for j in range(i):
             if sp.cancel(given[i, j] - given[j, i]) != 0:
                 raise DeclarationError(
-                    f"damping is not symmetric: entry ({i + 1}, {j + 1}) is {given[i, j]}, ({j + 1}, {i + 1}) "
-                    f"is {given[j, i]}. Only a symmetric B is a Rayleigh function."
+                    f"damping is not symmetric: entry ({i + 1}, {j + 1}) is {given[i, j]}, ({j + 1}, {i + 1}"
+                    f") is {given[j, i]}.",
+                    "Only a symmetric B is a Rayleigh function.",
                 )
     minors = [given[: i + 1, : i + 1].det(method="berkowitz") for i in range(count)]
     points = generic_points(PLACES, len(system.coordinates)) * 6 - 4
@@ -67,8 +69,9 @@ def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.Immut
         if refuted:
             low = f"{column.min():.6g}"
             raise DeclarationError(
-                f"damping is not positive definite: its leading minor of size {i + 1}, {minor}, takes "
-                f"the value {low} at the parameters' values. Friction must take energy from every slip."
+                f"damping is not positive definite: its leading minor of size {i + 1}, {minor}, takes the "
+                f"value {low} at the parameters' values.",
+                "Friction must take energy from every slip.",
             )
     return given
 
@@ -76,4 +79,4 @@ def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.Immut
 def _row(row: Any, damping: Any) -> Sequence:
     if isinstance(row, (list, tuple)):
         return row
-    raise DeclarationError(f"damping is a number or a square matrix. Got {damping!r}.")
+    raise DeclarationError("damping is a number or a square matrix.", got=f"{damping!r}", value=damping)

@@ -61,7 +61,7 @@ def moving_frame(
     slips = tuple(next(fresh) if s is None else s for s in across)
     for symbol in (*along, *slips):
         if symbol.name in fixed or [s.name for s in (*along, *slips)].count(symbol.name) > 1:
-            raise DeclarationError(f"the quasi-velocity {symbol} has a name that is taken. Give it another.")
+            raise DeclarationError(f"the quasi-velocity {symbol} has a name that is taken.", "Give it another.")
     result = MovingFrame(
         along, slips, sp.ImmutableMatrix([*rows, *constraints.matrix.tolist()]), constraints.offset
     )
@@ -69,8 +69,8 @@ def moving_frame(
     for symbol in result.quasi_velocities:
         if symbol in system.velocities and shown[symbol] != symbol:
             raise DeclarationError(
-                f"the quasi-velocity {symbol} = {shown[symbol]} has the name of a velocity and is not that. "
-                "Rename it."
+                f"the quasi-velocity {symbol} = {shown[symbol]} has the name of a velocity and is not that.",
+                "Rename it.",
             )
     points = generic_points(3, len(system.coordinates))
     n = len(system.velocities)
@@ -78,19 +78,19 @@ def moving_frame(
     if all(is_singular(matrix) for matrix in matrices):
         listed = ", ".join(f"{s} = {e}" for s, e in shown.items())
         raise DeclarationError(
-            f"the frame does not determine the velocities: {listed} are dependent. "
-            "Choose quasi-velocities that are independent of one another and of the constraints."
+            f"the frame does not determine the velocities: {listed} are dependent.",
+            "Choose quasi-velocities that are independent of one another and of the constraints.",
         )
     return result
 
 
 def _named(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
     if not isinstance(frame, Mapping):
-        raise DeclarationError(f"frame maps symbols to velocities. Got {type(frame).__name__}.")
+        raise DeclarationError("frame maps symbols to velocities.", got=type(frame).__name__)
     along, rows = [], []
     for symbol, expression in frame.items():
         if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"frame is keyed by SymPy symbols. Got the key {symbol!r}.")
+            raise DeclarationError("frame is keyed by SymPy symbols.", got=f"the key {symbol!r}", value=symbol)
         coefficients, offset = linear_form(system, expression, f"the quasi-velocity {symbol}")
         for i in range(constraints.count):
             pairs = zip([*coefficients, offset], [*constraints.matrix.row(i), constraints.offset[i]])
@@ -108,9 +108,11 @@ def _named(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.
     wanted = len(system.velocities) - constraints.count
     if len(along) != wanted:
         raise DeclarationError(
-            f"the frame names {len(along)} quasi-velocities along the constraints. Got "
-            f"{', '.join(map(str, along)) or 'none'}; {len(system.velocities)} velocities with "
-            f"{constraints.count} constraints need {wanted}."
+            f"the frame names {len(along)} quasi-velocities along the constraints.",
+            got=(
+                f"{', '.join(map(str, along)) or 'none'}; {len(system.velocities)} velocities with "
+                f"{constraints.count} constraints need {wanted}"
+            ),
         )
     return tuple(along), rows
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.mechanics.algebra import numbers
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
@@ -38,14 +38,16 @@ def frame_values(
     for name in given:
         if name not in (*raw, *quasi, *places):
             raise DeclarationError(
-                f'start names "{name}", which is no position and no velocity. Those are '
-                f"{', '.join((*places, *raw))}; or {', '.join(quasi)}." + nearest(name, [*raw, *quasi, *places])
+                f'start names "{name}", which is no position and no velocity.',
+                f"Those are {', '.join((*places, *raw))}; or {', '.join(quasi)}.",
+                value=name,
+                known=[*raw, *quasi, *places],
             )
     needed = [s.name for s in field.states if s.name in places]
     absent = [name for name in needed if name not in given]
     if absent:
         raise DeclarationError(
-            f"start gives no value for {', '.join(absent)}. Got {given}. Give every position."
+            f"start gives no value for {', '.join(absent)}.", "Give every position.", got=given
         )
     position = {name: given.get(name, 0.0) for name in places}
     complete = all(name in given for name in quasi)
@@ -62,8 +64,9 @@ def frame_values(
         values = {name: float(value) for name, value in zip(quasi, row)}
     else:
         raise DeclarationError(
-            f"start gives some velocities. Got {given}. "
-            f"Give all of {', '.join(raw)}, or all of {', '.join(quasi)}."
+            "start gives some velocities.",
+            f"Give all of {', '.join(raw)}, or all of {', '.join(quasi)}.",
+            got=given,
         )
     states = {s.name: (position | values)[s.name] for s in field.states}
     return states, {s.name: position[s.name] for s in reconstruction if s.name in given}
@@ -87,8 +90,9 @@ def new_region(splitting: Splitting, region: Mapping[str, Interval]) -> dict[str
             continue
         if missing:
             raise DeclarationError(
-                f"the region gives no interval for {', '.join(missing)}, which {symbol} = {expression} "
-                f"is made of. Bound {', '.join(missing)} too, or bound {symbol}."
+                f"the region gives no interval for {', '.join(missing)}, which {symbol} = {expression} is "
+                "made of.",
+                f"Bound {', '.join(missing)} too, or bound {symbol}.",
             )
         axes = [np.linspace(*region[z.name], IMAGE_POINTS) for z in used]
         points = np.array(list(itertools.product(*axes)))

@@ -294,14 +294,16 @@ def with_friction(
     (xdot, w, -y/m, -x/m - w/(epsilon*m))
     """
     if not isinstance(system, LagrangianSystem):
-        raise DeclarationError(f"with_friction takes a LagrangianSystem. Got {type(system).__name__}.")
+        raise DeclarationError("with_friction takes a LagrangianSystem.", got=type(system).__name__)
     names = {s.name for s in (*system.coordinates, *system.velocities, *system.values, *system.clock)}
     if not isinstance(epsilon, sp.Symbol) or epsilon.name in names:
-        raise DeclarationError(f"epsilon is a symbol of its own. Got {epsilon!r}; its value is given later.")
+        raise DeclarationError(
+            "epsilon is a symbol of its own.", got=f"{epsilon!r}; its value is given later", value=epsilon
+        )
     if not system.is_quadratic:
         raise DeclarationError(
-            f"the Lagrangian is not quadratic in the velocities: L = {system.lagrangian}. The slow momenta "
-            "of the friction limit need a kinetic metric; `constrain` does without."
+            f"the Lagrangian is not quadratic in the velocities: L = {system.lagrangian}.",
+            "The slow momenta of the friction limit need a kinetic metric; `constrain` does without.",
         )
     forms = read_constraints(system, constraints)
     matrix = read_damping(system, damping, forms.count)

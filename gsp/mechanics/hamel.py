@@ -72,7 +72,8 @@ class HamelEquations:
         except HyperbolicityError:
             raise DeclarationError(
                 f"A M^-1 A^T is degenerate for L = {self.system.lagrangian}: the kinetic energy is not "
-                "definite across the constraints, so that no force there determines the motion. Correct it."
+                "definite across the constraints, so that no force there determines the motion.",
+                "Correct it.",
             ) from None
 
     @cached_property
@@ -164,7 +165,8 @@ def _derived(system, frame: MovingFrame, further, sines) -> HamelEquations:
     except HyperbolicityError:
         raise DeclarationError(
             f"the kinetic energy is degenerate along the constraints, L = {system.lagrangian}: the motion is "
-            "not determined. Give every admissible velocity a kinetic energy."
+            "not determined.",
+            "Give every admissible velocity a kinetic energy.",
         ) from None
     return HamelEquations(system, frame, algebra, psi, velocities, metric, force, along_inverse)
 

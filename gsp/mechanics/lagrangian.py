@@ -12,7 +12,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from gsp.algebra.differentiation import derivative
-from gsp.errors import DeclarationError, HyperbolicityError, nearest
+from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, entries, generic_points, numbers
 from gsp.systems.flow import Values
 from gsp.systems.system import VectorField
@@ -52,7 +52,8 @@ class LagrangianSystem:
         q, v = _symbols(self.coordinates, "coordinates"), _symbols(self.velocities, "velocities")
         if len(q) != len(v) or not q:
             raise DeclarationError(
-                f"every coordinate has one velocity. Got coordinates {_listed(q)} and velocities {_listed(v)}."
+                "every coordinate has one velocity.",
+                got=f"coordinates {_listed(q)} and velocities {_listed(v)}",
             )
         twice = {s.name for s in (*q, *v) if (*q, *v).count(s) > 1}
         if twice:
@@ -60,7 +61,7 @@ class LagrangianSystem:
                 f"{', '.join(sorted(twice))} is named twice among coordinates and velocities."
             )
         if self.time is not None and (not isinstance(self.time, sp.Symbol) or self.time in (*q, *v)):
-            raise DeclarationError(f"time is a symbol of its own. Got {self.time!r}.")
+            raise DeclarationError("time is a symbol of its own.", got=f"{self.time!r}", value=self.time)
         object.__setattr__(self, "coordinates", q)
         object.__setattr__(self, "velocities", v)
         parameters = {} if self.parameters is None else self.parameters
@@ -110,7 +111,7 @@ class LagrangianSystem:
         """d/dt L_qdot - L_q - F by coordinate, with symbols for the accelerations, as (11) is written."""
         given = _symbols(accelerations, "accelerations")
         if len(given) != len(self.velocities):
-            raise DeclarationError(f"every velocity has one acceleration. Got {_listed(given)}.")
+            raise DeclarationError("every velocity has one acceleration.", got=_listed(given))
         left = self.mass_matrix * sp.Matrix(list(given))
         return MappingProxyType(
             {x: a - self.algebra.clean(r) for x, a, r in zip(self.coordinates, entries(left), self._right)}
@@ -205,8 +206,8 @@ class LagrangianSystem:
         functions = expression.atoms(AppliedUndef) if isinstance(expression, sp.Expr) else ()
         if functions:
             raise DeclarationError(
-                f"{what} is {expression}, which contains {sorted(map(str, functions))[0]}. "
-                "Write positions and velocities as plain symbols, not as functions of time."
+                f"{what} is {expression}, which contains {sorted(map(str, functions))[0]}.",
+                "Write positions and velocities as plain symbols, not as functions of time.",
             )
         # The field's own checks: undeclared symbols, unknown functions, floats made exact.
         states = dict.fromkeys((*self.coordinates, *self.velocities, *self.clock), expression)
@@ -219,12 +220,14 @@ class LagrangianSystem:
     def _given_forces(self) -> dict[sp.Symbol, sp.Expr]:
         forces = {} if self.forces is None else self.forces
         if not isinstance(forces, Mapping):
-            raise DeclarationError(f"forces maps coordinates to expressions. Got {type(forces).__name__}.")
+            raise DeclarationError("forces maps coordinates to expressions.", got=type(forces).__name__)
         for symbol in forces:
             if symbol not in self.coordinates:
                 raise DeclarationError(
-                    f"forces has an entry for {symbol}, which is no coordinate. The coordinates are "
-                    f"{_listed(self.coordinates)}." + nearest(str(symbol), [x.name for x in self.coordinates])
+                    f"forces has an entry for {symbol}, which is no coordinate.",
+                    f"The coordinates are {_listed(self.coordinates)}.",
+                    value=symbol,
+                    known=[x.name for x in self.coordinates],
                 )
         return {
             x: self.checked(forces[x], f"the force along {x}") if x in forces else sp.Integer(0)
@@ -237,14 +240,14 @@ class LagrangianSystem:
         try:
             self._inverse_mass  # noqa: B018 - inverting is the exact test
         except HyperbolicityError:
-            raise DeclarationError(f"{fact}. {remedy}") from None
+            raise DeclarationError(f"{fact}.", remedy) from None
         symbols = (*self.coordinates, *self.velocities, *self.clock)
         points = generic_points(3, len(symbols))
         n = len(self.velocities)
         matrices = numbers(entries(self._mass), symbols, points, self.values).reshape(-1, n, n)
         if all(is_singular(matrix) for matrix in matrices):
             listed = ", ".join(f"{s} = {value}" for s, value in self.values.items())
-            raise DeclarationError(f"{fact}, at the parameters' values {listed}. {remedy}")
+            raise DeclarationError(f"{fact}, at the parameters' values {listed}.", remedy)
 
     def __repr__(self) -> str:
         label = f"{self.name}: " if self.name else ""
@@ -290,11 +293,14 @@ def is_singular(matrix: np.ndarray) -> bool:
 
 def _symbols(symbols: Sequence[sp.Symbol], what: str) -> tuple[sp.Symbol, ...]:
     if isinstance(symbols, (str, sp.Basic)):
-        raise DeclarationError(f"{what} is a sequence of SymPy symbols. Got {symbols!r}.")
+        raise DeclarationError(f"{what} is a sequence of SymPy symbols.", got=f"{symbols!r}", value=symbols)
     for symbol in symbols:
         if not isinstance(symbol, sp.Symbol):
             raise DeclarationError(
-                f"{what} are plain SymPy symbols. Got {symbol!r}. Use sp.symbols, not functions of time."
+                f"{what} are plain SymPy symbols.",
+                "Use sp.symbols, not functions of time.",
+                got=f"{symbol!r}",
+                value=symbol,
             )
     return tuple(symbols)
 

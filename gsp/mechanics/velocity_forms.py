@@ -36,14 +36,15 @@ def linear_form(system: LagrangianSystem, expression: sp.Expr, what: str) -> tup
     for v, slope in zip(system.velocities, coefficients):
         if slope.has(*system.velocities):
             raise DeclarationError(
-                f"{what}, {expression}, is not linear in the velocities: its derivative by {v} is {slope}. "
-                "Only constraints A(q) qdot + c(q) are covered."
+                f"{what}, {expression}, is not linear in the velocities: its derivative by {v} is {slope}.",
+                "Only constraints A(q) qdot + c(q) are covered.",
             )
     for t in system.clock:
         if exact.has(t):
             raise DeclarationError(
-                f"{what}, {expression}, depends on time {t}. Time-dependent constraints are not covered: "
-                f"use coordinates in which it does not contain {t}."
+                f"{what}, {expression}, depends on time {t}.",
+                "Time-dependent constraints are not covered: use coordinates in which it does not contain "
+                f"{t}.",
             )
     return coefficients, exact.xreplace(dict.fromkeys(system.velocities, sp.Integer(0)))
 
@@ -56,25 +57,31 @@ def read_constraints(
         names, given = tuple(constraints), tuple(constraints.values())
         for name in names:
             if not isinstance(name, sp.Symbol):
-                raise DeclarationError(f"constraints are named by SymPy symbols. Got the key {name!r}.")
+                raise DeclarationError(
+                    "constraints are named by SymPy symbols.", got=f"the key {name!r}", value=name
+                )
     else:
         if isinstance(constraints, sp.Basic):
             raise DeclarationError(
-                f"constraints is a sequence of expressions. Got {constraints!r}. Write [...]."
+                "constraints is a sequence of expressions.",
+                "Write [...].",
+                got=f"{constraints!r}",
+                value=constraints,
             )
         given = tuple(constraints)
         names = (None,) * len(given)
     if not given:
         raise DeclarationError(
-            "there is no constraint. Got []. Use LagrangianSystem.euler_lagrange() without any."
+            "there is no constraint.", "Use LagrangianSystem.euler_lagrange() without any.", got="[]"
         )
     rows, offset = [], []
     for i, expression in enumerate(given):
         coefficients, rest = linear_form(system, expression, f"constraint {i + 1}")
         if all(a == 0 for a in coefficients):
             raise DeclarationError(
-                f"constraint {i + 1}, {expression}, contains no velocity. A constraint on positions is "
-                "holonomic (Remark 2.4): differentiate it by time, or choose coordinates that satisfy it."
+                f"constraint {i + 1}, {expression}, contains no velocity.",
+                "A constraint on positions is holonomic (Remark 2.4): differentiate it by time, or choose "
+                "coordinates that satisfy it.",
             )
         rows.append(coefficients)
         offset.append(rest)
@@ -83,8 +90,8 @@ def read_constraints(
     n = len(system.velocities)
     if len(given) >= n:
         raise DeclarationError(
-            f"{len(given)} constraints on {n} velocities leave no motion: {', '.join(map(str, given))}. "
-            "Give fewer constraints than coordinates."
+            f"{len(given)} constraints on {n} velocities leave no motion: {', '.join(map(str, given))}.",
+            "Give fewer constraints than coordinates.",
         )
     return forms
 

@@ -96,8 +96,10 @@ def lagrangian_system(name: str) -> LagrangianSystem:
         return getattr(importlib.import_module(f"gsp.models.{_FREE[name]}"), name)()
     if name not in _MECHANICAL:
         raise GspError(
-            f'there is no mechanical system "{name}". The systems are {", ".join(mechanical())}.'
-            + nearest(str(name), mechanical())
+            f'there is no mechanical system "{name}".',
+            f"The systems are {', '.join(mechanical())}.",
+            value=name,
+            known=mechanical(),
         )
     return friction_system(name).system
 
@@ -112,8 +114,10 @@ def friction_system(name: str) -> FrictionSystem:
     """
     if name not in _MECHANICAL:
         raise GspError(
-            f'there is no system with friction "{name}". The systems are {", ".join(_MECHANICAL)}.'
-            + nearest(str(name), _MECHANICAL)
+            f'there is no system with friction "{name}".',
+            f"The systems are {', '.join(_MECHANICAL)}.",
+            value=name,
+            known=_MECHANICAL,
         )
     module = importlib.import_module(f"gsp.models.{_SCENES[name][0]}")
     return getattr(module, f"{name}_with_friction")()
@@ -123,5 +127,5 @@ def _entry(name: str) -> tuple[str, str]:
     if name not in _SCENES:
         is_path = str(name).endswith(".toml") or "/" in str(name)
         hint = " A model file is read by gsp.load(path)." if is_path else nearest(str(name), _SCENES)
-        raise GspError(f'there is no scene "{name}". The scenes are {", ".join(_SCENES)}.{hint}')
+        raise GspError(f'there is no scene "{name}".', f"The scenes are {', '.join(_SCENES)}.{hint}")
     return _SCENES[name]

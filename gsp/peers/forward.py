@@ -36,8 +36,9 @@ class Forward:
         steps = np.diff(np.concatenate([[self.first], self.grid]))
         if not ((steps > 0).all() or (steps < 0).all()) or not len(steps):
             raise DeclarationError(
-                f"a grid leads away from the start, at t = {self.first:g}, without turning. Got {self.grid}. "
-                "Sort the times, and leave the start out."
+                f"a grid leads away from the start, at t = {self.first:g}, without turning.",
+                "Sort the times, and leave the start out.",
+                got=self.grid,
             )
 
     @property

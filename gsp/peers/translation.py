@@ -71,7 +71,7 @@ class Translator:
         number = expression.evalf(25)
         if not (number.is_extended_real and number.is_finite):
             raise UnsupportedFunctionError(
-                f"{expression} is not a finite real number. Write the expression in real terms."
+                f"{expression} is not a finite real number.", "Write the expression in real terms."
             )
         return self.language.number(float(number))
 

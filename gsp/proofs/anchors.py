@@ -43,7 +43,8 @@ def point_over(
         if found is not None and found[0] == 1.0:
             return x, found[1]
     raise reason or BranchError(
-        f"the branch {branch} has no real point that was found in the region. Move the region, or take another branch."
+        f"the branch {branch} has no real point that was found in the region.",
+        "Move the region, or take another branch.",
     )
 
 
@@ -54,8 +55,8 @@ def _point(branch: Branch, x: np.ndarray, fast: Mapping[str, tuple[float, float]
         roots = branch.roots(x[None], bounds=fast)
         if len(roots) > 1:
             raise BranchError(
-                f"the branch {branch} has {len(roots)} sheets within the bounds on {', '.join(fast)}. "
-                "Fix one with branch.through({...}), or tighten the bounds."
+                f"the branch {branch} has {len(roots)} sheets within the bounds on {', '.join(fast)}.",
+                "Fix one with branch.through({...}), or tighten the bounds.",
             )
         if not len(roots):
             return None

@@ -128,8 +128,9 @@ class BallFunction(Program):
             return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
         if expression.is_Symbol:
             raise UnsupportedFunctionError(
-                f"{expression} is no argument of this function and has no value. "
-                f"Got it among {', '.join(map(str, self.arguments))}. Give it an interval."
+                f"{expression} is no argument of this function and has no value.",
+                "Give it an interval.",
+                got=f"it among {', '.join(map(str, self.arguments))}",
             )
         raise UnsupportedFunctionError(without_enclosure(expression, "balls"))
 

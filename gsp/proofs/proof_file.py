@@ -38,8 +38,9 @@ def write(certificate: Certificate, path: Path) -> None:
     """Write the proof; raises `GspError` when there is none, `OutputError` when the file cannot be written."""
     if certificate.verdict.value != "proved":
         raise GspError(
-            f"only a proof can be saved. Got the verdict {certificate.verdict.name}: {certificate.reason}. "
-            "Shrink the region or raise most_boxes."
+            "only a proof can be saved.",
+            "Shrink the region or raise most_boxes.",
+            got=f"the verdict {certificate.verdict.name}: {certificate.reason}",
         )
     text = json.dumps(_accepted(certificate), indent=None, separators=(",", ":"), allow_nan=False)
     write_file((text + "\n").encode(), path)
@@ -57,7 +58,7 @@ def _accepted(certificate: Certificate) -> dict:
                 places = checker.refused(written)
             except checker.Rejected as error:
                 raise GspError(
-                    f"the checker does not follow this proof: {error}. It cannot be saved."
+                    f"the checker does not follow this proof: {error}.", "It cannot be saved."
                 ) from None
             if not places:
                 return written
@@ -67,7 +68,9 @@ def _accepted(certificate: Certificate) -> dict:
             ):
                 break
     raise GspError(
-        f"the checker does not follow this proof. Got {len(places)} boxes that it refuses. Shrink the region."
+        "the checker does not follow this proof.",
+        "Shrink the region.",
+        got=f"{len(places)} boxes that it refuses",
     )
 
 

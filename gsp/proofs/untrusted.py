@@ -83,4 +83,4 @@ def guarded(check: Callable[[], Found]) -> Found:
     except OutOfDomain as error:
         raise Rejected(f"an expression is not defined over a box: {error}") from None
     except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError, RecursionError) as error:
-        raise Rejected(f"the file is malformed: {type(error).__name__}, {str(error)[:80]}") from None
+        raise Rejected(f"the file is malformed: {type(error).__name__}, {error!s:.80}") from None

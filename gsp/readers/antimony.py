@@ -57,11 +57,16 @@ def read_antimony(text: str) -> ForeignModel:
     hidden = next((c for c in text if ord(c) < 32 and c not in "\t\n\r"), None)
     if hidden is not None:
         # The library reads no further than a NUL.
-        raise ModelFileError(f"the file holds the hidden character U+{ord(hidden):04X}. Remove it.")
+        raise ModelFileError(f"the file holds the hidden character U+{ord(hidden):04X}.", "Remove it.")
     longest = max(map(len, re.split(r"[;\n]", text)))
     if longest > CHARACTERS:
         # The library takes quadratic time in a sum.
-        raise ModelFileError(f"a statement is {longest} characters long; {CHARACTERS} are allowed. Split it.")
+        raise ModelFileError(
+            f"a statement is {longest} characters long; {CHARACTERS} are allowed.",
+            "Split it.",
+            limit=CHARACTERS,
+            value=longest,
+        )
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")
     long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]
@@ -80,7 +85,8 @@ def refuse_imports(text: str) -> None:
         if not _COMMENT.fullmatch(text, begin, found.start()):
             number = text.count("\n", 0, found.start()) + 1
             raise ModelFileError(
-                f"line {number}: import opens another file, which is not read. Write what it holds into this one."
+                f"line {number}: import opens another file, which is not read.",
+                "Write what it holds into this one.",
             )
 
 
@@ -97,19 +103,20 @@ def converted(text: str) -> dict[str, Any]:
     )
     if done.returncode == 3:
         raise ModelFileError(
-            "Antimony is read with its own library, antimony, which is not installed. Install gsp-toolkit[sbml]."
+            "Antimony is read with its own library, antimony, which is not installed.",
+            "Install gsp-toolkit[sbml].",
         )
     try:
         answer = json.loads(done.stdout)
     except ValueError:
         raise ModelFileError(
-            "Antimony's library broke down over the file, or took more memory than it may have. Use a smaller model, "
-            "or one without submodels."
+            "Antimony's library broke down over the file, or took more memory than it may have.",
+            "Use a smaller model, or one without submodels.",
         ) from None
     if "error" in answer:
         raise ModelFileError(
-            f"this is no Antimony: {' '.join(answer['error'].split())[:400].rstrip('.')}. Correct it."
+            f"this is no Antimony: {' '.join(answer['error'].split())[:400].rstrip('.')}.", "Correct it."
         )
     if not answer["sbml"]:
-        raise ModelFileError("the file holds no model. Give an Antimony file with one.")
+        raise ModelFileError("the file holds no model.", "Give an Antimony file with one.")
     return answer

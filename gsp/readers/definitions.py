@@ -32,30 +32,35 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
     for a circle, which is named.
     """
     if len(table) > DEFINITIONS:
-        raise ModelFileError(f"definitions holds {len(table)} names; {DEFINITIONS} are allowed. Keep fewer.")
+        raise ModelFileError(
+            f"definitions holds {len(table)} names; {DEFINITIONS} are allowed.",
+            "Keep fewer.",
+            limit=DEFINITIONS,
+            value=len(table),
+        )
     definitions = Definitions()
     for head, text in table.items():
         name, arguments = _head(head)
         key = f"definitions.{head}"
         for word in (name, *arguments):
             if word in RESERVED or word in FUNCTIONS:
-                raise ModelFileError(f"{key}: {word} is a word of the grammar. Choose another name.")
+                raise ModelFileError(f"{key}: {word} is a word of the grammar.", "Choose another name.")
             if word in symbols:
                 raise ModelFileError(
-                    f"{key}: {word} is a name of the model too, which it would hide. Choose another name."
+                    f"{key}: {word} is a name of the model too, which it would hide.", "Choose another name."
                 )
         if name in definitions:
-            raise ModelFileError(f"{key}: {name} is defined twice. Keep one of the two.")
+            raise ModelFileError(f"{key}: {name} is defined twice.", "Keep one of the two.")
         try:
             definitions[name] = Definition(head, arguments, text, tuple(tokenise(text, FUNCTIONS)))
         except ModelFileError as error:
-            raise ModelFileError(f"{key}: {error}") from None
+            raise error.under(key) from None
     for definition in definitions.values():
         hidden = [word for word in definition.arguments if word in definitions]
         if hidden:
             raise ModelFileError(
-                f"definitions.{definition.head}: {hidden[0]} is defined too, which it would hide. "
-                "Choose another name."
+                f"definitions.{definition.head}: {hidden[0]} is defined too, which it would hide.",
+                "Choose another name.",
             )
     _refuse_circles(definitions)
     for definition in definitions.values():
@@ -63,7 +68,7 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
         try:
             parse_expression(definition.text, symbols={**symbols, **own}, definitions=definitions)
         except ModelFileError as error:
-            raise ModelFileError(f"definitions.{definition.head}: {error}") from None
+            raise error.under(f"definitions.{definition.head}") from None
     return definitions
 
 
@@ -71,13 +76,15 @@ def _head(head: str) -> tuple[str, tuple[str, ...]]:
     match = _HEAD.fullmatch(head)
     if match is None:
         raise ModelFileError(
-            f'definitions: {head[:80]!r} is neither a name nor a function. Write beta, or "minf(v)" in quotes.'
+            f"definitions: {head[:80]!r} is neither a name nor a function.",
+            'Write beta, or "minf(v)" in quotes.',
         )
     arguments = tuple(word.strip() for word in match[2].split(",")) if match[2] else ()
     if len(arguments) > ARGUMENTS or len(set(arguments)) < len(arguments):
         raise ModelFileError(
-            f"definitions.{head[:80]}: a function has at most {ARGUMENTS} arguments, each once. "
-            f"Got {', '.join(arguments)[:80]}."
+            f"definitions.{head[:80]}: a function has at most {ARGUMENTS} arguments, each once.",
+            got=", ".join(arguments)[:80],
+            limit=ARGUMENTS,
         )
     return match[1], arguments
 
@@ -101,6 +108,7 @@ def _refuse_circles(definitions: Mapping[str, Definition]) -> None:
             if following in names:
                 circle = [*names[names.index(following) :], following]
                 raise ModelFileError(
-                    f"definitions: {' -> '.join(circle)[:300]} is a circle. Write one of them out without the others."
+                    f"definitions: {' -> '.join(circle)[:300]} is a circle.",
+                    "Write one of them out without the others.",
                 )
             path.append((following, iter(uses[following])))

@@ -80,8 +80,10 @@ class Definitions(dict[str, Definition]):
         self.calls += calls
         if self.written > ALL_WRITTEN or self.calls > ALL_CALLS:
             raise ModelFileError(
-                f"with the definitions written out the file has more than {ALL_WRITTEN} symbols or {ALL_CALLS} "
-                "functions. Make one of them a state, or shorten them."
+                f"with the definitions written out the file has more than {ALL_WRITTEN} symbols or "
+                f"{ALL_CALLS} functions.",
+                "Make one of them a state, or shorten them.",
+                limit=ALL_WRITTEN,
             )
 
 
@@ -99,16 +101,20 @@ def parse_expression(
     -v**2/2 + sin(v)
     """
     if not isinstance(text, str):
-        raise ModelFileError(f"an expression is text or a number. Got a {type(text).__name__}.")
+        raise ModelFileError(
+            "an expression is text or a number.", got=f"a {type(text).__name__}", value=type(text).__name__
+        )
     if len(text) > CHARACTERS:
         raise ModelFileError(
-            f"the expression is {len(text)} characters long; {CHARACTERS} are allowed. "
-            "Split it: give repeated parts a parameter or a state of their own."
+            f"the expression is {len(text)} characters long; {CHARACTERS} are allowed.",
+            "Split it: give repeated parts a parameter or a state of their own.",
+            limit=CHARACTERS,
+            value=len(text),
         )
     try:
         return _Parser(text, symbols, Definitions() if definitions is None else definitions).result()
     except RecursionError:
-        raise ModelFileError("the expression is nested too deeply. Remove parentheses.") from None
+        raise ModelFileError("the expression is nested too deeply.", "Remove parentheses.") from None
 
 
 class _Parser:
@@ -142,7 +148,7 @@ class _Parser:
 
     def result(self) -> sp.Expr:
         if self.token.kind == "end":
-            raise ModelFileError("the expression is empty. Write 0 for a rate that vanishes.")
+            raise ModelFileError("the expression is empty.", "Write 0 for a rate that vanishes.")
         node = self.whole()
         for number in node.expression.atoms(sp.Rational):
             self.nodes.check_size(number, 0)
@@ -293,7 +299,7 @@ class _Parser:
         try:
             node = self.whole()
         except ModelFileError as error:
-            raise ModelFileError(f"in {definition.head}: {error}") from None
+            raise error.under(f"in {definition.head}") from None
         self.text, self.tokens, self.index, self.arguments = outer
         self.depth -= 1
         return node

@@ -64,9 +64,9 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     name = _small(model, small)
     if name not in _reached(model):
         raise ModelFileError(
-            f"{name} is to be the small parameter, and stands in no rate. Name the one that is small: gsp import "
-            f"FILE --small NAME. There are {_others(model, name)}; where none is small, write the factor that "
-            "separates the time scales into the rates first."
+            f"{name} is to be the small parameter, and stands in no rate.",
+            f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, name)}; "
+            "where none is small, write the factor that separates the time scales into the rates first.",
         )
     notes = [
         model.understood,
@@ -120,8 +120,9 @@ def _small(model: ForeignModel, wanted: str | None) -> str:
     if model.small is not None:
         if wanted is not None:
             raise ModelFileError(
-                f"fast reactions have a small parameter of their own, {model.small}. Got --small {wanted[:64]}. "
-                "Leave it out, or take the reactions' attribute away."
+                f"fast reactions have a small parameter of their own, {model.small}.",
+                "Leave it out, or take the reactions' attribute away.",
+                got=f"--small {wanted[:64]}",
             )
         return model.small
     if wanted is not None:
@@ -134,9 +135,9 @@ def _small(model: ForeignModel, wanted: str | None) -> str:
     found = next((name for name in SMALL if name in model.parameters), None)
     if found is None:
         raise ModelFileError(
-            "the file has no parameter called epsilon or eps, and so no small one. Name the one that is small: "
-            f"gsp import FILE --small NAME. There are {_others(model, '')}; where none "
-            "is small, write the factor that separates the time scales into the rates first."
+            "the file has no parameter called epsilon or eps, and so no small one.",
+            f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, '')}; "
+            "where none is small, write the factor that separates the time scales into the rates first.",
         )
     return found
 
@@ -235,4 +236,4 @@ def number_in(text: str, what: str) -> float:
     try:
         return float(top) / float(bottom) if slash else float(text)
     except (ValueError, ZeroDivisionError):
-        raise ModelFileError(f"{what} is a number. Got {text[:60]!r}.") from None
+        raise ModelFileError(f"{what} is a number.", got=f"{text[:60]!r}") from None

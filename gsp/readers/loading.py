@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from gsp.errors import DeclarationError, ModelFileError, printable
+from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers.antimony import read_antimony
 from gsp.readers.foreign import ForeignModel, Import, imported
 from gsp.readers.sbml import read_sbml
@@ -46,7 +46,7 @@ def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
         return scene, found.notes
     except (ModelFileError, DeclarationError) as error:
         # Words of the file stand in the message, and the message may go to a terminal.
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+        raise ModelFileError.of(error, file.name) from None
 
 
 def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> Import:
@@ -58,17 +58,19 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
     try:
         if file.suffix.lower() not in FORMATS:
             raise ModelFileError(
-                f"a foreign model ends in {', '.join(FORMATS)}. Got {file.suffix[:20]!r}. Give such a file."
+                f"a foreign model ends in {', '.join(FORMATS)}.",
+                "Give such a file.",
+                got=f"{file.suffix[:20]!r}",
             )
         found, _ = _imported(file, small)
     except (ModelFileError, DeclarationError) as error:
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+        raise ModelFileError.of(error, file.name) from None
     return found
 
 
 def _path(path: str | os.PathLike[str], verb: str) -> Path:
     if not isinstance(path, (str, os.PathLike)):
-        raise ModelFileError(f"{verb} takes the path of a file. Got {shown(path)}.")
+        raise ModelFileError(f"{verb} takes the path of a file.", got=shown(path), value=path)
     return Path(path)
 
 
@@ -82,6 +84,6 @@ def _imported(file: Path, small: str | None = None) -> tuple[Import, Scene]:
     found, scene = imported(model, small=small, read=lambda draft: scene_of(parsed(draft), file))
     if len(found.text.encode()) > BYTES:
         raise ModelFileError(
-            f"as a model file it would be larger than {BYTES // 1024} KiB. Use a smaller model."
+            f"as a model file it would be larger than {BYTES // 1024} KiB.", "Use a smaller model."
         )
     return found, scene

@@ -32,7 +32,7 @@ def read_sbml(text: str, *, origin: str = "an SBML file") -> ForeignModel:
     try:
         model = _Reader(document.getModel(), library(), origin).model()
     except RecursionError:
-        raise ModelFileError("values depend on each other in too long a chain. Shorten it.") from None
+        raise ModelFileError("values depend on each other in too long a chain.", "Shorten it.") from None
     model.left_out[:0] = left_out
     return model
 
@@ -79,7 +79,7 @@ class _Reader(Quantities):
         self.write_laws(laws)
         if not result.states:
             raise ModelFileError(
-                "no reaction and no rate rule changes anything in the file. Give it one that does."
+                "no reaction and no rate rule changes anything in the file.", "Give it one that does."
             )
         if self.time_used:
             self.add_state(self.clock, "1", sp.Integer(0))
@@ -104,12 +104,13 @@ class _Reader(Quantities):
     def count(self, reaction: str, sign: int, reference: Any) -> None:
         species = reference.getSpecies()
         if species not in self.species:
-            raise ModelFileError(f"{reaction} changes {species[:64]!r}, which is no species. Declare it.")
+            raise ModelFileError(f"{reaction} changes {species[:64]!r}, which is no species.", "Declare it.")
         if self.species[species].getBoundaryCondition() or self.species[species].getConstant():
             return
         if species in self.assigned or species in self.rated:
             raise ModelFileError(
-                f"{species} has a rule, and {reaction} changes it too. Keep one, or make it a boundary species."
+                f"{species} has a rule, and {reaction} changes it too.",
+                "Keep one, or make it a boundary species.",
             )
         row = self.coefficients.setdefault(species, {})
         own = reference.getIdAttribute()

@@ -48,7 +48,7 @@ class _Scan:
         self.left_out: list[str] = []
 
     def fail(self, fact: str, remedy: str) -> NoReturn:
-        raise ModelFileError(f"line {self.parser.CurrentLineNumber}: {fact}. {remedy}")
+        raise ModelFileError(f"line {self.parser.CurrentLineNumber}: {fact}.", remedy)
 
     def doctype(self, *_: Any) -> None:
         self.fail("a document type declaration is not read, nor any entity", "Remove it.")
@@ -162,12 +162,12 @@ def read_document(text: str) -> tuple[Any, list[str]]:
         scan.parser.Parse(body.encode(), True)
     except expat.ExpatError as error:
         raise ModelFileError(
-            f"line {error.lineno}: this is no XML ({expat.ErrorString(error.code)}). Give an SBML file."
+            f"line {error.lineno}: this is no XML ({expat.ErrorString(error.code)}).", "Give an SBML file."
         ) from None
     document = libsbml.readSBMLFromString(body)
     _refuse_errors(document, libsbml)
     if document.getModel() is None:
-        raise ModelFileError("the file holds no model. Give an SBML file with one.")
+        raise ModelFileError("the file holds no model.", "Give an SBML file with one.")
     for check in (
         libsbml.LIBSBML_CAT_UNITS_CONSISTENCY,
         libsbml.LIBSBML_CAT_MODELING_PRACTICE,
@@ -187,7 +187,7 @@ def _refuse_errors(document: Any, libsbml: Any) -> None:
             _, reference, here = error.getMessage().partition("Reference:")
             detail = here.partition("\n")[2] if reference else error.getMessage()
             words = " ".join(f"{error.getShortMessage()}: {detail}".split())[:400].rstrip(". ")
-            raise ModelFileError(f"line {error.getLine()}: this is no valid SBML: {words}. Correct it.")
+            raise ModelFileError(f"line {error.getLine()}: this is no valid SBML: {words}.", "Correct it.")
 
 
 def library() -> Any:
@@ -196,6 +196,6 @@ def library() -> Any:
         import libsbml  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ModelFileError(
-            "SBML is read with python-libsbml, which is not installed. Install gsp-toolkit[sbml]."
+            "SBML is read with python-libsbml, which is not installed.", "Install gsp-toolkit[sbml]."
         ) from None
     return libsbml

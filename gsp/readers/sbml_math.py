@@ -81,11 +81,11 @@ class Mathematics:
     def whole(self, tree: Any, local: Mapping[str, str] | None = None) -> Text:
         self.local = local or {}
         if tree is None:
-            raise ModelFileError("an expression is missing. Give it one.")
+            raise ModelFileError("an expression is missing.", "Give it one.")
         try:
             return self.node(tree)
         except RecursionError:
-            raise ModelFileError("an expression is nested too deeply. Split it.") from None
+            raise ModelFileError("an expression is nested too deeply.", "Split it.") from None
 
     def kind(self, tree: Any) -> str:
         return self.kinds.get(tree.getType(), "unknown")
@@ -165,7 +165,7 @@ class Mathematics:
         if kind == "AST_NAME_TIME":
             return Text(self.time(), _ATOM)
         what = _REFUSED.get(kind) or f"{tree.getName() or kind.removeprefix('AST_').lower()}"
-        raise ModelFileError(f"{what[:60]} is not read. Write the model without it.")
+        raise ModelFileError(f"{what[:60]} is not read.", "Write the model without it.")
 
     def arithmetic(self, tree: Any) -> Text:
         """Sums and products; those that grow to the left, as formulas do, without going down into them."""
@@ -205,7 +205,7 @@ class Mathematics:
 
     def piecewise(self, children: list[Any]) -> Text:
         if len(children) % 2 == 0:
-            raise ModelFileError("a piecewise without otherwise has no value everywhere. Give it one.")
+            raise ModelFileError("a piecewise without otherwise has no value everywhere.", "Give it one.")
         result = self.node(children[-1])
         text, is_condition = result.text, result.is_condition
         for i in range(len(children) - 3, -1, -2):
@@ -253,7 +253,7 @@ def number(tree: Any, kind: str) -> Text:
 def decimal(value: float, what: str) -> str:
     """The shortest decimal that `value` is nearest to, without ".0"; raises `ModelFileError` for no finite one."""
     if not math.isfinite(value):
-        raise ModelFileError(f"{what} is {value}. Give it a finite value.")
+        raise ModelFileError(f"{what} is {value}.", "Give it a finite value.")
     return repr(value).removesuffix(".0")
 
 

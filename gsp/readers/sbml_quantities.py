@@ -67,7 +67,7 @@ class Quantities:
             (algebraic, "algebraic rule", "Solve it for a quantity, and assign that."),
         ):
             if number:
-                raise ModelFileError(f"the file has {counted(number, noun)}, which is not read. {remedy}")
+                raise ModelFileError(f"the file has {counted(number, noun)}, which is not read.", remedy)
         if self.source.getNumConstraints():
             self.result.left_out.append(counted(self.source.getNumConstraints(), "constraint"))
 
@@ -96,7 +96,7 @@ class Quantities:
         for rule in self.source.getListOfRules():
             variable = rule.getVariable()
             if variable in self.rated or variable in self.assigned:
-                raise ModelFileError(f"{variable} has two rules. Keep one.")
+                raise ModelFileError(f"{variable} has two rules.", "Keep one.")
             (self.rated if rule.isRate() else self.assigned)[variable] = self.mathematics_of(
                 rule, "rule", variable
             )
@@ -107,17 +107,17 @@ class Quantities:
     def mathematics_of(self, element: Any, what: str, variable: str) -> Any:
         if variable not in self.words:
             raise ModelFileError(
-                f"a rule or an assignment names {variable[:64]!r}, which is not there. Declare it."
+                f"a rule or an assignment names {variable[:64]!r}, which is not there.", "Declare it."
             )
         if not element.isSetMath():
-            raise ModelFileError(f"the {what} of {variable} has no mathematics. Give it some, or remove it.")
+            raise ModelFileError(f"the {what} of {variable} has no mathematics.", "Give it some, or remove it.")
         return element.getMath()
 
     # What stands for an identifier.
 
     def word(self, identifier: str) -> str:
         if identifier not in self.words:
-            raise ModelFileError(f"the name {identifier[:64]!r} is not declared. Declare it, or correct it.")
+            raise ModelFileError(f"the name {identifier[:64]!r} is not declared.", "Declare it, or correct it.")
         return self.words[identifier]
 
     def stands(self, identifier: str) -> str:
@@ -146,7 +146,7 @@ class Quantities:
         for parameter in () if law is None else map(law.getParameter, range(law.getNumParameters())):
             name = parameter.getIdAttribute()
             if not parameter.isSetValue():
-                raise ModelFileError(f"{name} of {reaction} has no value. Give it one.")
+                raise ModelFileError(f"{name} of {reaction} has no value.", "Give it one.")
             words[name] = self.new(f"{self.words[reaction]}_{name}")
             value = exact(decimal(parameter.getValue(), f"{name} of {reaction}"))
             self.result.parameters[words[name]] = fraction_text(value)
@@ -168,7 +168,7 @@ class Quantities:
         if identifier in self.parameters:
             parameter = self.parameters[identifier]
             if not parameter.isSetValue():
-                raise ModelFileError(f"{identifier} has no value. Give it one.")
+                raise ModelFileError(f"{identifier} has no value.", "Give it one.")
             return exact(decimal(parameter.getValue(), identifier))
         if identifier in self.compartments:
             compartment = self.compartments[identifier]
@@ -185,13 +185,13 @@ class Quantities:
         if species.isSetInitialConcentration():
             concentration = exact(decimal(species.getInitialConcentration(), identifier))
             return concentration if self.is_concentration(identifier) else concentration * self.size_of(species)
-        raise ModelFileError(f"{identifier} has no initial value. Give it an amount or a concentration.")
+        raise ModelFileError(f"{identifier} has no initial value.", "Give it an amount or a concentration.")
 
     def size_of(self, species: Any) -> sp.Rational:
         size = self.values.of(species.getCompartment())
         if size <= 0:
             raise ModelFileError(
-                f"the compartment {species.getCompartment()} has the size {size}. Give it a positive one."
+                f"the compartment {species.getCompartment()} has the size {size}.", "Give it a positive one."
             )
         return size
 
@@ -214,12 +214,14 @@ class Quantities:
         word, function = self.words[identifier], self.functions[identifier]
         if identifier in path:
             circle = " -> ".join((*path[path.index(identifier) :], identifier))
-            raise ModelFileError(f"the functions {circle[:300]} are a circle. Write one of them out.")
+            raise ModelFileError(f"the functions {circle[:300]} are a circle.", "Write one of them out.")
         if any(head.partition("(")[0] == word for head in self.result.definitions):
             return
         body = function.getBody() if function.isSetMath() else None
         if body is None:
-            raise ModelFileError(f"the function {identifier} has no mathematics. Give it some, or remove it.")
+            raise ModelFileError(
+                f"the function {identifier} has no mathematics.", "Give it some, or remove it."
+            )
         for name in set(names_in(body)) & self.functions.keys():
             self.define_function(name, (*path, identifier))
         arguments = [function.getArgument(i).getName() for i in range(function.getNumArguments())]
@@ -234,7 +236,7 @@ class Quantities:
         """The mathematics of the kinetic law of a reaction."""
         law = self.reactions[reaction].getKineticLaw()
         if law is None or not law.isSetMath():
-            raise ModelFileError(f"the reaction {reaction} has no kinetic law. Give it one, or remove it.")
+            raise ModelFileError(f"the reaction {reaction} has no kinetic law.", "Give it one, or remove it.")
         return law.getMath()
 
     def number_of(self, reference: Any) -> Fraction:
@@ -242,6 +244,6 @@ class Quantities:
         value = reference.getStoichiometry()
         if value != value:
             raise ModelFileError(
-                f"{reference.getSpecies()} takes part in a reaction without a stoichiometry. Give it one."
+                f"{reference.getSpecies()} takes part in a reaction without a stoichiometry.", "Give it one."
             )
         return Fraction(decimal(value, "a stoichiometry")) / reference.getDenominator()

@@ -44,7 +44,7 @@ class Values:
         if identifier in self.pending:
             circle = [*self.pending[self.pending.index(identifier) :], identifier]
             raise ModelFileError(
-                f"{' -> '.join(circle)[:300]} is a circle of values. Give one of them a number."
+                f"{' -> '.join(circle)[:300]} is a circle of values.", "Give one of them a number."
             )
         self.pending.append(identifier)
         formula = self.formula(identifier)
@@ -64,7 +64,7 @@ class Values:
         try:
             expression = parse_expression(text, symbols=free, definitions=self.definitions[1])
         except ModelFileError as error:
-            raise ModelFileError(f"the value of {what[:64]}: {error}") from None
+            raise error.under(f"the value of {what[:64]}") from None
         at: dict[sp.Symbol, sp.Expr] = {}
         for symbol in sorted(expression.free_symbols, key=str):
             if symbol.name in own:
@@ -81,7 +81,7 @@ def _number(value: sp.Expr, what: str) -> sp.Rational:
         return value
     number = sp.nan if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) else value.evalf(17)
     if not (number.is_Float or number.is_Rational) or not 0 <= abs(number) < 1e300:
-        raise ModelFileError(f"the value of {what[:64]} is no finite number at time 0. Correct it.")
+        raise ModelFileError(f"the value of {what[:64]} is no finite number at time 0.", "Correct it.")
     return exact(repr(float(number)))
 
 

@@ -63,15 +63,12 @@ def fail_at(text: str, fact: str, position: int, remedy: str) -> NoReturn:
     low = max(0, position - 40)
     excerpt = "".join(c if c.isprintable() else " " for c in text[low : position + 30])
     caret = " " * (position - low) + "^"
-    raise ModelFileError(f"{fact}, at character {position + 1}. {remedy}\n    {excerpt}\n    {caret}") from None
+    place = f"\n    {excerpt}\n    {caret}"
+    raise ModelFileError(f"{fact}, at character {position + 1}.", f"{remedy}{place}") from None
 
 
 class NumberError(ModelFileError):
-    """A number that a model file may not hold: the `fact` and the `remedy`, without a full stop and with one."""
-
-    def __init__(self, fact: str, remedy: str) -> None:
-        super().__init__(f"{fact}. {remedy}")
-        self.fact, self.remedy = fact, remedy
+    """A number that a model file may not hold."""
 
 
 @lru_cache(maxsize=4096)
@@ -85,13 +82,18 @@ def parse_number(text: str) -> sp.Rational:
     """
     match = _NUMBER.fullmatch(text)
     if match is None or not (match[1] or match[2]):
-        raise NumberError(f"{text[:60]!r} is no decimal number", "Write it as 0.5 or 1e-3.")
+        raise NumberError(f"{text[:60]!r} is no decimal number.", "Write it as 0.5 or 1e-3.")
     digits, exponent = match[1] + match[2], (match[4] or "0").lstrip("0") or "0"
     if len(digits) > DIGITS:
-        raise NumberError(f"a number has {len(digits)} digits; {DIGITS} are allowed", "Shorten it.")
+        raise NumberError(
+            f"a number has {len(digits)} digits; {DIGITS} are allowed.",
+            "Shorten it.",
+            limit=DIGITS,
+            value=len(digits),
+        )
     if len(exponent) > 3 or int(exponent) > EXPONENT:
         raise NumberError(
-            f"the number {text[:60]} has a decimal exponent beyond {EXPONENT}", "Rescale the variables."
+            f"the number {text[:60]} has a decimal exponent beyond {EXPONENT}.", "Rescale the variables."
         )
     power = (-int(exponent) if match[3] == "-" else int(exponent)) - len(match[2])
     return sp.Integer(int(digits)) * sp.Integer(10) ** power

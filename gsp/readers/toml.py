@@ -122,7 +122,7 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
-            raise ModelFileError("this is no regular file. Give the path of a TOML file.")
+            raise ModelFileError("this is no regular file.", "Give the path of a TOML file.")
         with file.open("rb") as stream:
             data = stream.read(BYTES + 1)
     except FileNotFoundError:
@@ -131,29 +131,33 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
         raise ModelFileError(f"there is no such file.{got} Check the path.") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ModelFileError(f"the file cannot be read ({reason}). Check its permissions.") from None
+        raise ModelFileError(f"the file cannot be read ({reason}).", "Check its permissions.") from None
     if len(data) > BYTES:
-        raise ModelFileError(f"the file is larger than {BYTES // 1024} KiB. A model file holds equations only.")
+        raise ModelFileError(
+            f"the file is larger than {BYTES // 1024} KiB.", "A model file holds equations only."
+        )
     try:
         return data.decode("utf-8-sig", "replace" if other_bytes else "strict")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        raise ModelFileError(f"the file is not UTF-8 text (line {line}). Save it as UTF-8.") from None
+        raise ModelFileError(f"the file is not UTF-8 text (line {line}).", "Save it as UTF-8.") from None
 
 
 def parsed(text: str) -> dict:
     """The tables of TOML, decimals exact; raises `ModelFileError` for what is none."""
     for number, line in enumerate(text.splitlines(), 1):
         if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", line)):
-            raise ModelFileError(f"line {number} has more than {DOTS} dots in a row of words. Break the line.")
+            raise ModelFileError(
+                f"line {number} has more than {DOTS} dots in a row of words.", "Break the line.", limit=DOTS
+            )
     try:
         return tomllib.loads(text, parse_float=Decimal)
     except RecursionError:
         raise ModelFileError(
-            "the file nests arrays or tables too deeply. The format needs one level."
+            "the file nests arrays or tables too deeply.", "The format needs one level."
         ) from None
     except (ValueError, ArithmeticError) as error:
-        raise ModelFileError(f"the file is not valid TOML: {str(error)[:300]}. Correct that line.") from None
+        raise ModelFileError(f"the file is not valid TOML: {error!s:.300}.", "Correct that line.") from None
 
 
 # What every scene says, with a line to write.
@@ -172,8 +176,9 @@ def scene_of(document: dict, file: Path) -> Scene:
     missing = {key: line for key, line in NEEDED.items() if key not in scene}
     if missing:
         raise ModelFileError(
-            f"{' and '.join(f'scene.{key}' for key in missing)} {'are' if len(missing) > 1 else 'is'} missing. "
-            f"Write {' and '.join(missing.values())} under [scene]."
+            f"{' and '.join(f'scene.{key}' for key in missing)} {('are' if len(missing) > 1 else 'is')} "
+            "missing.",
+            f"Write {' and '.join(missing.values())} under [scene].",
         )
     epsilon = values.number(scene["epsilon"], "scene.epsilon")
     ladder = (
@@ -214,24 +219,28 @@ def _system(
     epsilon = document.get("epsilon", "epsilon")
     if not isinstance(epsilon, str):
         raise ModelFileError(
-            "epsilon, at the top of the file, names the symbol of the small parameter and is text. "
-            f"Got a {values.kind(epsilon)}. Its value belongs under [scene]."
+            "epsilon, at the top of the file, names the symbol of the small parameter and is text.",
+            "Its value belongs under [scene].",
+            got=f"a {values.kind(epsilon)}",
         )
     standard = "slow" in document or "fast" in document
     if standard == ("states" in document):
         got = "both" if standard else "neither"
         raise ModelFileError(
-            f"a file has [slow] and [fast], or [states]. Got {got}. Keep one of the two forms."
+            "a file has [slow] and [fast], or [states].", "Keep one of the two forms.", got=got
         )
     for key in ("slow", "fast") if standard else ("states",):
         if not tables[key]:
-            raise ModelFileError(f"[{key}] is missing or empty. Give it an equation for each variable.")
+            raise ModelFileError(f"[{key}] is missing or empty.", "Give it an equation for each variable.")
     equations = {key: tables[key] for key in ("slow", "fast", "states", "reconstruction", "observables")}
     for kinds, limit in ((tuple(equations), STATES), (("parameters",), PARAMETERS)):
         count = sum(len(tables[kind]) for kind in kinds)
         if count > limit:
             raise ModelFileError(
-                f"{', '.join(kinds)} hold {count} names; {limit} are allowed. Use a smaller model."
+                f"{', '.join(kinds)} hold {count} names; {limit} are allowed.",
+                "Use a smaller model.",
+                limit=limit,
+                value=count,
             )
     symbols = _symbols({"epsilon": {epsilon: ""}, "parameters": tables["parameters"], **equations})
     definitions = read_definitions(
@@ -246,8 +255,9 @@ def _system(
             result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols, definitions)
             for symbol in rate.free_symbols & driven:
                 raise ModelFileError(
-                    f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: "
-                    f"those are left out of the reduction. Move {symbol} from [reconstruction] to the states."
+                    f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: those are left "
+                    "out of the reduction.",
+                    f"Move {symbol} from [reconstruction] to the states.",
                 )
         return result
 
@@ -281,14 +291,14 @@ def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:
         for name in table:
             if not _WORD.fullmatch(name):
                 raise ModelFileError(
-                    f"{role}: the name {name[:80]!r} is no plain word. "
-                    "Use letters, digits and _, a letter first, at most 64."
+                    f"{role}: the name {name[:80]!r} is no plain word.",
+                    "Use letters, digits and _, a letter first, at most 64.",
                 )
             if name in RESERVED:
-                raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar. Choose another name.")
+                raise ModelFileError(f"{role}.{name}: {name} is a word of the grammar.", "Choose another name.")
             if name in roles:
                 raise ModelFileError(
-                    f"{role}.{name}: {name} is declared under {roles[name]} too. Keep one of the two."
+                    f"{role}.{name}: {name} is declared under {roles[name]} too.", "Keep one of the two."
                 )
             roles[name] = role
     return {name: sp.Symbol(name) for name in roles}
@@ -299,15 +309,24 @@ def _claims(
 ) -> dict[str, dict]:
     """Rival reduced fields, [claims.NAME] each: rates by state."""
     if len(tables) > CLAIMS:
-        raise ModelFileError(f"claims holds {len(tables)} fields; {CLAIMS} are allowed. Keep fewer.")
+        raise ModelFileError(
+            f"claims holds {len(tables)} fields; {CLAIMS} are allowed.",
+            "Keep fewer.",
+            limit=CLAIMS,
+            value=len(tables),
+        )
     claims: dict[str, dict] = {}
     for name, rates in tables.items():
         key = f"claims.{name[:64]}"
         if len(name) > TEXT["name"]:
-            raise ModelFileError(f"{key}: the name has {len(name)} characters; {TEXT['name']} are allowed.")
+            raise ModelFileError(
+                f"{key}: the name has {len(name)} characters; {TEXT['name']} are allowed.",
+                limit=TEXT["name"],
+                value=len(name),
+            )
         if not isinstance(rates, dict):
             raise ModelFileError(
-                f"{key} is a table of rates. Got a {values.kind(rates)}. Write [claims.{name[:64]}]."
+                f"{key} is a table of rates.", f"Write [claims.{name[:64]}].", got=f"a {values.kind(rates)}"
             )
         claims[name] = {}
         for state, rate in rates.items():
@@ -345,12 +364,19 @@ def _views(tables: Mapping[str, object]) -> dict[str, View]:
 def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
     """Further starts, [starts.NAME] each: what differs from [start]."""
     if len(tables) > STARTS:
-        raise ModelFileError(f"starts holds {len(tables)} tables; {STARTS} are allowed. Keep fewer.")
+        raise ModelFileError(
+            f"starts holds {len(tables)} tables; {STARTS} are allowed.",
+            "Keep fewer.",
+            limit=STARTS,
+            value=len(tables),
+        )
     found = {}
     for name, table in tables.items():
         key = f"starts.{name[:64]}"
         if not isinstance(table, dict):
-            raise ModelFileError(f"{key} is a table of numbers. Got a {values.kind(table)}. Write [{key}].")
+            raise ModelFileError(
+                f"{key} is a table of numbers.", f"Write [{key}].", got=f"a {values.kind(table)}"
+            )
         found[name] = {
             state: float(values.number(value, f"{key}.{state[:64]}")) for state, value in table.items()
         }
@@ -370,5 +396,5 @@ def _expression(value: object, key: str, symbols: Mapping[str, sp.Symbol], defin
         try:
             return parse_expression(value, symbols=symbols, definitions=definitions)
         except ModelFileError as error:
-            raise ModelFileError(f"{key}: {error}") from None
+            raise error.under(key) from None
     return values.number(value, key)

@@ -31,16 +31,23 @@ def table(document: dict, key: str) -> dict:
     """The table under `key`; empty where there is none."""
     found = document.get(key, {})
     if not isinstance(found, dict):
-        raise ModelFileError(f"{key} is a table. Got a {kind(found)}. Write [{key}] on a line of its own.")
+        raise ModelFileError(
+            f"{key} is a table.", f"Write [{key}] on a line of its own.", got=f"a {kind(found)}"
+        )
     return found
 
 
 def text(value: object, key: str, limit: int) -> str:
     """Text of at most `limit` characters."""
     if not isinstance(value, str):
-        raise ModelFileError(f"{key} is text. Got a {kind(value)}. Put it in quotes.")
+        raise ModelFileError(f"{key} is text.", "Put it in quotes.", got=f"a {kind(value)}")
     if len(value) > limit:
-        raise ModelFileError(f"{key} has {len(value)} characters; {limit} are allowed. Shorten it.")
+        raise ModelFileError(
+            f"{key} has {len(value)} characters; {limit} are allowed.",
+            "Shorten it.",
+            limit=limit,
+            value=len(value),
+        )
     return value
 
 
@@ -55,22 +62,29 @@ def number(value: object, key: str) -> sp.Expr:
             return parse_expression(value, symbols={})
         if isinstance(value, (int, Decimal)) and not isinstance(value, bool):
             if not Decimal(value).is_finite():
-                raise ModelFileError(f"Got {value}. Give a finite number.")
+                raise ModelFileError(f"Got {value}.", "Give a finite number.")
             magnitude = parse_number(str(value.copy_abs() if isinstance(value, Decimal) else abs(value)))
             return -magnitude if value < 0 else magnitude
-    except (ModelFileError, ValueError) as error:
+    except ModelFileError as error:
+        raise error.under(key) from None
+    except ValueError as error:
         raise ModelFileError(f"{key}: {error}") from None
-    raise ModelFileError(f"{key} is a number, or text to be worked out. Got a {kind(value)}.")
+    raise ModelFileError(f"{key} is a number, or text to be worked out.", got=f"a {kind(value)}")
 
 
 def numbers(value: object, key: str) -> list[sp.Expr]:
     """Exact values of a list of numbers."""
     if not isinstance(value, list):
         raise ModelFileError(
-            f"{key} is a list of numbers. Got a {kind(value)}. Write {key.split('.')[-1]} = [1, 2]."
+            f"{key} is a list of numbers.", f"Write {key.split('.')[-1]} = [1, 2].", got=f"a {kind(value)}"
         )
     if len(value) > LISTED:
-        raise ModelFileError(f"{key} has {len(value)} numbers; {LISTED} are allowed. Shorten it.")
+        raise ModelFileError(
+            f"{key} has {len(value)} numbers; {LISTED} are allowed.",
+            "Shorten it.",
+            limit=LISTED,
+            value=len(value),
+        )
     return [number(item, key) for item in value]
 
 
@@ -78,7 +92,7 @@ def pair(value: object, key: str) -> tuple[float, float]:
     """Two numbers, low and high as they stand."""
     found = numbers(value, key)
     if len(found) != 2:
-        raise ModelFileError(f"{key} is a pair of numbers. Got {len(found)} of them. Write [low, high].")
+        raise ModelFileError(f"{key} is a pair of numbers.", "Write [low, high].", got=f"{len(found)} of them")
     return float(found[0]), float(found[1])
 
 
@@ -87,7 +101,7 @@ def path(value: object) -> tuple[str, str] | None:
     if value is None:
         return None
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
-        raise ModelFileError('scene.path is a pair of names. Write path = ["x", "y"].')
+        raise ModelFileError("scene.path is a pair of names.", 'Write path = ["x", "y"].')
     return value[0], value[1]
 
 

@@ -32,7 +32,7 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     >>> gsp.save(gsp.models.load("chaplygin_sleigh"), "sleigh.toml")              # doctest: +SKIP
     """
     if not isinstance(path, (str, os.PathLike)) or Path(path).suffix.lower() != ".toml":
-        raise DeclarationError(f"save takes the path of a file that ends in .toml. Got {shown(path)}.")
+        raise DeclarationError("save takes the path of a file that ends in .toml.", got=shown(path), value=path)
     return write_file(as_toml(scene).encode(), Path(path))
 
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from gsp.errors import ModelFileError, nearest
+from gsp.errors import ModelFileError
 from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
@@ -84,7 +84,10 @@ def read_ode(text: str) -> ForeignModel:
     unknown = [name for name in file.starts if name not in file.states]
     if unknown:
         raise ModelFileError(
-            f"{unknown[0]} has an initial value and no rate. Give it one." + nearest(unknown[0], file.states)
+            f"{unknown[0]} has an initial value and no rate.",
+            "Give it one.",
+            value=unknown[0],
+            known=file.states,
         )
     late = taken_a_step_late(file.definitions, file.derived, {*file.states, "t"})
     model = ForeignModel("an .ode file of XPPAUT", parameters=file.parameters)
@@ -121,7 +124,8 @@ def read_ode(text: str) -> ForeignModel:
     written = [*model.states.values(), *model.definitions.values(), *model.observables.values()]
     if sum(map(len, written)) > WRITTEN:
         raise ModelFileError(
-            f"with its arrays and sums written out the file has more than {WRITTEN} characters. Use fewer members."
+            f"with its arrays and sums written out the file has more than {WRITTEN} characters.",
+            "Use fewer members.",
         )
     used = {word for text in written for word in _WORDS.findall(text)}
     model.total = file.settings.get("total", TOTAL)
@@ -193,9 +197,9 @@ def _read(text: str) -> _File:
             break
         _take(file, number, statement)
     if not file.states:
-        raise ModelFileError("the file has no differential equation. Write x' = ... or dx/dt = ... .")
+        raise ModelFileError("the file has no differential equation.", "Write x' = ... or dx/dt = ... .")
     if sum(map(len, (file.states, file.parameters, file.definitions, file.observables))) > NAMES:
-        raise ModelFileError(f"the file has more than {NAMES} names. Use a smaller model.")
+        raise ModelFileError(f"the file has more than {NAMES} names.", "Use a smaller model.")
     return file
 
 
@@ -318,7 +322,7 @@ def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...
     try:
         text = without_sums(text, order, longest=CHARACTERS)
     except ModelFileError as error:
-        raise ModelFileError(f"line {number}: {error}") from None
+        raise error.under(f"line {number}") from None
     for word in _WORDS.findall(text):
         if word in _NO_FUNCTIONS:
             fail(
@@ -333,7 +337,7 @@ def _expression(number: int, text: str, helpers: _Helpers, order: tuple[str, ...
     try:
         text = without_conditions(text, positive=lambda: helpers.name("positive"))
     except ModelFileError as error:
-        raise ModelFileError(f"line {number}: {error}") from None
+        raise error.under(f"line {number}") from None
     except RecursionError:
         fail(number, "an expression is nested too deeply", "Remove parentheses.")
     text = re.sub(r"(?<![a-z0-9_.])(mod|flr)(?=\s*\()", lambda match: helpers.name(match[1]), text)

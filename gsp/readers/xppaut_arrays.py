@@ -91,7 +91,7 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
 
 
 def _fail(number: int, fact: str, remedy: str) -> NoReturn:
-    raise ModelFileError(f"line {number}: {fact}. {remedy}")
+    raise ModelFileError(f"line {number}: {fact}.", remedy)
 
 
 def _members(number: int, first: str, last: str) -> range:
@@ -140,16 +140,16 @@ def without_sums(text: str, states: Sequence[str], *, longest: int) -> str:
         (low, high), end = _arguments(text, found.end(), 2)
         rest = re.compile(r"\s*of\s*\(").match(text, end)
         if rest is None:
-            raise ModelFileError("a sum is written sum(0,9)of(...). Complete it.")
+            raise ModelFileError("a sum is written sum(0,9)of(...).", "Complete it.")
         (body,), end = _arguments(text, rest.end(), 1)
         if _SUM.search(body):
             raise ModelFileError(
-                "a sum within a sum is not read. Write the inner one as a quantity of its own."
+                "a sum within a sum is not read.", "Write the inner one as a quantity of its own."
             )
         first, last = _whole(low), _whole(high)
         if last - first >= MEMBERS or len(text) + (last - first + 1) * len(body) > longest:
             raise ModelFileError(
-                f"a sum from {first} to {last} is too long to be written out. Use fewer terms."
+                f"a sum from {first} to {last} is too long to be written out.", "Use fewer terms."
             )
         terms = [f"({_RUNNING.sub(f'({i})', body)})" for i in range(first, last + 1)]
         text = f"{text[: found.start()]}({'+'.join(terms) or '0'}){text[end:]}"
@@ -160,11 +160,12 @@ def without_sums(text: str, states: Sequence[str], *, longest: int) -> str:
         (name, by), end = _arguments(text, found.end(), 2)
         place = _whole(by)
         if name.strip() not in places:
-            raise ModelFileError(f"shift goes from a state to another. Got shift({name.strip()[:40]}, ...).")
+            raise ModelFileError("shift goes from a state to another.", got=f"shift({name.strip()[:40]}, ...)")
         there = places[name.strip()] + place
         if not 0 <= there < len(states):
             raise ModelFileError(
-                f"shift({name.strip()},{place}) lies past the first or the last state. Correct its second argument."
+                f"shift({name.strip()},{place}) lies past the first or the last state.",
+                "Correct its second argument.",
             )
         pieces += [text[done : found.start()], states[there]]
         done = end
@@ -182,10 +183,10 @@ def _arguments(text: str, begin: int, count: int) -> tuple[list[str], int]:
         if depth == 0:
             if len(found) != count:
                 raise ModelFileError(
-                    f"sum and shift take two arguments, and of one. Got {text[begin:i][:60]!r}."
+                    "sum and shift take two arguments, and of one.", got=f"{text[begin:i][:60]!r}"
                 )
             return found, i + 1
-    raise ModelFileError("a parenthesis is not closed. Close it.")
+    raise ModelFileError("a parenthesis is not closed.", "Close it.")
 
 
 def _whole(text: str) -> int:
@@ -195,7 +196,8 @@ def _whole(text: str) -> int:
 
     def wrong() -> NoReturn:
         raise ModelFileError(
-            f"bounds of sums and shifts are whole numbers, of digits, i', + - * and mod. Got {text.strip()[:60]!r}."
+            "bounds of sums and shifts are whole numbers, of digits, i', + - * and mod.",
+            got=f"{text.strip()[:60]!r}",
         )
 
     def take(word: str) -> bool:

@@ -40,7 +40,7 @@ class _Reader:
         text, _ = self.part()
         if self.at < len(self.words):
             raise ModelFileError(
-                f"{self.words[self.at][:20]!r} stands where nothing is open. Correct the parentheses."
+                f"{self.words[self.at][:20]!r} stands where nothing is open.", "Correct the parentheses."
             )
         return text
 
@@ -74,7 +74,7 @@ class _Reader:
             return self.chosen(), False
         arguments = self.arguments()
         if word in ("heav", "not") and len(arguments) != 1:
-            raise ModelFileError(f"{word} takes one argument. Got {len(arguments)}.")
+            raise ModelFileError(f"{word} takes one argument.", got=len(arguments))
         if word == "heav":
             # XPPAUT's heav is 1 at 0.
             return conditions.compared(">=", arguments[0][0], "0", positive=self.positive()), False
@@ -93,7 +93,7 @@ class _Reader:
 
     def close(self) -> None:
         if self.next() != ")":
-            raise ModelFileError("a parenthesis is not closed. Close it.")
+            raise ModelFileError("a parenthesis is not closed.", "Close it.")
         self.at += 1
 
     def chosen(self) -> str:
@@ -101,10 +101,10 @@ class _Reader:
         parts: list[tuple[str, bool]] = []
         for word in ("then", "else", ""):
             if self.next() != "(":
-                raise ModelFileError("if is written if(condition)then(value)else(value). Complete it.")
+                raise ModelFileError("if is written if(condition)then(value)else(value).", "Complete it.")
             arguments = self.arguments()
             if len(arguments) != 1 or (word and self.next() != word):
-                raise ModelFileError("if is written if(condition)then(value)else(value). Complete it.")
+                raise ModelFileError("if is written if(condition)then(value)else(value).", "Complete it.")
             parts += arguments
             self.at += bool(word)
         return conditions.chosen(self.truth(*parts[0]), parts[1][0], parts[2][0])
@@ -117,8 +117,9 @@ class _Reader:
         texts = [text for text, _ in items]
         if len(texts) != 3 or texts[1] not in _COMPARED or texts[0] in _OPERATORS or texts[2] in _OPERATORS:
             raise ModelFileError(
-                f"{' '.join(texts)[:80]!r} reads differently in XPPAUT from what it looks like: a comparison binds "
-                "more tightly there than a sum, a product or a sign. Put parentheses: (v+40)>0, v>(-40)."
+                f"{' '.join(texts)[:80]!r} reads differently in XPPAUT from what it looks like: a comparison "
+                "binds more tightly there than a sum, a product or a sign.",
+                "Put parentheses: (v+40)>0, v>(-40).",
             )
         return conditions.compared(texts[1], texts[0], texts[2], positive=self.positive())
 
@@ -139,7 +140,7 @@ class _Reader:
             else:
                 shown = " ".join(text for text, _ in items)[:80]
                 raise ModelFileError(
-                    f"{shown!r} has & or | beside other operators. Put parentheses around each side."
+                    f"{shown!r} has & or | beside other operators.", "Put parentheses around each side."
                 )
         found = texts[0]
         for text in texts[1:]:

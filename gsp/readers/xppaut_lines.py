@@ -82,7 +82,7 @@ _WRITTEN_OUT = re.compile(r"p(?:ar(?:am(?:s|eters?)?)?)?|n(?:um(?:ber)?)?|i(?:ni
 
 def fail(number: int, fact: str, remedy: str) -> NoReturn:
     """Raise `ModelFileError` about the line `number`."""
-    raise ModelFileError(f"line {number}: {fact}. {remedy}")
+    raise ModelFileError(f"line {number}: {fact}.", remedy)
 
 
 def lines_of(text: str) -> Iterator[tuple[int, str]]:

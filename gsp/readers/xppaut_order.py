@@ -30,14 +30,16 @@ def taken_a_step_late(
     for name in quantities:
         if name in derived and name in carried:
             raise ModelFileError(
-                f"line {quantities[name][0]}: !{name} is a constant for XPPAUT, worked out at the start, and uses "
-                f"{carried[name]}. Take ! away where it is to move."
+                f"line {quantities[name][0]}: !{name} is a constant for XPPAUT, worked out at the start, and "
+                f"uses {carried[name]}.",
+                "Take ! away where it is to move.",
             )
     functions = {name for name, (_, own, _) in quantities.items() if own}
     for name, other in _below(quantities, uses, functions, set(derived)).items():
         raise ModelFileError(
-            f"line {quantities[name][0]}: !{name} uses !{other}, which stands below it; XPPAUT has no value for it "
-            f"then. Put !{other} above."
+            f"line {quantities[name][0]}: !{name} uses !{other}, which stands below it; XPPAUT has no value "
+            "for it then.",
+            f"Put !{other} above.",
         )
     return _below(quantities, uses, functions, set(quantities) - functions - set(derived))
 

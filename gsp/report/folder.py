@@ -112,19 +112,25 @@ def check_folder(folder: str | Path) -> Path:
     Raises `OutputError` when it is a file, or when it, or where it would be made, cannot be written.
     """
     if not isinstance(folder, (str, os.PathLike)):
-        raise OutputError(f"folder is the name of one. Got {shown(folder)}.")
+        raise OutputError("folder is the name of one.", got=shown(folder), value=folder)
     target = Path(folder).expanduser()
     try:
         if target.exists() and not target.is_dir():
-            raise OutputError(f"the report goes to a folder. Got {target}, which is a file. Give another name.")
+            raise OutputError(
+                "the report goes to a folder.",
+                "Give another name.",
+                got=f"{target}, which is a file",
+                value=target,
+            )
         # Permissions do not tell the whole truth (root, read-only disks): try.
         with undisturbed(), tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
             pass
         for name in (HTML, JSON, MODEL, *(f"{figure}.png" for figure in FIGURES)):
             if (target / name).is_dir():
                 raise OutputError(
-                    f"the report writes {name}. Got {target / name}, which is a folder. Rename it, or give another "
-                    "folder."
+                    f"the report writes {name}.",
+                    "Rename it, or give another folder.",
+                    got=f"{target / name}, which is a folder",
                 )
     except OSError as error:
         raise _unwritable(target, error) from error
@@ -143,7 +149,8 @@ def _ground(target: Path) -> Path:
 def _unwritable(target: Path, error: OSError) -> OutputError:
     reason = error.strerror or type(error).__name__
     return OutputError(
-        f"the report cannot be written to {target}: {reason}. Give a folder that you may write to, as -o DIR."
+        f"the report cannot be written to {target}: {reason}.",
+        "Give a folder that you may write to, as -o DIR.",
     )
 
 

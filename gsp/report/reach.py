@@ -13,7 +13,7 @@ from gsp.analysis.fold_surroundings import FoldOutlook
 from gsp.comparison.failures import FailureMap
 from gsp.comparison.survey import HORIZON
 from gsp.report.mathml import Typesetter
-from gsp.report.wording import first_sentence, number, words
+from gsp.report.wording import number, words
 from gsp.singular.singularities import FoldedSingularity
 
 
@@ -24,7 +24,7 @@ def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
         "folds": [_fold(fold, analysis, setter) for fold in found.folds],
         "passes": any(fold.passage is not None for fold in found.folds),
         "folded": [_folded(point, setter) for point in found.folded],
-        "folded_reason": words(first_sentence(found.folded_reason)),
+        "folded_reason": words(found.folded_reason.fact),
         "orbit": _orbit(analysis, setter),
     }
 
@@ -33,7 +33,7 @@ def failures(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """What is read off the failure map, or why there is none."""
     return {
         "map": None if analysis.failures is None else _map(analysis, analysis.failures, setter),
-        "no_map": words(first_sentence(analysis.failures_reason)),
+        "no_map": words(analysis.failures_reason.fact),
     }
 
 
@@ -89,7 +89,7 @@ def _fold(fold: FoldOutlook, analysis: Analysis, setter: Typesetter) -> dict[str
     row: dict[str, Any] = {
         "place": _place(fold.point, setter),
         "passage": None,
-        "reason": words(first_sentence(fold.reason)),
+        "reason": words(fold.reason.fact),
         "canard": None,
     }
     if fold.passage is not None:
@@ -123,13 +123,13 @@ def _orbit(analysis: Analysis, setter: Typesetter) -> dict[str, Any] | None:
     if not found.has_folds:
         return None
     if found.orbit is None:
-        reason = words(first_sentence(found.orbit_reason))
+        reason = words(found.orbit_reason.fact)
         return {
             "sentence": Markup("There is no singular orbit from the start: {}.").format(reason),
             "period": None,
         }
     if found.period is None:
-        reason = words(first_sentence(found.orbit.message))
+        reason = words(found.orbit.message.fact)
         text = Markup("The singular orbit from the start does not close: {}.")
         return {"sentence": text.format(reason), "period": None}
     count = found.orbit.period_pieces

@@ -48,11 +48,6 @@ def words(text: str) -> Markup:
     return Markup(result)
 
 
-def first_sentence(text: str) -> str:
-    """A message without its remedy and its full stop."""
-    return re.split(r"\.\s+(?=[A-Z])", text, maxsplit=1)[0].rstrip(".")
-
-
 _MATHEMATICS = (
     (r"`([^`<>]+)`", r"<code>\1</code>"),
     (r"\bepsilon\b", "ε"),

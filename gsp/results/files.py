@@ -42,5 +42,5 @@ def write_file(content: bytes, path: str | Path) -> Path:
                     built.chmod(target.stat().st_mode)
             os.replace(built, target)
     except OSError as error:
-        raise OutputError(f"{target} cannot be written: {error.strerror}. Give another path.") from None
+        raise OutputError(f"{target} cannot be written: {error.strerror}.", "Give another path.") from None
     return target

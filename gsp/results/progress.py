@@ -28,9 +28,13 @@ def progress_bar(description: str = "", *, left: bool = True) -> AbstractContext
     from rich.console import Console
 
     if not isinstance(description, str):
-        raise DeclarationError(f"description is text. Got a {type(description).__name__}.")
+        raise DeclarationError(
+            "description is text.", got=f"a {type(description).__name__}", value=type(description).__name__
+        )
     if not isinstance(left, bool):
-        raise DeclarationError(f"left is True or False. Got a {type(left).__name__}.")
+        raise DeclarationError(
+            "left is True or False.", got=f"a {type(left).__name__}", value=type(left).__name__
+        )
     marimo = sys.modules.get("marimo")
     if marimo is not None and marimo.running_in_notebook():
         return _in_marimo(description, left)

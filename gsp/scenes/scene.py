@@ -11,7 +11,7 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.errors import DeclarationError, is_hidden, nearest, printable, unknown_name
+from gsp.errors import DeclarationError, is_hidden, printable, unknown_name
 from gsp.results.card import Card
 from gsp.scenes.view import View, checked_views
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
@@ -75,16 +75,18 @@ class Scene(Question, Card):
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
         if self.system.epsilon is None:
             raise DeclarationError(
-                f"a scene is about a small parameter. Got {self.system!r}. "
-                "Declare the field with its epsilon, or integrate it without a scene."
+                "a scene is about a small parameter.",
+                "Declare the field with its epsilon, or integrate it without a scene.",
+                got=f"{self.system!r}",
+                value=self.system,
             )
         for attribute in ("name", "title", "source", "description"):
             check_text(getattr(self, attribute), what=attribute)
             check_words(getattr(self, attribute), what=attribute)
         if self.name and not _NAME.fullmatch(self.name):
             raise DeclarationError(
-                f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files). "
-                "Use letters, digits, _ and -, at most 64; `title` takes any text."
+                f"the scene's name is {self.name[:80]!r}, which is no plain word (it names files).",
+                "Use letters, digits, _ and -, at most 64; `title` takes any text.",
             )
         states = [state.name for state in self.system.states]
         region = check_region(self.region, states)
@@ -93,8 +95,10 @@ class Scene(Question, Card):
         for state, (low, high) in region.items():
             if not low <= start[state] <= high:
                 raise DeclarationError(
-                    f"the start is outside the region: {state} = {start[state]:g}, not in [{low:g}, {high:g}]. "
-                    f"Move the start or widen the region in {state}."
+                    f"the start is outside the region: {state} = {start[state]:g}, not in [{low:g}, {high:g}].",
+                    f"Move the start or widen the region in {state}.",
+                    value=start[state],
+                    point=start,
                 )
         self._set("region", region)
         self._set("reconstruction", MappingProxyType(drivers))
@@ -214,7 +218,9 @@ def check_words(text: str, *, what: str) -> None:
     hidden = next((c for c in text if is_hidden(c) and c not in "\n\r\t"), None)
     if hidden is not None:
         raise DeclarationError(
-            f"{what} holds the hidden character U+{ord(hidden):04X}. Got {printable(text[:60])!r}. Remove it."
+            f"{what} holds the hidden character U+{ord(hidden):04X}.",
+            "Remove it.",
+            got=f"{printable(text[:60])!r}",
         )
 
 
@@ -225,40 +231,46 @@ def _start(
     for name in given:
         if name not in drivers:
             raise DeclarationError(
-                f'reconstruction_start names "{name}", which is no reconstruction variable. There are '
-                f"{', '.join(drivers) or 'none'}." + nearest(name, drivers)
+                f'reconstruction_start names "{name}", which is no reconstruction variable.',
+                f"There are {', '.join(drivers) or 'none'}.",
+                value=name,
+                known=drivers,
             )
     given |= named(start, what="start")
     for name in given:
         if name not in states and name not in drivers:
             known = ", ".join(states) + (f"; reconstruction variables {', '.join(drivers)}" if drivers else "")
             raise DeclarationError(
-                f'start names "{name}", which is no state. The states are {known}.'
-                + nearest(name, [*states, *drivers])
+                f'start names "{name}", which is no state.',
+                f"The states are {known}.",
+                value=name,
+                known=[*states, *drivers],
             )
     missing = [name for name in states if name not in given]
     if missing:
         raise DeclarationError(
-            f"start gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+            f"start gives no value for {', '.join(missing)}.", "Give every state a value.", got=given
         )
     return {name: given[name] for name in states}, {name: given.get(name, 0.0) for name in drivers}
 
 
 def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]:
     if not isinstance(starts, Mapping):
-        raise DeclarationError(f"starts maps names to starts. Got {shown(starts)}.")
+        raise DeclarationError("starts maps names to starts.", got=shown(starts), value=starts)
     checked: dict[str, Mapping[str, float]] = {}
     for name, start in starts.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise DeclarationError(
-                f"the name of a start is a plain word. Got {shown(name)}. Use letters and digits."
+                "the name of a start is a plain word.", "Use letters and digits.", got=shown(name), value=name
             )
         given = named(start, what=f"the start {name}")
         for state in given:
             if state not in known:
                 raise DeclarationError(
-                    f'the start {name} names "{state}", which is no state. The states are {", ".join(known)}.'
-                    + nearest(state, known)
+                    f'the start {name} names "{state}", which is no state.',
+                    f"The states are {', '.join(known)}.",
+                    value=state,
+                    known=known,
                 )
         checked[name] = MappingProxyType(given)
     return checked
@@ -266,17 +278,21 @@ def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]
 
 def _units(units: Mapping, known: list[str]) -> dict[str, str]:
     if not isinstance(units, Mapping):
-        raise DeclarationError(f"units maps names to text. Got {shown(units)}.")
+        raise DeclarationError("units maps names to text.", got=shown(units), value=units)
     for name, unit in units.items():
         if name not in known:
             raise DeclarationError(
-                f"units names {shown(name)}, which is nothing here. There are {', '.join(known)}."
-                + nearest(str(name), known)
+                f"units names {shown(name)}, which is nothing here.",
+                f"There are {', '.join(known)}.",
+                value=name,
+                known=known,
             )
         check_text(unit, what=f"the unit of {name}")
         if not unit.strip() or len(unit) > LONGEST_UNIT or not unit.isprintable():
             raise DeclarationError(
-                f"the unit of {name} is text of 1 to {LONGEST_UNIT} characters on one line. Got {shown(unit)}."
+                f"the unit of {name} is text of 1 to {LONGEST_UNIT} characters on one line.",
+                got=shown(unit),
+                value=unit,
             )
         check_words(unit, what=f"the unit of {name}")
     return dict(units)
@@ -284,13 +300,13 @@ def _units(units: Mapping, known: list[str]) -> dict[str, str]:
 
 def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, Values]:
     if not isinstance(claims, Mapping):
-        raise DeclarationError(f"claims maps names to reduced fields. Got {type(claims).__name__}.")
+        raise DeclarationError("claims maps names to reduced fields.", got=type(claims).__name__)
     known = [*system.states, *system.observables]
     checked: dict[str, Values] = {}
     for name, rates in claims.items():
         if not isinstance(name, str) or not isinstance(rates, Mapping) or not rates:
             raise DeclarationError(
-                f"a claim is a name and a mapping of states to rates. Got {name!r}: {rates!r}."
+                "a claim is a name and a mapping of states to rates.", got=f"{name!r}: {rates!r}"
             )
         epsilon = (
             system.epsilon
@@ -303,8 +319,10 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
         for symbol in field_.states:
             if symbol not in known:
                 raise DeclarationError(
-                    f'the claim "{name}" gives a rate to {symbol}, which is no state. '
-                    f"The states are {', '.join(map(str, known))}." + nearest(str(symbol), map(str, known))
+                    f'the claim "{name}" gives a rate to {symbol}, which is no state.',
+                    f"The states are {', '.join(map(str, known))}.",
+                    value=symbol,
+                    known=map(str, known),
                 )
         checked[name] = field_.equations
     return checked
@@ -314,7 +332,7 @@ def _ladder(epsilons: Iterable[float]) -> tuple[float, ...]:
     remedy = "Give at least two different positive values, such as (0.04, 0.02, 0.01)."
     values = list(check_epsilons(epsilons))
     if len(values) < 2 or len(set(values)) < len(values):
-        raise DeclarationError(f"epsilons has too few values, or repeats one. Got {values}. {remedy}")
+        raise DeclarationError("epsilons has too few values, or repeats one.", remedy, got=values)
     return tuple(sorted(values, reverse=True))
 
 
@@ -323,8 +341,11 @@ def _tolerance(tolerance: float) -> float:
     value = check_number(tolerance, what="tolerance", be=be, above=0.0, below=1.0, remedy="Try 1e-6.")
     if value < FINEST:
         raise DeclarationError(
-            f"the tolerance is finer than {FINEST:g}, beyond which no run in double precision could be found wrong. "
-            f"Got {value:g}. Give {FINEST:g} or more."
+            f"the tolerance is finer than {FINEST:g}, beyond which no run in double precision could be found "
+            "wrong.",
+            f"Give {FINEST:g} or more.",
+            got=f"{value:g}",
+            value=value,
         )
     return value
 
@@ -334,14 +355,16 @@ def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | Non
         return None
     remedy = 'Give a pair such as ("x", "y").'
     if isinstance(path, (str, bytes)) or not isinstance(path, Iterable):
-        raise DeclarationError(f"path is a pair of names. Got {shown(path)}. {remedy}")
+        raise DeclarationError("path is a pair of names.", remedy, got=shown(path), value=path)
     names = [name.name if isinstance(name, sp.Symbol) else name for name in path]
     if len(names) != 2 or names[0] == names[1]:
-        raise DeclarationError(f"path is a pair of different names. Got {names!r}. {remedy}")
+        raise DeclarationError("path is a pair of different names.", remedy, got=f"{names!r}", value=names)
     for name in names:
         if name not in known:
             raise DeclarationError(
-                f'path names "{name}", which is no state, observable or reconstruction variable. '
-                f"There are {', '.join(known)}." + nearest(str(name), known)
+                f'path names "{name}", which is no state, observable or reconstruction variable.',
+                f"There are {', '.join(known)}.",
+                value=name,
+                known=known,
             )
     return names[0], names[1]

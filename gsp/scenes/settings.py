@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gsp.errors import DeclarationError, nearest, unknown_name
+from gsp.errors import DeclarationError, unknown_name
 from gsp.scenes.scene import Scene
 from gsp.systems.region import Interval
 
@@ -28,8 +28,10 @@ def ask_again(
     for name in region or {}:
         if name not in states:
             raise DeclarationError(
-                f'the region is given for "{name}", which is no state. The states are {", ".join(states)}.'
-                + nearest(name, states)
+                f'the region is given for "{name}", which is no state.',
+                f"The states are {', '.join(states)}.",
+                value=name,
+                known=states,
             )
     ladder = scene.epsilons
     if epsilon is not None and scene.epsilon:

@@ -299,8 +299,9 @@ def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> dict[s
             continue
         if missing:
             raise DeclarationError(
-                f"the region gives no interval for {', '.join(missing)}, which the slow coordinate "
-                f"{symbol} = {expression} is made of. Bound {', '.join(missing)} too."
+                f"the region gives no interval for {', '.join(missing)}, which the slow coordinate {symbol} "
+                f"= {expression} is made of.",
+                f"Bound {', '.join(missing)} too.",
             )
         box = [scene.region[z.name] for z in used]
         # A multilinear function takes its extremes at the corners; others are sampled as well.

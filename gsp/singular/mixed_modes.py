@@ -14,7 +14,7 @@ from itertools import groupby
 import numpy as np
 import sympy as sp
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.integration.events import Event
 from gsp.integration.loop import check_span
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -89,14 +89,19 @@ def mixed_mode(
     names = [s.name for s in flow.states]
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f"name is {shown(name)}, which is no state's. The states are {', '.join(names)}."
-            + nearest(name, names)
+            f"name is {shown(name)}, which is no state's.",
+            f"The states are {', '.join(names)}.",
+            value=name,
+            known=names,
         )
     check_number(settle, what="settle", be="a share of the span, from 0 to below 1", least=0.0, below=1.0)
     begun, ended = check_span(span)
     if ended <= begun:
         raise DeclarationError(
-            f"swings are counted forward in time. Got span = {span!r}. Give (t0, t1) with t0 < t1."
+            "swings are counted forward in time.",
+            "Give (t0, t1) with t0 < t1.",
+            got=f"span = {span!r}",
+            value=span,
         )
     rate = flow.rates[names.index(name)]
     if flow.epsilon is not None:

@@ -24,7 +24,7 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
-from gsp.errors import BranchError, GspError, HyperbolicityError, Status
+from gsp.errors import NO_REASON, BranchError, GspError, HyperbolicityError, Reason, Status
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
@@ -77,7 +77,7 @@ class SingularOrbit(Drawn, Tabular):
     branch: Branch
     pieces: tuple[SlowPiece, ...]
     period_pieces: int
-    message: str
+    message: Reason
 
     @property
     def closes(self) -> bool:
@@ -161,20 +161,17 @@ def singular_orbit(
         if progress is not None:
             progress(len(pieces))
         if piece.fold is None or not piece.fold.drop.lands:
-            message = (
-                why or f"{len(pieces)} slow pieces; {piece.fold.drop if piece.fold else piece.run.message}"
-            )
+            message = why or Reason(f"{len(pieces)} slow pieces; {piece.fold and piece.fold.drop}")
             return SingularOrbit(branch, tuple(pieces), 0, message)
         point = piece.fold.drop.point
         landed = np.array([point[s.name] for s in system.states])
         back = _closed(landings, landed)
         landings.append(landed)
         if back:
-            message = f"closed after {len(pieces)} slow pieces, {back} drops a period"
+            message = Reason(f"closed after {len(pieces)} slow pieces, {back} drops a period")
             return SingularOrbit(branch, tuple(pieces), back, message)
-    return SingularOrbit(
-        branch, tuple(pieces), 0, f"not closed after {max_pieces} slow pieces; raise max_pieces to go on"
-    )
+    message = Reason(f"not closed after {max_pieces} slow pieces; raise max_pieces to go on")
+    return SingularOrbit(branch, tuple(pieces), 0, message)
 
 
 def _require_attracting(branch: Branch, start: Point) -> None:
@@ -189,24 +186,25 @@ def _require_attracting(branch: Branch, start: Point) -> None:
         place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.states, point[0]))
         raise HyperbolicityError(
             f"the sheet under the start does not attract: at {place} the fast eigenvalues are "
-            f"{np.array2string(values, precision=4)}. Start next to an attracting sheet; fast variables of the start "
-            "choose it."
+            f"{np.array2string(values, precision=4)}.",
+            "Start next to an attracting sheet; fast variables of the start choose it.",
         )
 
 
-def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, str]:
+def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, Reason]:
     """The slow piece from `point`, and why it does not end in a fold passage (empty when it does)."""
     flow = _reduced(branch, point)
     run = _run(flow, branch, point)
     if run.status is not Status.FOLD_REACHED:
         if run.status.ok:
-            return SlowPiece(run, None), f"no fold within a slow time of {PATIENCE:g}: the slow flow settles"
-        return SlowPiece(run, None), f"the slow flow ends otherwise than at a fold: {run.message}"
+            why = Reason(f"no fold within a slow time of {PATIENCE:g}: the slow flow settles")
+            return SlowPiece(run, None), why
+        return SlowPiece(run, None), Reason(f"the slow flow ends otherwise than at a fold: {run.message}")
     fold = {s.name: float(run[s.name][-1]) for s in branch.system.states}
     try:
-        return SlowPiece(run, fold_passage(branch.system, fold)), ""
+        return SlowPiece(run, fold_passage(branch.system, fold)), NO_REASON
     except PassageError as error:
-        return SlowPiece(run, None), str(error)
+        return SlowPiece(run, None), error.reason
 
 
 def _landed_on(branch: Branch, point: Point) -> Branch:
@@ -278,8 +276,9 @@ def _period(branch: Branch, cycle: tuple[SlowPiece, ...]) -> tuple[float, float,
             xi = np.linalg.solve(matrix, right).reshape(count, m)
         except np.linalg.LinAlgError:
             raise GspError(
-                "closed singular orbits fill a family here: to first order a shift of the landing point comes back as "
-                "it was. The period of the full system is not that of one of them."
+                "closed singular orbits fill a family here: to first order a shift of the landing point "
+                "comes back as it was.",
+                "The period of the full system is not that of one of them.",
             ) from None
         result.append(float(sum(times) + sum(g @ x for g, x in zip(gradients, xi))))
     return result[0], result[1], result[2]
@@ -305,8 +304,9 @@ def _sensitivity(branch: Branch, before: SlowPiece, piece: SlowPiece) -> tuple[n
             run = _run(_reduced(branch, moved), branch, moved)
             if run.status is not Status.FOLD_REACHED:
                 raise GspError(
-                    f"the slow flow from {dict(moved)} ends otherwise than its neighbour: {run.message}. "
-                    "The closed orbit passes too near to a boundary of the fold's basin for its period to be expanded."
+                    f"the slow flow from {dict(moved)} ends otherwise than its neighbour: {run.message}.",
+                    "The closed orbit passes too near to a boundary of the fold's basin for its period to "
+                    "be expanded.",
                 )
             ends.append(np.array([run[n][-1] for n in names]))
             durations.append(run.t[-1] - run.t[0])

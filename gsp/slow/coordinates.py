@@ -102,8 +102,8 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     except HyperbolicityError:
         raise HyperbolicityError(
             f"the fast Jacobian g_y is singular on the whole branch {branch}: det g_y = 0 for every "
-            f"{', '.join(s.name for s in system.x)}. The branch is nowhere normally hyperbolic; "
-            "check which variables are fast."
+            f"{', '.join(s.name for s in system.x)}.",
+            "The branch is nowhere normally hyperbolic; check which variables are fast.",
         ) from None
     found = Chart(branch, ring, coordinates, elements, inverse)
     if any(y in coordinates for y in system.y):

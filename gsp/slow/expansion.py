@@ -38,7 +38,7 @@ class Expansion:
                 self._next()
         except BudgetError as error:
             reached, self._known = self._known, None
-            raise BudgetError(self._beyond(order, reached, error)) from None
+            raise self._beyond(order, reached, error) from None
         except BaseException:
             # An order that was interrupted is half computed: what is kept begins again.
             self._known = None
@@ -46,7 +46,7 @@ class Expansion:
         count = order + 1
         return self._chart, [row[:count] for row in self._h], [row[:count] for row in self._rates]
 
-    def _beyond(self, order: int, reached: int | None, error: BudgetError) -> str:
+    def _beyond(self, order: int, reached: int | None, error: BudgetError) -> BudgetError:
         """What a spent budget of terms leaves, and what to do."""
         symbols = len(self.branch.system.parameters) if self.symbolic else 0
         remedies = [
@@ -59,9 +59,11 @@ class Expansion:
             "take fewer variables or lower powers",
         ]
         how_far = "was not reached at any order" if reached is None else f"was reached through order {reached}"
-        return (
-            f"the series through order {order} {how_far}: {error} Rather {', or '.join(remedies)}; `solve_manifold` "
-            "needs no series."
+        return BudgetError(
+            f"the series through order {order} {how_far}: {error}",
+            f"Rather {', or '.join(remedies)}; `solve_manifold` needs no series.",
+            limit=error.limit,
+            value=error.spent,
         )
 
     def _begin(self) -> None:

@@ -49,7 +49,7 @@ def carry_back(series: SeriesManifold, splitting: Splitting) -> RawManifold | No
     """
     check_noun(series, SeriesManifold, verb="carry_back")
     if not isinstance(splitting, Splitting):
-        raise DeclarationError(f"splitting is what split(field) gives. Got {shown(splitting)}.")
+        raise DeclarationError("splitting is what split(field) gives.", got=shown(splitting), value=splitting)
     system = series.branch.system
     chart = tuple(z for z in splitting.field.states if z not in system.y)
     if set(chart) == set(system.x):

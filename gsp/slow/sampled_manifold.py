@@ -88,8 +88,11 @@ class SampledManifold(Card, Tabular):
             outside = array[~((array[:, i] >= low - margin) & (array[:, i] <= high + margin)), i]
             if outside.size:
                 raise GspError(
-                    f"the manifold covers {symbol} in [{low:g}, {high:g}]. Got {symbol} = {outside[0]:.17g}. "
-                    "Ask inside, or solve it over a larger region."
+                    f"the manifold covers {symbol} in [{low:g}, {high:g}].",
+                    "Ask inside, or solve it over a larger region.",
+                    got=f"{symbol} = {outside[0]:.17g}",
+                    value=float(outside[0]),
+                    point={symbol.name: float(outside[0])},
                 )
         return array, single
 

@@ -118,7 +118,10 @@ class SeriesManifold(Card):
         """The same series cut at a lower order."""
         if not 0 <= order <= self.order:
             raise DeclarationError(
-                f"the series is known through order {self.order}. Got order {order}. Expand the branch further."
+                f"the series is known through order {self.order}.",
+                "Expand the branch further.",
+                got=f"order {order}",
+                value=order,
             )
         rows = order + 1
         return SeriesManifold(
@@ -133,7 +136,7 @@ class SeriesManifold(Card):
     def over(self, branch: Branch) -> SeriesManifold:
         """The same series over another sheet of its branch; raises `DeclarationError` for any other branch."""
         if replace(branch, seed=None) != replace(self.branch, seed=None):
-            raise DeclarationError(f"the series is over {self.branch}. Got {branch}. Use expand(branch).")
+            raise DeclarationError(f"the series is over {self.branch}.", "Use expand(branch).", got=branch)
         return replace(self, branch=branch)
 
     def readable(self, limit: int) -> SeriesManifold:
@@ -312,8 +315,8 @@ class SeriesManifold(Card):
             point = array[np.argmin(finite)]
             place = ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(system.x, point))
             raise HyperbolicityError(
-                f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there. "
-                "Stay on the normally hyperbolic part of the branch; classify() says where that is."
+                f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there.",
+                "Stay on the normally hyperbolic part of the branch; classify() says where that is.",
             )
         return terms, single
 

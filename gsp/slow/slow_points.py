@@ -114,9 +114,9 @@ def zero_derivative(
     tape = write_tape(system)
     array, single = as_points(system.x, x, what="x")
     if not array.size:
-        raise DeclarationError("x has no point. Give one or more.")
+        raise DeclarationError("x has no point.", "Give one or more.")
     if not np.isfinite(array).all():
-        raise DeclarationError(f"x must be finite. Got {array[~np.isfinite(array).all(axis=1)][0]}.")
+        raise DeclarationError("x must be finite.", got=array[~np.isfinite(array).all(axis=1)][0])
     start = np.atleast_2d(branch.points(array, near=near))
     result = climb(tape, branch, array, start, value, order=order, tolerance=float(tolerance))
     y, orders, errors, codes, jets = result

@@ -70,8 +70,9 @@ def solve_manifold(
     slow = [s.name for s in system.x]
     if len(slow) > 3:
         raise DeclarationError(
-            f"solve_manifold takes one to three slow variables. Got {len(slow)}: {', '.join(slow)}. "
-            "Use zero_derivative at the points that matter."
+            "solve_manifold takes one to three slow variables.",
+            "Use zero_derivative at the points that matter.",
+            got=f"{len(slow)}: {', '.join(slow)}",
         )
     box = check_region(region, [s.name for s in system.states], required=slow)
     value = check_epsilon(epsilon)
@@ -324,8 +325,8 @@ def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:
     place = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(system.x, centre[0]))
     if len(found) != 1:
         raise BranchError(
-            f"the branch {branch} has {len(found)} points over the centre of the region, {place}"
-            f"{' within the bounds' if bounds else ''}. "
-            "Fix a sheet with branch.through({...}), or bound the fast variables."
+            f"the branch {branch} has {len(found)} points over the centre of the region, "
+            f"{place}{(' within the bounds' if bounds else '')}.",
+            "Fix a sheet with branch.through({...}), or bound the fast variables.",
         )
     return branch.through(dict(zip(system.states, [*centre[0], *found[0]])))

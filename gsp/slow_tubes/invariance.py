@@ -273,7 +273,8 @@ def _require_rational(expressions: Sequence[sp.Expr], symbols: Sequence[sp.Symbo
         for piece in sp.preorder_traversal(expression):
             if not is_rational_node(piece) and piece.has(*symbols):
                 raise UnsupportedFunctionError(
-                    f"the residual of a series is divided exactly where the rates are rational in "
-                    f"{', '.join(map(str, symbols))}. Got {piece}. "
-                    "Take certify(solve_manifold(...)), which proves a tube at one epsilon."
+                    "the residual of a series is divided exactly where the rates are rational in "
+                    f"{', '.join(map(str, symbols))}.",
+                    "Take certify(solve_manifold(...)), which proves a tube at one epsilon.",
+                    got=piece,
                 )

@@ -98,8 +98,10 @@ def bound_reduction(
     branch, system = series.branch, series.branch.system
     if not branch.is_explicit:
         raise DeclarationError(
-            f"the error is bounded about an explicit series. Got the implicit branch {branch}. "
-            "Solve for the fast variables."
+            "the error is bounded about an explicit series.",
+            "Solve for the fast variables.",
+            got=f"the implicit branch {branch}",
+            value=branch,
         )
     steps = check_whole(steps, what="steps", least=1, most=MOST_STEPS)
     small = check_epsilon(epsilon)
@@ -110,10 +112,12 @@ def bound_reduction(
     for what, given in (("start", full), ("reduced_start", reduced)):
         missing = [name for name in slow if name not in given]
         if missing:
-            raise DeclarationError(f"{what} gives no value for {', '.join(missing)}. Got {dict(given)}.")
+            raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", got=dict(given))
     if any(name in full for name in fast) and not all(name in full for name in fast):
         raise DeclarationError(
-            f"start names some fast variables and not others. Got {dict(full)}. Name all of {', '.join(fast)}, or none."
+            "start names some fast variables and not others.",
+            f"Name all of {', '.join(fast)}, or none.",
+            got=dict(full),
         )
     with flint.ctx.workprec(balls.PRECISION):
         x = [balls.exact(float(full[name])) for name in slow]
@@ -238,7 +242,9 @@ def _attracting(series: SeriesManifold, values: dict[sp.Symbol, sp.Expr], near: 
         if 1 not in basis.signs:
             return basis
     raise DeclarationError(
-        f"the error of a reduction is bounded on an attracting branch. Got {series.branch} at "
-        f"{', '.join(f'{x} = {float(v):g}' for x, v in point.items())}, which does not attract. "
-        "certify(series) proves a tube about one of saddle type."
+        "the error of a reduction is bounded on an attracting branch.",
+        got=(
+            f"{series.branch} at {', '.join(f'{x} = {float(v):g}' for x, v in point.items())}, which does not "
+            "attract. certify(series) proves a tube about one of saddle type"
+        ),
     )

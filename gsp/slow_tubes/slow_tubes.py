@@ -165,8 +165,10 @@ def certify_tube(
     branch = series.branch
     if not branch.is_explicit:
         raise DeclarationError(
-            f"a tube is proved about an explicit series. Got the implicit branch {branch}. "
-            "Take certify(solve_manifold(...)), which proves a tube at one epsilon, or certify(branch)."
+            "a tube is proved about an explicit series.",
+            "Take certify(solve_manifold(...)), which proves a tube at one epsilon, or certify(branch).",
+            got=f"the implicit branch {branch}",
+            value=branch,
         )
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     if epsilon is not None:

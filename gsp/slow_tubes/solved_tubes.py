@@ -103,18 +103,23 @@ def certify_solved(
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     if len(system.x) != 1:
         raise DeclarationError(
-            f"a tube about a solved manifold is proved over one slow variable. Got {len(system.x)}. "
-            "Take certify(series), which proves one for several."
+            "a tube about a solved manifold is proved over one slow variable.",
+            "Take certify(series), which proves one for several.",
+            got=len(system.x),
         )
     if surface is None:
         raise DeclarationError(
-            f"a tube is proved about a surface, and this manifold has none. Got the status {manifold.status.name}. "
-            "Lower epsilon, or shrink the region, and solve it again."
+            "a tube is proved about a surface, and this manifold has none.",
+            "Lower epsilon, or shrink the region, and solve it again.",
+            got=f"the status {manifold.status.name}",
+            value=manifold.status.name,
         )
     if epsilon is not None and check_epsilon(epsilon) != manifold.epsilon:
         raise DeclarationError(
-            f"the manifold was solved for epsilon = {manifold.epsilon!r}. Got {epsilon!r}. "
-            "Leave epsilon out, or solve it for that one."
+            f"the manifold was solved for epsilon = {manifold.epsilon!r}.",
+            "Leave epsilon out, or solve it for that one.",
+            got=f"{epsilon!r}",
+            value=epsilon,
         )
     names = [s.name for s in system.x]
     checked = check_region(region, [s.name for s in system.states], required=names)
@@ -123,8 +128,9 @@ def certify_solved(
     for (name, (low, high)), (first, last) in zip(box.items(), surface.box.tolist()):
         if low < first or high > last:
             raise DeclarationError(
-                f"the manifold was solved over {name} in [{first!r}, {last!r}]. Got [{low!r}, {high!r}]. "
-                "Shrink the region, or solve it over a larger one."
+                f"the manifold was solved over {name} in [{first!r}, {last!r}].",
+                "Shrink the region, or solve it over a larger one.",
+                got=f"[{low!r}, {high!r}]",
             )
     with flint.ctx.workprec(balls.PRECISION):
         return _proved(manifold, surface, box, most_boxes)

@@ -37,8 +37,9 @@ def write(tube: SlowTube, path: Path) -> None:
     """
     if tube._proof is None or tube.verdict.value != "proved":
         raise GspError(
-            f"only a proof can be saved. Got the verdict {tube.verdict.name}: {tube.reason}. "
-            "Shrink the region or lower epsilon."
+            "only a proof can be saved.",
+            "Shrink the region or lower epsilon.",
+            got=f"the verdict {tube.verdict.name}: {tube.reason}",
         )
     with flint.ctx.workprec(balls.PRECISION):
         text = json.dumps(_accepted(tube), separators=(",", ":"), allow_nan=False)
@@ -66,7 +67,8 @@ def _accepted(tube: SlowTube) -> dict:
             continue
         return written
     raise GspError(
-        f"the checker does not follow this proof: {refused}. It cannot be saved. Shrink the region or lower epsilon."
+        f"the checker does not follow this proof: {refused}.",
+        "It cannot be saved. Shrink the region or lower epsilon.",
     )
 
 

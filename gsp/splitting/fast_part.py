@@ -59,7 +59,7 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     The parameters have their values; the number of states when every zero found is isolated.
     """
     if all(component == 0 for component in layer):
-        raise SplittingError(f"no rate has a pole in {field.epsilon}. Got {shown(field, layer)}.")
+        raise SplittingError(f"no rate has a pole in {field.epsilon}.", got=shown(field, layer))
     _refuse_constants(layer, field)
     states = field.states
     matrix = jacobian(layer, states)
@@ -80,13 +80,14 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
             found.append((_numerical_rank(there), _numerical_rank(there @ there)))
     if not found:
         raise SplittingError(
-            f"the fast part {shown(field, layer)} has no real equilibrium, so there is no critical manifold. "
-            "A fast rotation or drift is averaged, not reduced; or check the parameters' values."
+            f"the fast part {shown(field, layer)} has no real equilibrium, so there is no critical manifold.",
+            "A fast rotation or drift is averaged, not reduced; or check the parameters' values.",
         )
     if max(rank for rank, _ in found) == 0:
         raise SplittingError(
             f"the fast part {shown(field, layer)} vanishes to second order on its zeros, so no direction is "
-            "hyperbolic there. Rescale the fast variables."
+            "hyperbolic there.",
+            "Rescale the fast variables.",
         )
     # Isolated equilibria have full rank and say nothing about the manifold next to them.
     on_manifolds = [rank for rank, _ in found if 0 < rank < len(states)]
@@ -95,8 +96,9 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     rank = max(on_manifolds, key=on_manifolds.count)
     if (rank, rank) not in found:
         raise SplittingError(
-            f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent there), "
-            "so no direction is normally hyperbolic. Rescale the fast variables, or average."
+            f"the fast part {shown(field, layer)} is tangent to its own zeros (its linear part is nilpotent "
+            "there), so no direction is normally hyperbolic.",
+            "Rescale the fast variables, or average.",
         )
     return rank
 
@@ -105,8 +107,8 @@ def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:
     for state, component in zip(field.states, layer):
         if component != 0 and not component.has(*field.states):
             raise SplittingError(
-                f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium. "
-                "A fast drift or rotation is averaged, not reduced."
+                f"the fast part of {state}' is {component}/{field.epsilon}, which has no equilibrium.",
+                "A fast drift or rotation is averaged, not reduced.",
             )
 
 

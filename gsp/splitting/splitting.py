@@ -155,8 +155,8 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
     epsilon = field.epsilon
     if epsilon is None:
         raise SplittingError(
-            f"the field in {', '.join(s.name for s in field.states)} has no small parameter (epsilon=None). "
-            "It can be integrated, not split. Declare epsilon and write the fast rates with 1/epsilon."
+            f"the field in {', '.join(s.name for s in field.states)} has no small parameter (epsilon=None).",
+            "It can be integrated, not split. Declare epsilon and write the fast rates with 1/epsilon.",
         )
     field, rescaled = _slow_time(field)
     layer, drift = principal_part(field)
@@ -164,8 +164,9 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
     n = len(field.states)
     if rank == n:
         raise SplittingError(
-            f"every state is fast: the fast part {shown(field, layer)} has isolated equilibria, so there is no "
-            "slow variable and no slow manifold. Check which rates carry 1/epsilon."
+            f"every state is fast: the fast part {shown(field, layer)} has isolated equilibria, so there is "
+            "no slow variable and no slow manifold.",
+            "Check which rates carry 1/epsilon.",
         )
     integrals = first_integrals(layer, field.states, wanted=n - rank)
     if len(integrals) == n - rank:
@@ -205,8 +206,9 @@ def _slow_time(field: VectorField) -> tuple[VectorField, bool]:
         terms = sp.Add.make_args(sp.expand(field.equations[state]))
         term = max(terms, key=lambda part: pole_order(part, epsilon))
         raise SplittingError(
-            f"the rate of {state} has a pole of order {highest} in {epsilon}: the term {term}. "
-            f"Only simple poles split into two time scales. Rescale {epsilon}, or treat the fastest scale first."
+            f"the rate of {state} has a pole of order {highest} in {epsilon}: the term {term}.",
+            f"Only simple poles split into two time scales. Rescale {epsilon}, or treat the fastest scale "
+            "first.",
         )
     if highest == 1:
         return field, False
@@ -340,7 +342,7 @@ def _evaluated(mapping: Mapping[sp.Symbol, sp.Expr], values: Mapping[str, float]
     symbols = sorted({s for e in mapping.values() for s in e.free_symbols} - set(field.parameters), key=str)
     missing = [s.name for s in symbols if s not in given]
     if missing:
-        raise DeclarationError(f"no value for {', '.join(missing)}. Got {dict(values)}. Give each a number.")
+        raise DeclarationError(f"no value for {', '.join(missing)}.", "Give each a number.", got=dict(values))
     function = compile_function(
         tuple(mapping.values()), arguments=symbols, epsilon=None, parameters=tuple(field.parameters)
     )

@@ -45,8 +45,9 @@ def run_in_processes(store: Store, workers: int, progress: Progress | None) -> N
             first.submit(os.getpid).result()
         except BrokenProcessPool:
             raise OutputError(
-                "processes for the work do not start. A script that asks for them keeps its own work below "
-                'if __name__ == "__main__":; or give workers=1.'
+                "processes for the work do not start.",
+                'A script that asks for them keeps its own work below if __name__ == "__main__":; or give '
+                "workers=1.",
             ) from None
     _hand_out(store, lambda: _pool(workers), 2 * workers, progress)
 
@@ -210,12 +211,13 @@ def connect(address: str) -> Any:
         from distributed import Client  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
-            "a cluster is reached by dask.distributed, which is not installed. Install it with "
-            "pip install 'gsp-toolkit[dask]'."
+            "a cluster is reached by dask.distributed, which is not installed.",
+            "Install it with pip install 'gsp-toolkit[dask]'.",
         ) from None
     try:
         return Client(address, timeout=10)
     except (OSError, ValueError, TypeError) as error:
         raise OutputError(
-            f"there is no Dask scheduler at {shown(address)} for client ({error}). Start one, or give its address."
+            f"there is no Dask scheduler at {shown(address)} for client ({error}).",
+            "Start one, or give its address.",
         ) from None

@@ -136,7 +136,7 @@ def read_plan(text: str) -> Plan:
         told = json.loads(text)
         if told.pop("format") != FORMAT:
             raise DeclarationError(
-                "the plan was written by another version of the package. Start the sweep anew."
+                "the plan was written by another version of the package.", "Start the sweep anew."
             )
         variables = {
             name: Variable(v["recorded"], {k: tuple(w) for k, w in v["axes"].items()}, tuple(v["meanings"]))
@@ -155,7 +155,7 @@ def read_plan(text: str) -> Plan:
         if isinstance(error, DeclarationError):
             raise
         raise DeclarationError(
-            f"the plan of the sweep cannot be read ({error}). Start the sweep anew."
+            f"the plan of the sweep cannot be read ({error}).", "Start the sweep anew."
         ) from None
 
 
@@ -163,7 +163,7 @@ def check_axes(over: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, ..
     """The axes of a sweep; raises `DeclarationError` unless each is a sequence of different finite numbers."""
     if not isinstance(over, Mapping) or not over:
         raise DeclarationError(
-            f'over maps each axis to its values, as in {{"epsilon": (0.01, 0.02)}}. Got {shown(over)}.'
+            'over maps each axis to its values, as in {"epsilon": (0.01, 0.02)}.', got=shown(over), value=over
         )
     axes = {}
     for name, values in over.items():
@@ -172,11 +172,11 @@ def check_axes(over: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, ..
         found = check_each(values, as_float, what=what, be="a sequence of finite numbers")
         if not found or not all(map(math.isfinite, found)):
             raise DeclarationError(
-                f"{what} is a sequence of finite numbers, one at least. Got {shown(values)}."
+                f"{what} is a sequence of finite numbers, one at least.", got=shown(values), value=values
             )
         twice = [value for value, next_one in itertools.pairwise(sorted(found)) if value == next_one]
         if twice:
-            raise DeclarationError(f"{what} has the value {twice[0]:g} twice. Give each value once.")
+            raise DeclarationError(f"{what} has the value {twice[0]:g} twice.", "Give each value once.")
         axes[name] = found
     return axes
 

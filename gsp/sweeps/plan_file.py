@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from gsp.errors import DeclarationError, ModelFileError, nearest, printable
+from gsp.errors import DeclarationError, ModelFileError
 from gsp.readers import toml_values
 from gsp.readers.toml import read_document
 from gsp.sweeps.tasks import VERBS
@@ -41,29 +41,27 @@ def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         return _arguments(read_document(file), file.parent)
     except (DeclarationError, ModelFileError) as error:
-        raise ModelFileError(printable(f"{file.name}: {error}")) from None
+        raise ModelFileError.of(error, file.name) from None
 
 
 def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for key in document:
         if key not in KEYS:
             raise ModelFileError(
-                f"{key} is no key of a plan. The keys are {', '.join(KEYS)}." + nearest(key, KEYS)
+                f"{key} is no key of a plan.", f"The keys are {', '.join(KEYS)}.", value=key, known=KEYS
             )
     task = document.get("task")
     if not isinstance(task, str) or task not in VERBS:
-        raise ModelFileError(
-            f"task is a verb: {', '.join(VERBS)}. Got {shown(task)}." + nearest(str(task), VERBS)
-        )
+        raise ModelFileError(f"task is a verb: {', '.join(VERBS)}.", got=shown(task), value=task, known=VERBS)
     model = document.get("model")
     if not isinstance(model, str) or not model:
-        raise ModelFileError(f"model is a built-in name or a model file. Got {shown(model)}.")
+        raise ModelFileError("model is a built-in name or a model file.", got=shown(model), value=model)
     over = document.get("over")
     if not isinstance(over, dict) or not over:
-        raise ModelFileError(f"[over] gives each axis its values. Got {shown(over)}.")
+        raise ModelFileError("[over] gives each axis its values.", got=shown(over), value=over)
     options = document.get("options", {})
     if not isinstance(options, dict):
-        raise ModelFileError(f"[options] is a table. Got {shown(options)}.")
+        raise ModelFileError("[options] is a table.", got=shown(options), value=options)
     found: dict[str, Any] = {
         "task": task,
         "model": folder / model if (folder / model).is_file() else model,
@@ -86,21 +84,23 @@ def _values(values: Any, key: str) -> list[float]:
         return [float(toml_values.number(value, key)) for value in values]
     if not isinstance(values, dict):
         raise ModelFileError(
-            f"{key} is a list of numbers, or a range such as {{ from = 0, to = 1, count = 11 }}. Got {shown(values)}."
+            f"{key} is a list of numbers, or a range such as {{ from = 0, to = 1, count = 11 }}.",
+            got=shown(values),
+            value=values,
         )
     for name in values:
         if name not in RANGE:
-            raise ModelFileError(f"{key} has the keys {', '.join(RANGE)}. Got {name}." + nearest(name, RANGE))
+            raise ModelFileError(f"{key} has the keys {', '.join(RANGE)}.", got=name, value=name, known=RANGE)
     missing = [name for name in RANGE[:3] if name not in values]
     if missing:
-        raise ModelFileError(f"{key} lacks {', '.join(missing)}. Write {{ from = 0, to = 1, count = 11 }}.")
+        raise ModelFileError(f"{key} lacks {', '.join(missing)}.", "Write { from = 0, to = 1, count = 11 }.")
     low, high = (float(toml_values.number(values[name], f"{key}.{name}")) for name in RANGE[:2])
     count = check_whole(values["count"], what=f"{key}.count", least=1, most=COUNT)
     spacing = values.get("spacing", "linear")
     if spacing not in ("linear", "log"):
-        raise ModelFileError(f'{key}.spacing is "linear" or "log". Got {shown(spacing)}.')
+        raise ModelFileError(f'{key}.spacing is "linear" or "log".', got=shown(spacing), value=spacing)
     if spacing == "log" and not (low > 0.0 and high > 0.0):
         raise ModelFileError(
-            f"{key} is spaced evenly in its logarithm, from {low:g} to {high:g}. Give positive ends."
+            f"{key} is spaced evenly in its logarithm, from {low:g} to {high:g}.", "Give positive ends."
         )
     return (np.geomspace if spacing == "log" else np.linspace)(low, high, count).tolist()

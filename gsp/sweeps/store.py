@@ -32,7 +32,7 @@ class Store:
         try:
             return cls(folder, read_plan((folder / "plan.json").read_text(encoding="utf-8")))
         except FileNotFoundError:
-            raise OutputError(f"{folder} holds no sweep. Start one there.") from None
+            raise OutputError(f"{folder} holds no sweep.", "Start one there.") from None
 
     def create(self, about: Mapping[str, str]) -> None:
         """Make the arrays, every value missing, and the ledger; the plan comes last."""
@@ -159,7 +159,8 @@ def zarr_or_remedy() -> Any:
         import zarr  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
-            "sweeps are kept by zarr, which is not installed. Install it with pip install 'gsp-toolkit[sweeps]'."
+            "sweeps are kept by zarr, which is not installed.",
+            "Install it with pip install 'gsp-toolkit[sweeps]'.",
         ) from None
     return zarr
 
@@ -169,6 +170,7 @@ def _xarray_or_remedy() -> Any:
         import xarray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise OutputError(
-            "a Dataset is made by xarray, which is not installed. Install it with pip install 'gsp-toolkit[sweeps]'."
+            "a Dataset is made by xarray, which is not installed.",
+            "Install it with pip install 'gsp-toolkit[sweeps]'.",
         ) from None
     return xarray

@@ -45,7 +45,9 @@ class Sweep(Card):
             told = json.loads((self.folder / "plan.json").read_text(encoding="utf-8"))
             data = Path(told["data"]).name
         except (OSError, ValueError, KeyError, TypeError):
-            raise OutputError(f"{self.folder} holds no sweep. Start one with sweep(..., into=...).") from None
+            raise OutputError(
+                f"{self.folder} holds no sweep.", "Start one with sweep(..., into=...)."
+            ) from None
         self._store = Store.open(self.folder / data)
 
     @property
@@ -154,14 +156,16 @@ def sweep(
     count = (os.cpu_count() or 1) if workers is None else check_whole(workers, what="workers", least=1)
     if workers is not None and client is not None:
         raise DeclarationError(
-            "workers are processes of this machine, and a client has its own. Give one of the two."
+            "workers are processes of this machine, and a client has its own.", "Give one of the two."
         )
     if points_per_chunk is not None:
         check_whole(points_per_chunk, what="points_per_chunk", least=1)
     if not isinstance(into, (str, os.PathLike)) or not os.fspath(into):
-        raise DeclarationError(f"into is the path of a folder. Got {shown(into)}.")
+        raise DeclarationError("into is the path of a folder.", got=shown(into), value=into)
     if not isinstance(client, (str, type(None))) and not hasattr(client, "get_executor"):
-        raise DeclarationError(f"client is a Dask client or the address of its scheduler. Got {shown(client)}.")
+        raise DeclarationError(
+            "client is a Dask client or the address of its scheduler.", got=shown(client), value=client
+        )
     if isinstance(client, str):
         # Before anything is planned: an address may be wrong.
         connect(client).close()
@@ -211,10 +215,10 @@ def _prepared(
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{root} cannot be made: {error.strerror}. Give another folder.") from None
+        raise OutputError(f"{root} cannot be made: {error.strerror}.", "Give another folder.") from None
     mine = [path for path in root.iterdir() if not path.name.endswith(".partial")]
     if mine and not (root / "plan.json").is_file():
-        raise OutputError(f"{root} holds other files than those of a sweep. Give an empty folder.")
+        raise OutputError(f"{root} holds other files than those of a sweep.", "Give an empty folder.")
     check_options(task, options)
     content, name = _model(model)
     subject = _subject(content, name)
@@ -256,7 +260,7 @@ def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
         return as_toml(model).encode(), "model.toml"
     if not isinstance(model, (str, Path)):
         raise DeclarationError(
-            f"the model of a sweep is a built-in name, a model file or a Scene. Got {shown(model)}."
+            "the model of a sweep is a built-in name, a model file or a Scene.", got=shown(model), value=model
         )
     path = Path(model)
     if path.suffix or len(path.parts) > 1 or path.is_file():
@@ -264,7 +268,7 @@ def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
             return path.read_bytes(), f"model{path.suffix}"
         except OSError as error:
             raise OutputError(
-                f"{path} cannot be read: {error.strerror}. Give a built-in name or a model file."
+                f"{path} cannot be read: {error.strerror}.", "Give a built-in name or a model file."
             ) from None
     return None, str(model)
 
@@ -287,7 +291,9 @@ def _plain(options: Mapping[str, object] | None) -> dict[str, object]:
     if options is None or isinstance(options, Mapping):
         with suppress(TypeError, ValueError):
             return json.loads(json.dumps(dict(options or {}), allow_nan=False))
-    raise DeclarationError(f"options maps names to numbers, text and sequences of them. Got {shown(options)}.")
+    raise DeclarationError(
+        "options maps names to numbers, text and sequences of them.", got=shown(options), value=options
+    )
 
 
 def _refuse_changes(root: Path, fingerprint: Mapping[str, str]) -> None:
@@ -302,8 +308,8 @@ def _refuse_changes(root: Path, fingerprint: Mapping[str, str]) -> None:
             for part in sorted(changed)
         )
         raise DeclarationError(
-            f"the sweep in {root} was made with other values of: {listed}. Give another folder, or start anew "
-            "(anew=True, --anew), which removes what is there."
+            f"the sweep in {root} was made with other values of: {listed}.",
+            "Give another folder, or start anew (anew=True, --anew), which removes what is there.",
         )
 
 

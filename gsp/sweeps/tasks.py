@@ -41,8 +41,10 @@ def name_of(task: object) -> str:
         if task in VERBS or ":" in task:
             return task
         raise DeclarationError(
-            f"no sweep does {shown(task)}. The verbs are {', '.join(VERBS)}; a function is given as it is."
-            + nearest(task, VERBS)
+            f"no sweep does {shown(task)}.",
+            f"The verbs are {', '.join(VERBS)}; a function is given as it is.",
+            value=task,
+            known=VERBS,
         )
     module, name = getattr(task, "__module__", None), getattr(task, "__qualname__", None)
     if callable(task) and module and name:
@@ -51,8 +53,11 @@ def name_of(task: object) -> str:
         if module != "__main__" and name.isidentifier():
             return f"{module}:{name}"
     raise DeclarationError(
-        f"a task is a verb ({', '.join(VERBS)}) or a function at the top of a module that other processes can import. "
-        f"Got {shown(task)}. Put the function into a module."
+        f"a task is a verb ({', '.join(VERBS)}) or a function at the top of a module that other processes "
+        "can import.",
+        "Put the function into a module.",
+        got=shown(task),
+        value=task,
     )
 
 
@@ -77,10 +82,10 @@ def function_of(name: str) -> Callable[..., Any]:
         found = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError, ValueError) as error:
         raise DeclarationError(
-            f"the task {name} cannot be imported ({error}). Put its module where Python finds it."
+            f"the task {name} cannot be imported ({error}).", "Put its module where Python finds it."
         ) from None
     if not callable(found):
-        raise DeclarationError(f"the task {name} is no function. Got {shown(found)}.")
+        raise DeclarationError(f"the task {name} is no function.", got=shown(found), value=found)
     return found
 
 
@@ -128,7 +133,7 @@ def as_numbers(name: str, value: object) -> np.ndarray:
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError(f"a task records numbers. It gave {shown(value)} for {name}.") from None
+        raise DeclarationError("a task records numbers.", f"It gave {shown(value)} for {name}.") from None
 
 
 def meaning_of(value: object, variable: Variable) -> str:

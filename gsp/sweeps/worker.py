@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gsp.errors import DeclarationError, GspError, nearest
+from gsp.errors import DeclarationError, one_line
 from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
 from gsp.sweeps.store import STATUS, Store
 from gsp.sweeps.tasks import VERBS, Record, encoded, function_of, verb_of
@@ -41,17 +41,19 @@ class Subject:
         scene = self.scene
         if scene is None:
             if task in VERBS:
-                raise DeclarationError(f"{task} is done to a model. Give one: model='chaplygin_sleigh'.")
+                raise DeclarationError(f"{task} is done to a model.", "Give one: model='chaplygin_sleigh'.")
             return
         known = self.names
         for name in axes:
             if name not in known:
                 raise DeclarationError(
-                    f"{name} is no number of the model. Its numbers are {', '.join(known)}."
-                    + nearest(name, known)
+                    f"{name} is no number of the model.",
+                    f"Its numbers are {', '.join(known)}.",
+                    value=name,
+                    known=known,
                 )
             if name in options:
-                raise DeclarationError(f"{name} is an axis and an option. Give it once.")
+                raise DeclarationError(f"{name} is an axis and an option.", "Give it once.")
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -150,8 +152,7 @@ def fill(store: Store, chunk: int, found: Callable[[tuple[int, ...]], Record | s
                 continue
             values = {name: encoded(record, variable) for name, variable in store.plan.variables.items()}
         except Exception as error:
-            told = str(error) if isinstance(error, GspError) else f"{type(error).__name__}: {error}"
-            blocks[STATUS][place], messages[number] = FAILED, " ".join(told.split())[:MESSAGE]
+            blocks[STATUS][place], messages[number] = FAILED, one_line(error, MESSAGE)
             continue
         for name, value in values.items():
             blocks[name][place] = value

@@ -157,7 +157,7 @@ def check_number(
     number = as_float(value)
     if above < number < below and number >= least:
         return number
-    raise DeclarationError(_sentence(what, be, value, remedy))
+    raise _refused(what, be, value, remedy)
 
 
 def check_positive(value: Any, *, what: str, remedy: str = "") -> float:
@@ -181,7 +181,7 @@ def check_whole(
         be = (
             f"a whole number from {least} to {most}" if most is not None else f"a whole number, {least} or more"
         )
-    raise DeclarationError(_sentence(what, be, value, remedy))
+    raise _refused(what, be, value, remedy)
 
 
 def check_flag(value: Any, *, what: str) -> bool:
@@ -190,7 +190,7 @@ def check_flag(value: Any, *, what: str) -> bool:
         return value
     if isinstance(value, np.bool_):
         return bool(value)
-    raise DeclarationError(_sentence(what, "True or False", value, ""))
+    raise _refused(what, "True or False", value)
 
 
 def check_one_of(value: Any, among: tuple[int, ...], *, what: str, be: str) -> int:
@@ -198,15 +198,17 @@ def check_one_of(value: Any, among: tuple[int, ...], *, what: str, be: str) -> i
     number = check_whole(value, what=what, least=min(among), most=max(among), be=be)
     if number in among:
         return number
-    raise DeclarationError(_sentence(what, be, value, ""))
+    raise _refused(what, be, value)
 
 
 def check_progress(value: Any) -> None:
     """Raises `DeclarationError` unless `value` is None or can be called."""
     if value is not None and not callable(value):
         raise DeclarationError(
-            f"progress is a function that is called with the fraction done. Got {shown(value)}. Leave it out, or "
-            "give progress=print."
+            "progress is a function that is called with the fraction done.",
+            "Leave it out, or give progress=print.",
+            got=shown(value),
+            value=value,
         )
 
 
@@ -214,7 +216,7 @@ def check_text(value: Any, *, what: str) -> str:
     """`value` if it is text."""
     if isinstance(value, str):
         return value
-    raise DeclarationError(_sentence(what, "text", value, ""))
+    raise _refused(what, "text", value)
 
 
 def check_each(
@@ -222,14 +224,14 @@ def check_each(
 ) -> tuple:
     """Every one of the sequence `values` as `check` gives it, `length` of them if given."""
     if isinstance(values, (str, bytes, type)) or not isinstance(values, Iterable) or hasattr(values, "keys"):
-        raise DeclarationError(_sentence(what, be, values, remedy))
+        raise _refused(what, be, values, remedy)
     try:
         listed = list(values)
     except TypeError:
         # An array without dimensions says that it is iterable.
-        raise DeclarationError(_sentence(what, be, values, remedy)) from None
+        raise _refused(what, be, values, remedy) from None
     if length is not None and len(listed) != length:
-        raise DeclarationError(_sentence(what, be, values, remedy))
+        raise _refused(what, be, values, remedy)
     return tuple(check(value) for value in listed)
 
 
@@ -249,9 +251,9 @@ def check_array(values: Any, *, what: str, be: str) -> np.ndarray:
                 return np.array(flat).reshape(array.shape)
     except (TypeError, ValueError):
         pass
-    raise DeclarationError(_sentence(what, be, values, ""))
+    raise _refused(what, be, values)
 
 
-def _sentence(what: str, be: str, value: object, remedy: str) -> str:
+def _refused(what: str, be: str, value: object, remedy: str = "") -> DeclarationError:
     plural = what.endswith("s") and what[:-1] in ("order", "bound", "iterate", "refinement", "parameter")
-    return f"{what} {'are' if plural else 'is'} {be}. Got {shown(value)}.{' ' + remedy if remedy else ''}"
+    return DeclarationError(f"{what} {'are' if plural else 'is'} {be}.", remedy, got=shown(value), value=value)

@@ -12,7 +12,7 @@ from sympy.core.function import AppliedUndef
 
 from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.systems.arguments import shown
 from gsp.systems.flow import Values
 
@@ -29,14 +29,14 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
     if isinstance(value, sp.Rational):
         return value
     if isinstance(value, (bool, np.bool_, complex)) or value is None:
-        raise DeclarationError(f"{shown(value)} is no number. Give an int, a float or a Fraction.")
+        raise DeclarationError(f"{shown(value)} is no number.", "Give an int, a float or a Fraction.")
     if isinstance(value, int):
         return sp.Integer(value)
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, str) and not DECIMAL.fullmatch(value):
         raise DeclarationError(
-            f"{value[:80]!r} is no number. Give an int, a float or a Fraction, or digits as text."
+            f"{value[:80]!r} is no number.", "Give an int, a float or a Fraction, or digits as text."
         )
     if isinstance(value, sp.Float):
         # SymPy prints 15 digits; a double needs up to 17 to come back.
@@ -46,35 +46,42 @@ def exact(value: float | str | sp.Expr) -> sp.Rational:
     except (TypeError, ValueError):
         number = None
     if not isinstance(number, sp.Rational):
-        raise DeclarationError(f"{shown(value)} is no finite real number. Give an int, a float or a Fraction.")
+        raise DeclarationError(
+            f"{shown(value)} is no finite real number.", "Give an int, a float or a Fraction."
+        )
     return number
 
 
 def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
     """`equations` as symbols to exact expressions; `what` names the argument in errors."""
     if not isinstance(equations, Mapping):
-        raise DeclarationError(f"{what} maps symbols to expressions. Got {shown(equations)}.")
+        raise DeclarationError(f"{what} maps symbols to expressions.", got=shown(equations), value=equations)
     result: dict[sp.Symbol, sp.Expr] = {}
     for symbol, expression in equations.items():
         if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"{what} is keyed by SymPy symbols. Got the key {shown(symbol)}.")
+            raise DeclarationError(
+                f"{what} is keyed by SymPy symbols.", got=f"the key {shown(symbol)}", value=symbol
+            )
         if isinstance(expression, (float, complex, np.inexact)):
             try:
                 expression = exact(expression)
             except DeclarationError as error:
                 raise DeclarationError(
-                    f"{what}: the right-hand side of {symbol} is no number. {error}"
+                    f"{what}: the right-hand side of {symbol} is no number.", str(error)
                 ) from None
         try:
             expression = sp.sympify(expression, strict=True)
         except (sp.SympifyError, TypeError, ValueError):
             raise DeclarationError(
-                f"{what}: the right-hand side of {symbol} is a {type(expression).__name__}, {shown(expression)}. "
-                "Give a SymPy expression; text is read by gsp.load only."
+                f"{what}: the right-hand side of {symbol} is a {type(expression).__name__}, "
+                f"{shown(expression)}.",
+                "Give a SymPy expression; text is read by gsp.load only.",
             ) from None
         if not isinstance(expression, sp.Expr) or isinstance(expression, (sp.MatrixBase, sp.MatrixExpr)):
             raise DeclarationError(
-                f"{what}: the right-hand side of {symbol} is no scalar expression. Got {shown(expression)}."
+                f"{what}: the right-hand side of {symbol} is no scalar expression.",
+                got=shown(expression),
+                value=expression,
             )
         result[symbol] = _exact_numbers(expression)
     return result
@@ -98,15 +105,19 @@ def checked_parameters(
 ) -> dict[sp.Symbol, sp.Rational]:
     """Parameter values, exact, in the order given, after every check that does not depend on the noun."""
     if epsilon is not None and not isinstance(epsilon, sp.Symbol):
-        raise DeclarationError(f"epsilon is a SymPy symbol. Got {shown(epsilon)}; its value is given later.")
+        raise DeclarationError(
+            "epsilon is a SymPy symbol.", got=f"{shown(epsilon)}; its value is given later", value=epsilon
+        )
     if not isinstance(parameters, Mapping):
-        raise DeclarationError(f"parameters maps symbols to numbers. Got {shown(parameters)}.")
+        raise DeclarationError("parameters maps symbols to numbers.", got=shown(parameters), value=parameters)
     values: dict[sp.Symbol, sp.Rational] = {}
     for symbol, value in parameters.items():
         if not isinstance(symbol, sp.Symbol):
-            raise DeclarationError(f"parameters is keyed by SymPy symbols. Got the key {symbol!r}.")
+            raise DeclarationError(
+                "parameters is keyed by SymPy symbols.", got=f"the key {symbol!r}", value=symbol
+            )
         if value is None:
-            raise DeclarationError(f"the parameter {symbol} has no value. Give it a number.")
+            raise DeclarationError(f"the parameter {symbol} has no value.", "Give it a number.")
         try:
             values[symbol] = exact(value)
         except DeclarationError as error:
@@ -119,23 +130,25 @@ def checked_parameters(
         for symbol in symbols:
             if symbol in states:
                 raise DeclarationError(
-                    f"{symbol} is a state and also {role}. Give one of the two another name."
+                    f"{symbol} is a state and also {role}.", "Give one of the two another name."
                 )
     for symbol in observables:
         if symbol in values or symbol in own:
             role = "epsilon" if symbol in own else "a parameter"
-            raise DeclarationError(f"{symbol} is an observable and also {role}. Give it another name.")
+            raise DeclarationError(f"{symbol} is an observable and also {role}.", "Give it another name.")
     if epsilon in values:
         raise DeclarationError(
-            f"{epsilon} is epsilon and also a parameter. Its value is given when integrating."
+            f"{epsilon} is epsilon and also a parameter.", "Its value is given when integrating."
         )
     unknown = sorted(used - set(states) - set(own) - set(values), key=str)
     if unknown:
         names = ", ".join(map(str, unknown))
         known = [s.name for s in (*states, *values, *own)]
         raise DeclarationError(
-            f"{names} has no value: it is no state and no parameter. "
-            f"Add it as parameters={{{unknown[0]}: ...}}." + nearest(unknown[0].name, known)
+            f"{names} has no value: it is no state and no parameter.",
+            f"Add it as parameters={{{unknown[0]}: ...}}.",
+            value=unknown[0].name,
+            known=known,
         )
     symbols_of: dict[sp.Basic, frozenset[sp.Basic]] = {}
     for expression in everything:
@@ -147,8 +160,8 @@ def checked_parameters(
             wrong = misplaced_epsilon(expression, epsilon)
             if wrong is not None:
                 raise DeclarationError(
-                    f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}. "
-                    f"Replace it by its Taylor polynomial in {epsilon}, or rescale."
+                    f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}.",
+                    f"Replace it by its Taylor polynomial in {epsilon}, or rescale.",
                 )
     return values
 
@@ -158,30 +171,33 @@ def _check_names(symbols: Iterable[sp.Symbol]) -> None:
     for symbol in symbols:
         if not symbol.name.isidentifier() or len(symbol.name) > 64:
             raise DeclarationError(
-                f"the symbol {symbol.name[:80]!r} is no plain word. Use letters, digits and _, at most 64."
+                f"the symbol {symbol.name[:80]!r} is no plain word.", "Use letters, digits and _, at most 64."
             )
         other = seen.setdefault(symbol.name, symbol)
         if other != symbol:
             raise DeclarationError(
-                f"two different symbols are named {symbol.name} (their assumptions differ). Use one object throughout."
+                f"two different symbols are named {symbol.name} (their assumptions differ).",
+                "Use one object throughout.",
             )
 
 
 def _check_pieces(expression: sp.Expr, pieces: Iterable[sp.Basic]) -> None:
     for piece in pieces:
         if piece in _NOT_FINITE:
-            raise DeclarationError(f"{expression} is not finite. Remove the division by zero.")
+            raise DeclarationError(f"{expression} is not finite.", "Remove the division by zero.")
         if piece is sp.I:
             raise DeclarationError(
-                f"{expression} is complex. Declare real and imaginary parts as separate states."
+                f"{expression} is complex.", "Declare real and imaginary parts as separate states."
             )
         if isinstance(piece, AppliedUndef):
             raise DeclarationError(
-                f"{expression} contains the unknown function {piece}. "
-                "Use plain symbols for states; for time declare a state t with t' = 1."
+                f"{expression} contains the unknown function {piece}.",
+                "Use plain symbols for states; for time declare a state t with t' = 1.",
             )
         if isinstance(piece, (sp.Derivative, sp.Integral)):
-            raise DeclarationError(f"{expression} contains {piece}. Carry out derivatives and integrals first.")
+            raise DeclarationError(
+                f"{expression} contains {piece}.", "Carry out derivatives and integrals first."
+            )
 
 
 def _check_at_values(
@@ -195,7 +211,7 @@ def _check_at_values(
 
     def refuse(piece: sp.Expr, fact: str, remedy: str) -> NoReturn:
         given = ", ".join(f"{symbol} = {values[symbol]}" for symbol in used)
-        raise DeclarationError(f"{str(piece)[:200]} {fact}. Got {given}. {remedy}")
+        raise DeclarationError(f"{str(piece)[:200]} {fact}.", remedy, got=given)
 
     # Inner pieces first, so that those around them are built of moderate numbers.
     for piece in pieces:
@@ -267,8 +283,10 @@ def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[
     for name, value in values.items():
         if name not in names:
             raise DeclarationError(
-                f'there is no parameter "{name}". The parameters are {", ".join(names) or "none"}.'
-                + nearest(name, names)
+                f'there is no parameter "{name}".',
+                f"The parameters are {', '.join(names) or 'none'}.",
+                value=name,
+                known=names,
             )
         result[names[name]] = exact(value)
     return result
@@ -287,18 +305,21 @@ def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Sym
     for symbol in rates:
         if symbol.name in roles:
             raise DeclarationError(
-                f"{symbol} is a reconstruction variable and also {roles[symbol.name]}. Give it another name."
+                f"{symbol} is a reconstruction variable and also {roles[symbol.name]}.", "Give it another name."
             )
     known = {*roles, *(symbol.name for symbol in rates)}
     for symbol, rate in rates.items():
         try:
             _check_pieces(rate, _innermost_first(rate, {}))
         except DeclarationError as error:
-            raise DeclarationError(f"the reconstruction of {symbol}: {error}") from None
+            raise error.under(f"the reconstruction of {symbol}") from None
         unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)
         if unknown:
             raise DeclarationError(
-                f"the reconstruction of {symbol} contains {unknown[0]}, which is no state, observable or parameter. "
-                f"There are {', '.join(known)}." + nearest(unknown[0], known)
+                f"the reconstruction of {symbol} contains {unknown[0]}, which is no state, observable or "
+                "parameter.",
+                f"There are {', '.join(known)}.",
+                value=unknown[0],
+                known=known,
             )
     return rates

@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.errors import DeclarationError, GspError, nearest
+from gsp.errors import DeclarationError, GspError
 from gsp.systems.arguments import (
     as_float,
     check_array,
@@ -87,7 +87,7 @@ class Flow(Portable):
             try:
                 rows.append(self.initial(dict(zip(starts, values))))
             except GspError as error:
-                raise type(error)(f"member {i}: {error}") from None
+                raise error.under(f"member {i}") from None
         return np.array(rows, dtype=float)
 
 
@@ -122,13 +122,15 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     for name in given:
         if name not in names:
             raise DeclarationError(
-                f'{what} names "{name}", which is no state. The states are {", ".join(names)}.'
-                + nearest(name, names)
+                f'{what} names "{name}", which is no state.',
+                f"The states are {', '.join(names)}.",
+                value=name,
+                known=names,
             )
     missing = [name for name in names if name not in given]
     if missing:
         raise DeclarationError(
-            f"{what} gives no value for {', '.join(missing)}. Got {given}. Give every state a value."
+            f"{what} gives no value for {', '.join(missing)}.", "Give every state a value.", got=given
         )
     return tuple(given[name] for name in names)
 
@@ -154,19 +156,23 @@ def plain(point: Point, names: Collection[str]) -> list[float] | None:
 def named(values: Point, *, what: str) -> dict[str, float]:
     """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
     if not isinstance(values, Mapping):
-        raise DeclarationError(f"{what} is a mapping of names to numbers. Got {shown(values)}.")
+        raise DeclarationError(f"{what} is a mapping of names to numbers.", got=shown(values), value=values)
     result: dict[str, float] = {}
     for key, value in values.items():
         # Text first: it is the usual key, and isinstance with a class of SymPy's is slow.
         name = key if isinstance(key, str) else key.name if isinstance(key, sp.Symbol) else None
         if name is None:
-            raise DeclarationError(f"{what} is keyed by names or symbols. Got the key {shown(key)}.")
+            raise DeclarationError(
+                f"{what} is keyed by names or symbols.", got=f"the key {shown(key)}", value=key
+            )
         if name in result:
-            raise DeclarationError(f'{what} gives "{name}" twice. Give each name one value.')
+            raise DeclarationError(f'{what} gives "{name}" twice.', "Give each name one value.")
         number = as_float(value)
         if not isfinite(number):
             if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):
-                raise DeclarationError(f"{what} gives {name} the value {shown(value)}. Give a finite number.")
+                raise DeclarationError(
+                    f"{what} gives {name} the value {shown(value)}.", "Give a finite number."
+                )
             raise DeclarationError(f"{what} gives {name} the value {shown(value)}, which is no real number.")
         result[name] = number
     return result
@@ -179,14 +185,20 @@ def check_epsilon(value: float, *, what: str = "epsilon") -> float:
         return number
     if 0.0 < number < float("inf"):
         raise DeclarationError(
-            f"{what} lies beyond {LARGEST:g} or below {1.0 / LARGEST:g}, where its powers leave double precision. "
-            f"Got {number:g}. For the limit use the series at order 0."
+            f"{what} lies beyond {LARGEST:g} or below {1.0 / LARGEST:g}, where its powers leave double "
+            "precision.",
+            "For the limit use the series at order 0.",
+            got=f"{number:g}",
+            value=number,
         )
     if isinstance(value, (int, float, np.floating)) and not isinstance(value, bool):
         raise DeclarationError(
-            f"{what} must be finite and positive. Got {shown(value)}. For the limit use the series at order 0."
+            f"{what} must be finite and positive.",
+            "For the limit use the series at order 0.",
+            got=shown(value),
+            value=value,
         )
-    raise DeclarationError(f"{what} is a positive number. Got {shown(value)}. Try 0.01.")
+    raise DeclarationError(f"{what} is a positive number.", "Try 0.01.", got=shown(value), value=value)
 
 
 def check_epsilons(values: Iterable[float], *, what: str = "epsilon") -> tuple[float, ...]:
@@ -214,7 +226,7 @@ def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = F
         values, lambda order: check_order(order, what=f"every one of {what}"), what=what, be=be, remedy=remedy
     )
     if not (wanted or empty):
-        raise DeclarationError(f"{what} are non-negative integers, one or more. Got none. {remedy}")
+        raise DeclarationError(f"{what} are non-negative integers, one or more.", remedy, got="none")
     return wanted
 
 
@@ -231,11 +243,11 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
         for name in given:
             if name not in names:
                 raise DeclarationError(
-                    f'{what} names "{name}". It takes {", ".join(names)}.' + nearest(str(name), names)
+                    f'{what} names "{name}".', f"It takes {', '.join(names)}.", value=name, known=names
                 )
         missing = [name for name in names if name not in given]
         if missing:
-            raise DeclarationError(f"{what} gives no value for {', '.join(missing)}. Give each a number.")
+            raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", "Give each a number.")
         arrays = [
             check_array(given[name], what=f"{what}[{name!r}]", be="a number or an array of numbers")
             for name in names
@@ -256,7 +268,7 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
     if array.ndim == 2 and array.shape[1] == n:
         return array, False
     raise DeclarationError(
-        f"{what} has shape {array.shape}. It takes (m, {n}) for {', '.join(names)}, or a mapping by name."
+        f"{what} has shape {array.shape}.", f"It takes (m, {n}) for {', '.join(names)}, or a mapping by name."
     )
 
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.systems.arguments import shown
 from gsp.systems.flow import LARGEST, named
 
@@ -19,15 +19,15 @@ def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
     be = "are" if what == "bounds" else "is"
     if isinstance(bounds, (str, bytes)) or not isinstance(bounds, Iterable):
-        raise DeclarationError(f"{what} {be} a pair of numbers. Got {shown(bounds)}. {remedy}")
+        raise DeclarationError(f"{what} {be} a pair of numbers.", remedy, got=shown(bounds), value=bounds)
     ends = tuple(bounds) if not isinstance(bounds, np.ndarray) or bounds.ndim else ()
     if len(ends) != 2:
-        raise DeclarationError(f"{what} {be} a pair of numbers. Got {len(ends)} of them. {remedy}")
+        raise DeclarationError(f"{what} {be} a pair of numbers.", remedy, got=f"{len(ends)} of them")
     values = named({"low": ends[0], "high": ends[1]}, what=f"the {what}")
     low, high = values["low"], values["high"]
     if not low < high:
         fact = f"{be} empty" if low == high else f"{be} reversed"
-        raise DeclarationError(f"the {what} {fact}. Got ({low:g}, {high:g}). {remedy}")
+        raise DeclarationError(f"the {what} {fact}.", remedy, got=f"({low:g}, {high:g})")
     return low, high
 
 
@@ -43,34 +43,38 @@ def check_region(
     narrow that double precision does not hold their third powers.
     """
     if not isinstance(region, Mapping):
-        raise DeclarationError(f"region maps states to intervals (low, high). Got {shown(region)}.")
+        raise DeclarationError("region maps states to intervals (low, high).", got=shown(region), value=region)
     given: dict[str, Interval] = {}
     for key, bounds in region.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if name not in names:
             raise DeclarationError(
-                f'region bounds "{name}", which is no state. The states are {", ".join(names)}.'
-                + nearest(str(name), names)
+                f'region bounds "{name}", which is no state.',
+                f"The states are {', '.join(names)}.",
+                value=name,
+                known=names,
             )
         if name in given:
-            raise DeclarationError(f'region bounds "{name}" twice. Give one interval.')
+            raise DeclarationError(f'region bounds "{name}" twice.', "Give one interval.")
         given[name] = check_interval(
             bounds, what=f"region of {name}", remedy="Give (low, high) with low < high."
         )
         low, high = given[name]
         if max(abs(low), abs(high)) > LARGEST or high - low < 1.0 / LARGEST:
             raise DeclarationError(
-                f"the region of {name} reaches beyond {LARGEST:g} or is narrower than {1.0 / LARGEST:g}. "
-                f"Got ({low:g}, {high:g}). Rescale {name}, or move the region."
+                f"the region of {name} reaches beyond {LARGEST:g} or is narrower than {1.0 / LARGEST:g}.",
+                f"Rescale {name}, or move the region.",
+                got=f"({low:g}, {high:g})",
             )
     if not given:
         raise DeclarationError(
-            f"region bounds no state. Got {{}}. Give at least one of {', '.join(required or names)} "
-            "an interval (low, high)."
+            "region bounds no state.",
+            f"Give at least one of {', '.join(required or names)} an interval (low, high).",
+            got="{}",
         )
     missing = [name for name in required if name not in given]
     if missing:
         raise DeclarationError(
-            f"region gives no interval for {', '.join(missing)}. Got {given}. Give each (low, high)."
+            f"region gives no interval for {', '.join(missing)}.", "Give each (low, high).", got=given
         )
     return MappingProxyType({name: given[name] for name in names if name in given})

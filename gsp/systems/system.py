@@ -74,16 +74,20 @@ class SlowFastSystem(_Declared, Card):
         slow, fast = equations_of(self.slow, "slow"), equations_of(self.fast, "fast")
         if not slow or not fast:
             raise DeclarationError(
-                f"a SlowFastSystem has slow and fast variables. Got {len(slow)} slow and {len(fast)} fast. "
-                "Declare a VectorField for a field that is not split."
+                "a SlowFastSystem has slow and fast variables.",
+                "Declare a VectorField for a field that is not split.",
+                got=f"{len(slow)} slow and {len(fast)} fast",
             )
         twice = [symbol.name for symbol in fast if symbol in slow]
         if twice:
-            raise DeclarationError(f"{', '.join(twice)} is declared slow and fast. Keep it in one of the two.")
+            raise DeclarationError(
+                f"{', '.join(twice)} is declared slow and fast.", "Keep it in one of the two."
+            )
         if self.epsilon is None:
             raise DeclarationError(
-                "a SlowFastSystem has a small parameter. Got epsilon=None. "
-                "Pass the symbol that multiplies the fast rates."
+                "a SlowFastSystem has a small parameter.",
+                "Pass the symbol that multiplies the fast rates.",
+                got="epsilon=None",
             )
         observables = equations_of(self.observables, "observables")
         parameters = checked_parameters(
@@ -98,8 +102,9 @@ class SlowFastSystem(_Declared, Card):
                 order = pole_order(expression, self.epsilon)
                 if order:
                     raise DeclarationError(
-                        f"the {kind} rate of {symbol} has a pole of order {order} in {self.epsilon}: {expression}. "
-                        "Write epsilon y' = g with g regular, or declare a VectorField and split it."
+                        f"the {kind} rate of {symbol} has a pole of order {order} in {self.epsilon}: "
+                        f"{expression}.",
+                        "Write epsilon y' = g with g regular, or declare a VectorField and split it.",
                     )
         _freeze(self, slow=slow, fast=fast, parameters=parameters, observables=observables)
         object.__setattr__(self, "states", (*slow, *fast))
@@ -179,7 +184,7 @@ class VectorField(_Declared, Card):
         check_text(name, what="name")
         equations = equations_of(states, "states")
         if not equations:
-            raise DeclarationError("a VectorField has at least one state. Got none.")
+            raise DeclarationError("a VectorField has at least one state.", got="none")
         watched = equations_of({} if observables is None else observables, "observables")
         values = checked_parameters(
             states=tuple(equations),
@@ -191,8 +196,9 @@ class VectorField(_Declared, Card):
         if epsilon is not None and not any(e.has(epsilon) for e in equations.values()):
             shown = ", ".join(f"{s}' = {e}" for s, e in equations.items())
             raise DeclarationError(
-                f"{epsilon} does not appear in any equation. Got {shown}. "
-                f"Write the fast rates as g/{epsilon}, use `SlowFastSystem`, or pass epsilon=None."
+                f"{epsilon} does not appear in any equation.",
+                f"Write the fast rates as g/{epsilon}, use `SlowFastSystem`, or pass epsilon=None.",
+                got=shown,
             )
         _freeze(self, equations=equations, parameters=values, observables=watched)
         object.__setattr__(self, "states", tuple(equations))

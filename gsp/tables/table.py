@@ -125,7 +125,8 @@ def library(name: str, what: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise OutputError(
-            f"{what} is made by {name}, which is not installed. Install it with pip install 'gsp-toolkit[tables]'."
+            f"{what} is made by {name}, which is not installed.",
+            "Install it with pip install 'gsp-toolkit[tables]'.",
         ) from None
 
 

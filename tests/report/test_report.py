@@ -15,7 +15,7 @@ import sympy as sp
 import gsp
 from gsp import SlowFastSystem, analyse, charts
 from gsp.demos.page import frame_script
-from gsp.errors import DeclarationError, OutputError
+from gsp.errors import DeclarationError, OutputError, Reason
 from gsp.readers.expressions import parse_expression
 from gsp.readers.writing import as_toml
 from gsp.report import as_json, check_folder, write_report
@@ -375,7 +375,9 @@ def test_page_and_json_say_where_the_reduction_ends(tmp_path):
 
 
 def test_a_page_without_folds_or_map_says_why_and_nothing_more(sleigh, quick, tmp_path):
-    bare = dataclasses.replace(sleigh, failures=None, failures_reason="the <runs> failed. Try again.")
+    bare = dataclasses.replace(
+        sleigh, failures=None, failures_reason=Reason.of("the <runs> failed", "Try again.")
+    )
     folder = write_report(bare, tmp_path / "bare").parent
     text = (folder / "report.html").read_text(encoding="utf-8")
     Page(text)

@@ -89,15 +89,16 @@ def continue_critical(
     check_inside(problem, u, box, "the point of M0 next to start")
     if not np.isfinite(problem.jacobian(u)).all():
         raise BranchError(
-            f"g has no finite derivatives at start. Got {_shown(problem, u)}. Start beside that point."
+            "g has no finite derivatives at start.", "Start beside that point.", got=_shown(problem, u)
         )
     options = Options(box, controls)
     tracer = _tracer(problem, options, scales, progress)
     tangent = tracer.null_vector(u)
     if tangent is None:
         raise BranchError(
-            f"start is a branch point, where the curve has no one tangent. Got {_shown(problem, u)}. "
-            "Start beside it, and switch_branches=True finds the curves that cross there."
+            "start is a branch point, where the curve has no one tangent.",
+            "Start beside it, and switch_branches=True finds the curves that cross there.",
+            got=_shown(problem, u),
         )
     tangent = oriented(tangent, VERTICAL, direction)
     curve = _continued(problem, options, tracer, u, tangent, both=direction == 0, at_crossing=False)
@@ -124,12 +125,16 @@ def switch_branch(
     check_progress(progress)
     if not any(point is own for own in curve.special):
         raise DeclarationError(
-            f"the point is none of the curve's special points. Got {shown(point)}. Take one of them."
+            "the point is none of the curve's special points.",
+            "Take one of them.",
+            got=shown(point),
+            value=point,
         )
     if not point.kind.is_branch_point or len(point.directions) == 0:
         raise DeclarationError(
-            f"a curve can be switched at a branch point with two tangents. Got a {point.kind} at "
-            f"{_shown(curve.problem, point.unknowns)}. Take a transcritical point or a pitchfork."
+            "a curve can be switched at a branch point with two tangents.",
+            "Take a transcritical point or a pitchfork.",
+            got=f"a {point.kind} at {_shown(curve.problem, point.unknowns)}",
         )
     problem, options = curve.problem, curve.options
     scales = np.array([curve.scales[s.name] for s in problem.unknowns])
@@ -146,7 +151,7 @@ def switch_branch(
 def _free_symbol(system: SlowFastSystem, parameter, free) -> sp.Symbol:
     if parameter is not None and free is not None:
         raise DeclarationError(
-            f"one variable is free. Got parameter={parameter!r} and free={free!r}. Give one."
+            "one variable is free.", "Give one.", got=f"parameter={parameter!r} and free={free!r}"
         )
     if parameter is not None:
         return find_symbol(system, parameter, tuple(system.parameters), "parameter")
@@ -155,8 +160,10 @@ def _free_symbol(system: SlowFastSystem, parameter, free) -> sp.Symbol:
     if len(system.x) > 1:
         names = ", ".join(s.name for s in system.x)
         raise DeclarationError(
-            f"there are several slow variables and none is free. Got {names}. Name the one that varies, as in "
-            f'free="{system.x[0].name}", or a parameter; critical_sheet varies two.'
+            "there are several slow variables and none is free.",
+            f'Name the one that varies, as in free="{system.x[0].name}", or a parameter; critical_sheet '
+            "varies two.",
+            got=names,
         )
     return next(iter(system.slow))
 
@@ -176,8 +183,11 @@ def check_inside(problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Inte
         slack = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
         if not low - slack <= value <= high + slack:
             raise DeclarationError(
-                f"{what} is outside the bounds: {symbol.name} = {value:.6g}. Got bounds ({low:g}, {high:g}). "
-                "Move the start or widen them."
+                f"{what} is outside the bounds: {symbol.name} = {value:.6g}.",
+                "Move the start or widen them.",
+                got=f"bounds ({low:g}, {high:g})",
+                value=float(value),
+                point=dict(zip((s.name for s in problem.unknowns), map(float, u))),
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
 from gsp.critical.layer_problem import LayerProblem
-from gsp.errors import DeclarationError, Status, nearest
+from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.region import Interval
@@ -90,8 +90,10 @@ class NamedPoints:
         """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
         if name not in self.names:
             raise DeclarationError(
-                f'the {self.what} has no column "{name}". It has {", ".join(self.names)}.'
-                + nearest(str(name), self.names)
+                f'the {self.what} has no column "{name}".',
+                f"It has {', '.join(self.names)}.",
+                value=name,
+                known=self.names,
             )
         return self.points[:, self.names.index(name)]
 

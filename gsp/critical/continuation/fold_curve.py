@@ -136,8 +136,9 @@ def two_free(system: SlowFastSystem, parameter, free) -> tuple[sp.Symbol, sp.Sym
     if len(chosen) != 2 or chosen[0] == chosen[1]:
         names = ", ".join(s.name for s in chosen) or "none"
         raise DeclarationError(
-            f"two different variables are free (free=, parameter=). Got {names}; the slow variables are "
-            f"{', '.join(s.name for s in system.x)}. Give free=(two slow ones), or one slow variable and parameter=..."
+            "two different variables are free (free=, parameter=).",
+            "Give free=(two slow ones), or one slow variable and parameter=...",
+            got=f"{names}; the slow variables are {', '.join(s.name for s in system.x)}",
         )
     return chosen[0], chosen[1]
 
@@ -165,7 +166,7 @@ def fold_curve(
         tangent = tracer.null_vector(u)
         if tangent is None:
             raise BranchError(
-                f"several curves of folds meet at start. Got {problem.point(u)}. Start beside that point."
+                "several curves of folds meet at start.", "Start beside that point.", got=problem.point(u)
             )
         tangent = oriented(tangent, 1e-6, direction)
         traces = traced(tracer, u, tangent, both=direction == 0, at_crossing=False)
@@ -198,8 +199,9 @@ def _corrected_fold(
     at = ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(guess).items())
     values = ", ".join(f"{value:.3g}" for value in problem.eigenvalues(guess[None, :])[0])
     raise BranchError(
-        f"Newton's method found no fold near start. Got {at}, where g_y has the eigenvalues {values}. "
-        "Give a point near one; continue_critical finds the folds on a curve."
+        "Newton's method found no fold near start.",
+        "Give a point near one; continue_critical finds the folds on a curve.",
+        got=f"{at}, where g_y has the eigenvalues {values}",
     )
 
 

@@ -121,8 +121,9 @@ def critical_sheet(
     check_noun(system, SlowFastSystem, verb="critical_sheet")
     if len(system.y) > MOST_FAST:
         raise DeclarationError(
-            f"a sheet is triangulated for up to {MOST_FAST} fast variables. Got {len(system.y)}. "
-            "Continue curves with continue_critical, one for each value of a slow variable."
+            f"a sheet is triangulated for up to {MOST_FAST} fast variables.",
+            "Continue curves with continue_critical, one for each value of a slow variable.",
+            got=len(system.y),
         )
     check_whole(resolution, what="resolution", least=2, most=10**6, be="a whole number of at least 2")
     check_progress(progress)
@@ -132,7 +133,7 @@ def critical_sheet(
     missing = [s.name for s in problem.free if s.name not in box]
     if missing:
         raise DeclarationError(
-            f"bounds gives no interval for {', '.join(missing)}. Got {box}. A sheet needs both."
+            f"bounds gives no interval for {', '.join(missing)}.", "A sheet needs both.", got=box
         )
     check_inside(problem, guess, box, "start")
     scales = natural_scales(problem, guess, box)

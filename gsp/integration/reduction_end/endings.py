@@ -378,9 +378,9 @@ class Ending:
             return
         what = "a zero eigenvalue" if on_zero else "an imaginary pair of eigenvalues"
         raise HyperbolicityError(
-            f"the start lies where normal hyperbolicity is lost. Got {self._point(z)}, with {what} of the fast "
-            f"Jacobian ({', '.join(f'{v:.3g}' for v in values)}). Start on one side of it, or integrate the full "
-            "system."
+            "the start lies where normal hyperbolicity is lost.",
+            "Start on one side of it, or integrate the full system.",
+            got=f"{self._point(z)}, with {what} of the fast Jacobian ({', '.join(f'{v:.3g}' for v in values)})",
         )
 
     def _shown(self, y: np.ndarray) -> str:

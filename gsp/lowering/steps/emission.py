@@ -107,7 +107,9 @@ class Emitter:
 
     def _fresh(self, expression: Any) -> Any:
         if isinstance(expression, sp.Symbol):
-            raise GspError(f"{expression} is no argument and no parameter. The arguments are {self._symbols}.")
+            raise GspError(
+                f"{expression} is no argument and no parameter.", f"The arguments are {self._symbols}."
+            )
         if expression.is_Number or isinstance(expression, sp.NumberSymbol):
             return constant(nearest_double(expression))
         if isinstance(expression, sp.Add):
@@ -191,9 +193,10 @@ class Emitter:
                 chosen = self._extreme(">" if kind is sp.Max else "<", chosen, value)
             return chosen
         raise UnsupportedFunctionError(
-            f"there is no machine code for {kind.__name__}. Got {expression}. "
+            f"there is no machine code for {kind.__name__}.",
             "Write it in powers, exp, log, trigonometric and hyperbolic functions and their inverses, erf, "
-            "Abs, sign, Max, Min, Heaviside and Piecewise."
+            "Abs, sign, Max, Min, Heaviside and Piecewise.",
+            got=expression,
         )
 
     def _elementary(self, kind: type, argument: sp.Basic, x: Any) -> Any:
@@ -251,8 +254,8 @@ class Emitter:
         relation = _RELATIONS.get(condition.func)
         if relation is None:
             raise UnsupportedFunctionError(
-                f"there is no machine code for the condition {condition}. "
-                "Write it with <, <=, >, >=, Eq, Ne, And, Or and Not."
+                f"there is no machine code for the condition {condition}.",
+                "Write it with <, <=, >, >=, Eq, Ne, And, Or and Not.",
             )
         left, right = (self._value(side) for side in condition.args)
         return self._compare(relation, left, right)
@@ -290,5 +293,5 @@ def nearest_double(number: Any) -> float:
     # 25 digits round correctly but for a tie that no such constant is known to hit.
     value = number.evalf(25)
     if not value.is_extended_real:
-        raise UnsupportedFunctionError(f"{number} is not a real number. Write the expression in real terms.")
+        raise UnsupportedFunctionError(f"{number} is not a real number.", "Write the expression in real terms.")
     return float(value)

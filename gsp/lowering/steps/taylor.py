@@ -109,8 +109,9 @@ class TaylorCode:
             for part in every_part(rate):
                 if type(part).__name__ in ("sign", *COMPOSED) and part.free_symbols & states:
                     raise UnsupportedFunctionError(
-                        f"the rate of {state} has {part}, whose Taylor series does not go beyond its switching set. "
-                        "Use Method.DOP853."
+                        f"the rate of {state} has {part}, whose Taylor series does not go beyond its "
+                        "switching set.",
+                        "Use Method.DOP853.",
                     )
         try:
             _ = self.instructions
@@ -131,8 +132,9 @@ class TaylorCode:
         products = self.products(order)
         if products > MOST_PRODUCTS:
             raise GspError(
-                f"a Taylor series of order {order} has at most {MOST_PRODUCTS} products. That of this flow has "
-                f"{products}. Use another method."
+                f"a Taylor series of order {order} has at most {MOST_PRODUCTS} products.",
+                f"That of this flow has {products}. Use another method.",
+                limit=MOST_PRODUCTS,
             )
         module = ir.Module()
         _write_expand(module, self.flow, self.instructions, order)

@@ -151,7 +151,8 @@ class CanardOrbits(Drawn, Tabular):
             if canard.name == name:
                 return canard
         raise GspError(
-            f"there is no canard {name!r} here. Those found are {', '.join(c.name for c in self.canards) or 'none'}."
+            f"there is no canard {name!r} here.",
+            f"Those found are {', '.join(c.name for c in self.canards) or 'none'}.",
         )
 
     def __len__(self) -> int:

@@ -85,7 +85,7 @@ class CanardFamily(Card):
     def __getitem__(self, name: str) -> np.ndarray:
         names = [s.name for s in self.system.states]
         if name not in names:
-            raise GspError(f"{name!r} is no state. The states are {', '.join(names)}.")
+            raise GspError(f"{name!r} is no state.", f"The states are {', '.join(names)}.")
         return self.points[:, names.index(name)]
 
     @property
@@ -128,8 +128,8 @@ def follow_canard(canard: Canard, *, epsilon: tuple[float, float], max_points: i
     check_whole(max_points, what="max_points", least=2, most=10**9)
     if not low <= canard.epsilon <= high:
         raise DeclarationError(
-            f"the bounds enclose the canard's own {canard.frame.system.epsilon} = {canard.epsilon:g}. "
-            f"Got ({low:g}, {high:g})."
+            f"the bounds enclose the canard's own {canard.frame.system.epsilon} = {canard.epsilon:g}.",
+            got=f"({low:g}, {high:g})",
         )
     follower = _Follower(canard, (low, high), max_points)
     down, up = follower.trace(-1), follower.trace(1)

@@ -127,8 +127,9 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     system = singularity.system
     if len(system.x) != 2:
         raise FoldedError(
-            f"canards of a folded node are sought for two slow variables. Got {len(system.x)}. "
-            "Hold the others constant, as parameters."
+            "canards of a folded node are sought for two slow variables.",
+            "Hold the others constant, as parameters.",
+            got=len(system.x),
         )
     _check_kind(singularity)
     flow = desingularise(system)
@@ -187,14 +188,16 @@ def section_of(frame: Frame, section: Mapping[str, float] | Mapping[sp.Symbol, f
     index, value = _single(section, names, what="section")
     if abs(rates[index]) < 1e-6 * np.abs(rates).max():
         raise DeclarationError(
-            f"the section {names[index]} = {value:g} is not crossed by the slow flow at the folded node, where "
-            f"{names[index]}' = {rates[index]:.3g}. Take the section in {names[1 - index]}."
+            f"the section {names[index]} = {value:g} is not crossed by the slow flow at the folded node, "
+            f"where {names[index]}' = {rates[index]:.3g}.",
+            f"Take the section in {names[1 - index]}.",
         )
     off = abs(value - frame.point[index]) / (frame.unit * abs(rates[index]) / np.linalg.norm(rates))
     if off > FURTHEST_SECTION:
         raise DeclarationError(
             f"the section {names[index]} = {value:g} lies {off:.1f} local units from the folded node at "
-            f"{frame.point[index]:.6g}; the canards turn within {FURTHEST_SECTION:g}. Move it to the node."
+            f"{frame.point[index]:.6g}; the canards turn within {FURTHEST_SECTION:g}.",
+            "Move it to the node.",
         )
     return Plane(index, value)
 
@@ -216,7 +219,7 @@ def _single(
     given = named(plane, what=what)
     if len(given) != 1 or next(iter(given)) not in names:
         raise DeclarationError(
-            f"{what} fixes one of {', '.join(names)}, as in {{{names[0]!r}: 0.5}}. Got {given or 'nothing'}."
+            f"{what} fixes one of {', '.join(names)}, as in {{{names[0]!r}: 0.5}}.", got=given or "nothing"
         )
     name, value = next(iter(given.items()))
     return names.index(name), value
@@ -228,9 +231,13 @@ def _check_kind(singularity: FoldedSingularity) -> None:
         mu = float(sp.N(singularity.mu))
         if 1.0 - mu < DEGENERATE:
             raise FoldedError(
-                "canards of a folded node are sought between its strong and its weak direction, gamma_0 and gamma_w. "
-                f"Got mu = {mu:.15g}: at a degenerate node, mu = 1, these are one, and from 1 - mu = {DEGENERATE:g} on "
-                "they are not told apart. Change a parameter."
+                "canards of a folded node are sought between its strong and its weak direction, gamma_0 and "
+                "gamma_w.",
+                "Change a parameter.",
+                got=(
+                    f"mu = {mu:.15g}: at a degenerate node, mu = 1, these are one, and from 1 - mu = "
+                    f"{DEGENERATE:g} on they are not told apart"
+                ),
             )
         return
     instead = {
@@ -242,6 +249,7 @@ def _check_kind(singularity: FoldedSingularity) -> None:
         FoldedKind.SADDLE_NODE_II: "mu = 0 at a folded saddle-node: the number of canards is not bounded there",
     }.get(kind, singularity.reason)
     raise FoldedError(
-        f"canards that turn belong to a folded node with negative eigenvalues. Got a {kind.value}: {instead}. "
-        "Ask folded_singularities for another, or change a parameter."
+        "canards that turn belong to a folded node with negative eigenvalues.",
+        "Ask folded_singularities for another, or change a parameter.",
+        got=f"a {kind.value}: {instead}",
     )

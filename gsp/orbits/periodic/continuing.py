@@ -89,11 +89,15 @@ def continue_orbits(
     value = origin.value if isinstance(origin, HopfPoint) else origin.constants[symbol.name]
     if not low <= value <= high:
         raise DeclarationError(
-            f"the family starts outside the bounds. Got {symbol} = {value:g} and ({low:g}, {high:g}). Widen them."
+            "the family starts outside the bounds.",
+            "Widen them.",
+            got=f"{symbol} = {value:g} and ({low:g}, {high:g})",
         )
     if symbol == origin.flow.epsilon and low <= 0.0:
         raise DeclarationError(
-            f"{symbol} is positive along a family. Got the bounds ({low:g}, {high:g}). Give a positive lower one."
+            f"{symbol} is positive along a family.",
+            "Give a positive lower one.",
+            got=f"the bounds ({low:g}, {high:g})",
         )
     period = 2.0 * np.pi / origin.omega if isinstance(origin, HopfPoint) else origin.period
     controls = Controls(
@@ -123,14 +127,16 @@ def _parameter(origin: PeriodicOrbit | HopfPoint, parameter: sp.Symbol | str | N
         if parameter is None:
             names = ", ".join(origin.constants) or "none"
             raise DeclarationError(
-                f'name the parameter that varies, as in parameter="a". The parameters are {names}.'
+                'name the parameter that varies, as in parameter="a".', f"The parameters are {names}."
             )
         return check_name(origin.flow, parameter, epsilon=True)
     symbol = check_name(origin.flow, parameter if parameter is not None else origin.parameter)
     if symbol.name != origin.parameter:
         raise DeclarationError(
-            f"this is a Hopf point in {origin.parameter}. Got parameter={symbol.name!r}. "
-            f"Leave it out, or find the Hopf point in {symbol.name}."
+            f"this is a Hopf point in {origin.parameter}.",
+            f"Leave it out, or find the Hopf point in {symbol.name}.",
+            got=f"parameter={symbol.name!r}",
+            value=symbol.name,
         )
     return symbol
 
@@ -147,7 +153,7 @@ def _constants(origin: PeriodicOrbit | HopfPoint) -> np.ndarray:
 def _through(tracer: CycleTracer, orbit: PeriodicOrbit, name: str, direction: int) -> Row:
     if not orbit.status.ok:
         raise DeclarationError(
-            f"the orbit has not converged. Got {orbit.status.name}. Continue one whose status is SUCCESS."
+            "the orbit has not converged.", "Continue one whose status is SUCCESS.", got=orbit.status.name
         )
     value = orbit.constants[name]
     cycle = Cycle(orbit._cycle.mesh, orbit._cycle.values, orbit.period, value)
@@ -160,8 +166,8 @@ def _through(tracer: CycleTracer, orbit: PeriodicOrbit, name: str, direction: in
     except np.linalg.LinAlgError:
         pass
     raise OrbitError(
-        f"the orbit at {name} = {value:g} is singular: a fold of cycles or a branch point. "
-        "Start at another value of the parameter."
+        f"the orbit at {name} = {value:g} is singular: a fold of cycles or a branch point.",
+        "Start at another value of the parameter.",
     )
 
 
@@ -202,8 +208,11 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
                 return row
         size *= 0.25
     raise OrbitError(
-        f"no small cycle was found at the Hopf point {hopf.parameter} = {hopf.value:.10g}. "
-        f"Got l1 = {hopf.l1:.3g} and crossing = {hopf.crossing:.3g}; the cycles are degenerate when one of them is 0."
+        f"no small cycle was found at the Hopf point {hopf.parameter} = {hopf.value:.10g}.",
+        got=(
+            f"l1 = {hopf.l1:.3g} and crossing = {hopf.crossing:.3g}; the cycles are degenerate when one of them "
+            "is 0"
+        ),
     )
 
 

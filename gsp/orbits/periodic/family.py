@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gsp.errors import DeclarationError, Status, nearest
+from gsp.errors import DeclarationError, Status
 from gsp.orbits.periodic.explosion import Explosion, explosions
 from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.orbit import PeriodicOrbit
@@ -84,7 +84,7 @@ class OrbitFamily(Drawn, Tabular):
         known = list(self.orbits[0].constants)
         if name not in known:
             raise DeclarationError(
-                f"the family has no parameter {name!r}. It has {', '.join(known)}." + nearest(str(name), known)
+                f"the family has no parameter {name!r}.", f"It has {', '.join(known)}.", value=name, known=known
             )
         return np.array([orbit.constants[name] for orbit in self.orbits])
 
@@ -124,7 +124,7 @@ class OrbitFamily(Drawn, Tabular):
         known = [symbol.name for symbol in self.flow.states]
         if name not in known:
             raise DeclarationError(
-                f"{name!r} is no state. The states are {', '.join(known)}." + nearest(str(name), known)
+                f"{name!r} is no state.", f"The states are {', '.join(known)}.", value=name, known=known
             )
         return name
 

@@ -75,8 +75,9 @@ def periodic_orbit(
     if isinstance(start, PeriodicOrbit):
         if start.flow.states != flow.states:
             raise DeclarationError(
-                f"start is an orbit of another flow. Got one with the states {start.flow.states}, where these are "
-                f"{flow.states}. Give a point, or an orbit of this flow at other parameters."
+                "start is an orbit of another flow.",
+                "Give a point, or an orbit of this flow at other parameters.",
+                got=f"one with the states {start.flow.states}, where these are {flow.states}",
             )
         cycle = Cycle(start._cycle.mesh, start._cycle.values, start.period)
         refined = refine(problem, cycle, tolerance=tolerance, most=max_intervals, progress=progress)
@@ -138,9 +139,9 @@ def _solved(
         states = zip(problem.flow.states, cycle.values.mean(axis=(0, 1)))
         raise OrbitError(
             "there is no cycle here: Newton's method ends at the equilibrium "
-            f"{', '.join(f'{s.name} = {v:.6g}' for s, v in states)}. "
-            "The run from start closes by itself, as around a centre or a slow focus: there is no isolated orbit. "
-            "Start elsewhere, or change a parameter."
+            f"{', '.join(f'{s.name} = {v:.6g}' for s, v in states)}.",
+            "The run from start closes by itself, as around a centre or a slow focus: there is no isolated "
+            "orbit. Start elsewhere, or change a parameter.",
         )
     times = _times_around(cycle) if best.status.ok else 1
     if times > 1:
@@ -170,9 +171,10 @@ def _check_isolated(problem: OrbitProblem, refined: Refined, before: float) -> N
         before = isolation_of(problem, refined.solution.point)
     if before <= ISOLATED:
         raise OrbitError(
-            "there is no isolated orbit here: the run from start closes by itself, and so do its neighbours, as around "
-            f"a centre or where a quantity is conserved (isolation {before:.1e}, where cycles have more than "
-            f"{ISOLATED:g}). Start elsewhere, change a parameter, or integrate over the lap that you want."
+            "there is no isolated orbit here: the run from start closes by itself, and so do its "
+            f"neighbours, as around a centre or where a quantity is conserved (isolation {before:.1e}, where "
+            f"cycles have more than {ISOLATED:g}).",
+            "Start elsewhere, change a parameter, or integrate over the lap that you want.",
         )
 
 

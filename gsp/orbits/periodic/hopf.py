@@ -76,8 +76,9 @@ def hopf_points(
     own = float(p[1 + list(flow.parameters).index(symbol)])
     if not low <= own <= high:
         raise DeclarationError(
-            f"{symbol} starts outside the bounds. Got {symbol} = {own:g} and ({low:g}, {high:g}). "
-            "Widen them, or give the flow another value by with_parameters."
+            f"{symbol} starts outside the bounds.",
+            "Widen them, or give the flow another value by with_parameters.",
+            got=f"{symbol} = {own:g} and ({low:g}, {high:g})",
         )
     # Equilibria are the critical manifold of the layer problem z' = F(z): the curve needs nothing else.
     taken = {s.name for s in (*flow.states, *flow.parameters)}

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from gsp.errors import DeclarationError, GspError, Status, nearest
+from gsp.errors import DeclarationError, GspError, Status
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.orbits.periodic.collocation import Cycle
 from gsp.results.drawn import Drawn
@@ -86,7 +86,11 @@ class PeriodicOrbit(Drawn, Tabular):
         """State (n,) at a phase, or (n, k) at phases (k,); a phase counts modulo 1."""
         s = np.array(phase, dtype=float)
         if s.ndim > 1 or not np.isfinite(s).all():
-            raise GspError(f"phase is a finite number or a one-dimensional array. Got the shape {s.shape}.")
+            raise GspError(
+                "phase is a finite number or a one-dimensional array.",
+                got=f"the shape {s.shape}",
+                value=s.shape,
+            )
         values = self._cycle.at(np.mod(np.atleast_1d(s), 1.0)).T
         return values if s.ndim else values[:, 0]
 
@@ -107,7 +111,10 @@ class PeriodicOrbit(Drawn, Tabular):
             return found[:, observables.index(name)]
         known = [*states, *observables]
         raise GspError(
-            f"{name!r} is no state and no observable. Those are {', '.join(known)}." + nearest(str(name), known)
+            f"{name!r} is no state and no observable.",
+            f"Those are {', '.join(known)}.",
+            value=name,
+            known=known,
         )
 
     def crossings(self, key: str | sp.Symbol, level: float = 0.0) -> np.ndarray:
@@ -224,8 +231,10 @@ def check_name(flow: Flow, parameter: sp.Symbol | str, *, epsilon: bool = False)
         names[flow.epsilon.name] = flow.epsilon
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f"there is no parameter {shown(name)}. The parameters are {', '.join(names) or 'none'}."
-            + nearest(name, names)
+            f"there is no parameter {shown(name)}.",
+            f"The parameters are {', '.join(names) or 'none'}.",
+            value=name,
+            known=names,
         )
     return names[name]
 

@@ -97,9 +97,10 @@ def settled_lap(
             return lap
         if _at_rest(run):
             raise OrbitError(
-                f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}. "
-                f"Got start {_shown(start)}. "
-                "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this equilibrium."
+                f"there is no cycle here: the run from start settles at the equilibrium {_shown(last)}.",
+                "Start elsewhere, change a parameter, or continue cycles from a Hopf point of this "
+                "equilibrium.",
+                got=f"start {_shown(start)}",
             )
         if run.status is not Status.TOO_MANY_STEPS:
             how = (
@@ -119,8 +120,9 @@ def settled_lap(
             progress(steps / max_steps)
         if steps >= max_steps:
             raise OrbitError(
-                f"the run from start has not come back to itself after {steps} steps. It is at {_shown(last)}. "
-                "Raise max_steps, or give the period with a start near the cycle; a torus or chaos never closes."
+                f"the run from start has not come back to itself after {steps} steps.",
+                f"It is at {_shown(last)}. Raise max_steps, or give the period with a start near the cycle; "
+                "a torus or chaos never closes.",
             )
         steps = min(2 * steps, max_steps)
 
@@ -133,7 +135,7 @@ def given_lap(flow: Flow, start: Point, epsilon: float | None, period: float) ->
     )  # fmt: skip
     if not run.status.ok:
         raise OrbitError(
-            f"the run from start does not last one period. Got {run.message}. Move the start or the period."
+            "the run from start does not last one period.", "Move the start or the period.", got=run.message
         )
     return Lap(run, 0.0, period)
 

@@ -83,8 +83,9 @@ class ComplexFunction:
         name, operands = parts(e)
         if name not in _NUMPY:
             raise UnsupportedFunctionError(
-                f"{e} cannot be continued to complex time. The functions that can are {', '.join(_NUMPY)}. "
-                "A passage with a pair of complex eigenvalues needs an analytic field."
+                f"{e} cannot be continued to complex time.",
+                f"The functions that can are {', '.join(_NUMPY)}. A passage with a pair of complex "
+                "eigenvalues needs an analytic field.",
             )
         return _NUMPY[name], (self._place(operands[0]),)
 

@@ -64,17 +64,18 @@ def entry_exit(
     system = branch.system
     array, single = as_points(system.x, start, what="start")
     if not single:
-        raise DeclarationError(f"start is one point. Got {len(array)} of them. Call entry_exit for each.")
+        raise DeclarationError("start is one point.", "Call entry_exit for each.", got=f"{len(array)} of them")
     longest = check_number(longest, what="longest", be="a positive slow time", above=0.0)
     if not np.isfinite(array).all():
-        raise DeclarationError(f"start is finite. Got {shown(start)}.")
+        raise DeclarationError("start is finite.", got=shown(start), value=start)
     box = None if region is None else check_region(region, [s.name for s in system.states])
     orbit = SlowOrbit(branch, array[0])
     values = orbit.eigenvalues(orbit.state[None, :])[0]
     if values[0].real >= 0.0:
         raise PassageError(
             f"the branch does not attract at the start, {orbit.shown(orbit.state)}: fast eigenvalues "
-            f"{np.array2string(values, precision=4)}. Start where all real parts are negative."
+            f"{np.array2string(values, precision=4)}.",
+            "Start where all real parts are negative.",
         )
     return _Passage(orbit, box, float(longest)).result()
 

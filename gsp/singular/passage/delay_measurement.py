@@ -135,8 +135,8 @@ def measure_delay(
         exact_start(delayed.branch.system, start)
     if delayed.branch.graph is None:
         raise PassageError(
-            f"the branch {delayed.branch} is implicit, and a distance from it is not defined. Integrate with "
-            "follow(system, ..., until=...) to a section of your own."
+            f"the branch {delayed.branch} is implicit, and a distance from it is not defined.",
+            "Integrate with follow(system, ..., until=...) to a section of your own.",
         )
     if delayed.kind is ExitKind.NONE:
         raise PassageError(f"there is nothing to measure: {delayed.message}")
@@ -160,8 +160,8 @@ def measure_delay(
             least = rise / ((MOST_DIGITS - SPARE) * np.log(10.0))
             raise PassageError(
                 f"the passage at epsilon = {small:g} takes {wanted:.0f} digits, since a deviation falls to "
-                f"exp(-{rise / small:.0f}); at most {MOST_DIGITS} are carried. "
-                f"Measure at an epsilon of {1.01 * least:.2g} or more, or start nearer to the loss."
+                f"exp(-{rise / small:.0f}); at most {MOST_DIGITS} are carried.",
+                f"Measure at an epsilon of {1.01 * least:.2g} or more, or start nearer to the loss.",
             )
         digits = int(wanted)
     squared = sp.Add(*[(y - h) ** 2 for y, h in delayed.branch.graph.items()])

@@ -65,7 +65,7 @@ class ExtendedOrbit:
         names = [s.name for s in self.system.states]
         if name not in names:
             raise DeclarationError(
-                f'"{name}" is no state and was not watched. Those are {[*names, *self.watched]}.'
+                f'"{name}" is no state and was not watched.', f"Those are {[*names, *self.watched]}."
             )
         return self.y[names.index(name)]
 
@@ -112,17 +112,15 @@ def follow(
     given = exact_start(system, start)
     small = exact(epsilon)
     if watch is not None and not isinstance(watch, Mapping):
-        raise DeclarationError(f"watch maps names to expressions in the states. Got {shown(watch)}.")
+        raise DeclarationError("watch maps names to expressions in the states.", got=shown(watch), value=watch)
     for what, e in {"until": until, **{f"watch[{name!r}]": e for name, e in (watch or {}).items()}}.items():
         if e is None and what == "until":
             continue
         if not isinstance(e, sp.Expr):
-            raise DeclarationError(f"{what} is a SymPy expression in the states. Got {shown(e)}.")
+            raise DeclarationError(f"{what} is a SymPy expression in the states.", got=shown(e), value=e)
         unknown = e.free_symbols - {*system.states, *system.parameters}  # pyright: ignore[reportOptionalMemberAccess]
         if unknown:
-            raise DeclarationError(
-                f"{what} contains {', '.join(map(str, unknown))}, which is no state. Got {e}."
-            )
+            raise DeclarationError(f"{what} contains {', '.join(map(str, unknown))}, which is no state.", got=e)
     with precision(int(digits * 3.33) + 40):
         taylor = _Taylor(system, small, digits, until, dict(watch or {}))
         return taylor.run(given, exact(first), exact(last), exact(begin))
@@ -136,7 +134,7 @@ def check_digits(digits: int) -> int:
 def exact_start(system: SlowFastSystem, start: Mapping) -> dict[str, sp.Rational]:
     """Exact values by name of a start that names every state; raises `DeclarationError` otherwise."""
     if not isinstance(start, Mapping):
-        raise DeclarationError(f"start is a mapping of names to numbers. Got {shown(start)}.")
+        raise DeclarationError("start is a mapping of names to numbers.", got=shown(start), value=start)
     given: dict[str, sp.Rational] = {}
     for key, value in start.items():
         name = key.name if isinstance(key, sp.Symbol) else str(key)

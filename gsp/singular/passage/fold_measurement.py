@@ -164,7 +164,7 @@ def fit_omega0(
     check_noun(passage, FoldPassage, verb="fit_omega0")
     ladder = np.array(sorted(set(check_epsilons(epsilons)), reverse=True))
     if len(ladder) < 4:
-        raise DeclarationError(f"a fit takes four epsilons or more. Got {len(ladder)}. Lengthen the ladder.")
+        raise DeclarationError("a fit takes four epsilons or more.", "Lengthen the ladder.", got=len(ladder))
     place = dict([_section(passage, section)])
     begin = upstream(passage, float(ladder[0]))[0]
     start = {s.name: float(v) for s, v in zip(passage.system.states, begin)}
@@ -284,20 +284,23 @@ def _section(passage: FoldPassage, section: Mapping[str, float] | None) -> tuple
     names = [s.name for s in passage.system.y]
     if section is None:
         if not passage.drop.lands:
-            raise PassageError(f"{passage.drop}. Give a section, {{fast variable: value}}.")
+            raise PassageError(f"{passage.drop}.", "Give a section, {fast variable: value}.")
         i = int(np.argmax(np.abs(passage.right)))
         return names[i], 0.5 * (passage.y0[i] + passage.drop.point[names[i]])
     given = named(section, what="section")
     if len(given) != 1 or next(iter(given)) not in names:
         raise DeclarationError(
-            f"section is one fast variable and its value. Got {given}. The fast variables are {', '.join(names)}."
+            "section is one fast variable and its value.",
+            f"The fast variables are {', '.join(names)}.",
+            got=given,
         )
     name, value = next(iter(given.items()))
     i = names.index(name)
     if (value - passage.y0[i]) * passage.right[i] * np.sign(passage.a) <= 0.0:
         raise DeclarationError(
-            f"the section {name} = {value:g} is not beyond the fold, {name} = {passage.y0[i]:.6g}. Orbits leave "
-            f"towards {'larger' if passage.right[i] * passage.a > 0 else 'smaller'} {name}; take it there."
+            f"the section {name} = {value:g} is not beyond the fold, {name} = {passage.y0[i]:.6g}.",
+            f"Orbits leave towards {('larger' if passage.right[i] * passage.a > 0 else 'smaller')} {name}; "
+            "take it there.",
         )
     return name, value
 

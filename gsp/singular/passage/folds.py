@@ -154,15 +154,15 @@ def fold_passage(
     slope = left @ g_x
     if np.abs(slope).max() <= ZERO * np.linalg.norm(left) * (np.abs(g_x).max() or 1.0):
         raise PassageError(
-            f"two branches of the critical manifold meet at {where}: l . g_x = 0. This is no fold. "
-            "Use entry_exit along the branch that goes on."
+            f"two branches of the critical manifold meet at {where}: l . g_x = 0.",
+            "This is no fold. Use entry_exit along the branch that goes on.",
         )
     a = 0.5 * float(left @ bending)
     size = np.linalg.norm(left) * np.abs(second[:, m:, m:]).max()
     if abs(a) <= ZERO * size or size == 0.0:
         raise PassageError(
-            f"the fold at {where} is degenerate, a cusp: a = l . g_yy(r, r)/2 = {a:.3g}. The passage takes other "
-            "powers of epsilon there; move to a point of the fold that is not a cusp."
+            f"the fold at {where} is degenerate, a cusp: a = l . g_yy(r, r)/2 = {a:.3g}.",
+            "The passage takes other powers of epsilon there; move to a point of the fold that is not a cusp.",
         )
     f, along = _slow_rates(system, u, r)
     b, d = float(slope @ f), float(slope @ along)
@@ -170,19 +170,22 @@ def fold_passage(
         remedy = "canard_value" if m == 1 else "folded_singularities"
         raise PassageError(
             f"the slow flow does not cross the fold at {where}: b = l . g_x f = {b:.3g}, a "
-            f"{'canard point' if m == 1 else 'folded singularity'}. Use {remedy}."
+            f"{('canard point' if m == 1 else 'folded singularity')}.",
+            f"Use {remedy}.",
         )
     if a * b < 0.0:
         raise PassageError(
-            f"the slow flow leads away from the fold at {where}: a b = {a * b:.3g} < 0, so that both sheets are left "
-            "there. A passage needs a b > 0; reverse the slow flow, or take another fold."
+            f"the slow flow leads away from the fold at {where}: a b = {a * b:.3g} < 0, so that both sheets "
+            "are left there.",
+            "A passage needs a b > 0; reverse the slow flow, or take another fold.",
         )
     values = np.linalg.eigvals(g_y)
     others = np.delete(values, np.argmin(np.abs(values)))
     if others.size and others.real.max() >= 0.0:
         raise PassageError(
             f"the sheet that ends in the fold at {where} is not attracting: fast eigenvalues "
-            f"{np.array2string(values, precision=4)}. Orbits leave it before they reach the fold."
+            f"{np.array2string(values, precision=4)}.",
+            "Orbits leave it before they reach the fold.",
         )
     # The centre manifold y = y_0 + r v + h v^2/2 with l . h = 0: g_y h = 2 a r - g_yy(r, r).
     bordered = np.block([[g_y, r[:, None]], [left[None, :], np.zeros((1, 1))]])
@@ -218,8 +221,10 @@ def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerP
     for symbol, value in parameters.items():
         if symbol.name in given and given.pop(symbol.name) != value:
             raise PassageError(
-                f"the fold lies at another value of the parameter {symbol}. Got {value!r} in the system. "
-                f"Pass system.with_parameters({symbol}=...) with the fold's value."
+                f"the fold lies at another value of the parameter {symbol}.",
+                f"Pass system.with_parameters({symbol}=...) with the fold's value.",
+                got=f"{value!r} in the system",
+                value=value,
             )
     u = np.array(complete(given, system.states, what="fold"))
     problem = LayerProblem(system, system.x, parameters)
@@ -235,8 +240,8 @@ def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerP
         values = np.array2string(problem.eigenvalues(u[None, :])[0], precision=4)
         g = ", ".join(f"{v:.3g}" for v in problem.residual(u))
         raise PassageError(
-            f"there is no fold at {where}: g = {g}, fast eigenvalues {values}. Take a point of "
-            "continue_critical(system, start=...).special."
+            f"there is no fold at {where}: g = {g}, fast eigenvalues {values}.",
+            "Take a point of continue_critical(system, start=...).special.",
         )
     return problem, found
 
@@ -252,7 +257,7 @@ def _null_vectors(
     if len(sizes) > 1 and (sizes[-2] <= ZERO * sizes[0] or abs(product) < 1e-6):
         values = np.array2string(problem.eigenvalues(u[None, :])[0], precision=4)
         raise PassageError(
-            f"more than one fast eigenvalue vanishes at {where}: {values}. A fold passage has exactly one."
+            f"more than one fast eigenvalue vanishes at {where}: {values}.", "A fold passage has exactly one."
         )
     return r, unit / product
 
@@ -274,12 +279,13 @@ def _check_inside(point: Mapping[str, float], box: Mapping[str, Interval], where
         margin = EDGE * (high - low)
         if not low - margin <= point[name] <= high + margin:
             raise PassageError(
-                f"the fold at {where} lies outside the region: {name} in ({low:g}, {high:g}). Enlarge it."
+                f"the fold at {where} lies outside the region: {name} in ({low:g}, {high:g}).", "Enlarge it."
             )
         if not low + margin < point[name] < high - margin:
             raise PassageError(
-                f"the fold lies on the edge of the region, {name} = {point[name]:.6g}. Got {name} in ({low:g}, "
-                f"{high:g}). The passage leaves the region there; enlarge it."
+                f"the fold lies on the edge of the region, {name} = {point[name]:.6g}.",
+                "The passage leaves the region there; enlarge it.",
+                got=f"{name} in ({low:g}, {high:g})",
             )
 
 

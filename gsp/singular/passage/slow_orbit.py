@@ -124,7 +124,8 @@ class SlowOrbit:
         speed = float(np.linalg.norm(self._f(self.state[None, :])[0]))
         if speed == 0.0:
             raise PassageError(
-                f"the reduced flow stands still at the start, {self.shown(self.state)}. Start where it moves."
+                f"the reduced flow stands still at the start, {self.shown(self.state)}.",
+                "Start where it moves.",
             )
         self._length = self._first = FIRST * (1.0 + float(np.linalg.norm(x))) / speed
         graph = branch.graph
@@ -157,7 +158,8 @@ class SlowOrbit:
             self._length *= 0.5
         raise PassageError(
             f"the reduced orbit on the branch {self.branch} ends near {self.shown(self.state)}, slow time "
-            f"{self.end:.6g}: the branch folds there or the field is singular. At a fold use fold_passage."
+            f"{self.end:.6g}: the branch folds there or the field is singular.",
+            "At a fold use fold_passage.",
         )
 
     def _sampled(self, times: np.ndarray) -> np.ndarray | None:

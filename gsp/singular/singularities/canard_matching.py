@@ -91,8 +91,11 @@ def match_canard(
                 break
         else:
             raise CanardError(
-                f"the two slow manifolds were not matched in {SECANT_LIMIT} secant steps at {canard.system.epsilon} = "
-                f"{epsilon}. Got reach={reach}. Take a smaller epsilon or a shorter reach."
+                f"the two slow manifolds were not matched in {SECANT_LIMIT} secant steps at "
+                f"{canard.system.epsilon} = {epsilon}.",
+                "Take a smaller epsilon or a shorter reach.",
+                got=f"reach={reach}",
+                value=reach,
             )
         value = sp.Float(b.mid().str(digits + 5, radius=False), digits)
         resolution = max(float((-c / arb(small)).exp().mid()) for c in shooting.contractions(reach))
@@ -172,8 +175,9 @@ class _Shooting:
             if not abs(state[y]) < 1e6:
                 break
         raise CanardError(
-            f"an orbit from {x} = {float(start[x].mid()):.6g}, {y} = {float(start[y].mid()):.6g} does not arrive "
-            f"at the fold, {y} = {float(target.mid()):.6g}. Start nearer to the fold (reach), or lower epsilon."
+            f"an orbit from {x} = {float(start[x].mid()):.6g}, {y} = {float(start[y].mid()):.6g} does not "
+            f"arrive at the fold, {y} = {float(target.mid()):.6g}.",
+            "Start nearer to the fold (reach), or lower epsilon.",
         )
 
     def _series(self, state: Mapping[sp.Symbol, Any], a: Any) -> dict[sp.Symbol, list[Any]]:

@@ -21,7 +21,7 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
 from gsp.algebra.laurent import laurent, vanishes
-from gsp.errors import DeclarationError, GspError, nearest
+from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_series import PlanarField
 from gsp.singular.singularities.fold_starts import fold_starts
 from gsp.singular.singularities.located_points import Located, locate
@@ -55,15 +55,19 @@ def planar_field(system: SlowFastSystem, parameter: sp.Symbol | str) -> PlanarFi
     check_noun(system, SlowFastSystem, verb="canard_value")
     if len(system.x) != 1 or len(system.y) != 1:
         raise CanardError(
-            f"canard_value takes one slow and one fast variable. Got {len(system.x)} slow and {len(system.y)} fast. "
-            "With one fast and two slow variables use folded_singularities."
+            "canard_value takes one slow and one fast variable.",
+            "With one fast and two slow variables use folded_singularities.",
+            got=f"{len(system.x)} slow and {len(system.y)} fast",
         )
     names = {symbol.name: symbol for symbol in system.parameters}
     name = parameter.name if isinstance(parameter, sp.Symbol) else parameter
     if not isinstance(name, str) or name not in names:
         raise DeclarationError(
-            f"there is no parameter {shown(name)}. The parameters are {', '.join(names) or 'none'}. Declare the one "
-            "that moves the equilibrium across the fold." + nearest(name, names)
+            f"there is no parameter {shown(name)}.",
+            f"The parameters are {', '.join(names) or 'none'}. Declare the one that moves the equilibrium "
+            "across the fold.",
+            value=name,
+            known=names,
         )
     a = names[name]
     values = {symbol: value for symbol, value in system.parameters.items() if symbol != a}
@@ -82,7 +86,9 @@ def canard_point(
     known = [symbol.name for symbol in field.symbols]
     for name in target or {}:
         if name not in known:
-            raise DeclarationError(f'near names "{name}". It takes {", ".join(known)}.' + nearest(name, known))
+            raise DeclarationError(
+                f'near names "{name}".', f"It takes {', '.join(known)}.", value=name, known=known
+            )
     candidates = _candidates(field, declared, target)
     if target is None:
         good = [c for c in candidates if not c.fault]
@@ -113,12 +119,14 @@ def _candidates(
     fold = (g0, sp.diff(g0, y))
     if vanishes(fold[1]):
         raise CanardError(
-            f"there is no fold: the fast rate does not depend on {y}. Got g = {g0} at {field.epsilon} = 0."
+            f"there is no fold: the fast rate does not depend on {y}.", got=f"g = {g0} at {field.epsilon} = 0"
         )
     if not (f0.has(a) or g0.has(a)):
         raise CanardError(
-            f"{a} does not appear in the equations at {field.epsilon} = 0, so it cannot move the equilibrium across "
-            f"the fold. Got f = {f0}, g = {g0}. Choose another parameter, or rescale {a} by {field.epsilon}."
+            f"{a} does not appear in the equations at {field.epsilon} = 0, so it cannot move the equilibrium "
+            "across the fold.",
+            f"Choose another parameter, or rescale {a} by {field.epsilon}.",
+            got=f"f = {f0}, g = {g0}",
         )
     axes = [[target[s.name]] if target and s.name in target else list(STARTS) for s in (x, y, a)]
     if not target or a.name not in target:
@@ -130,8 +138,9 @@ def _candidates(
         points = locate((*fold, f0), (x, y, a), starts=starts)
     except InfinitelyManyPoints:
         raise CanardError(
-            f"{a} does not move the equilibrium across the fold: g = g_{y} = f = 0 along a whole curve. "
-            f"Got f = {f0}, g = {g0}. Choose another parameter."
+            f"{a} does not move the equilibrium across the fold: g = g_{y} = f = 0 along a whole curve.",
+            "Choose another parameter.",
+            got=f"f = {f0}, g = {g0}",
         ) from None
     if not points:
         _explain_none(field, fold, f0, declared)
@@ -152,12 +161,15 @@ def _explain_none(
         folds, shown = [None], "a whole curve of points"
     if not folds:
         raise CanardError(
-            f"there is no fold at a finite point: g = g_{y} = 0 has no real solution found at {a} = {declared}. "
-            f"Got g = {fold[0]}. A canard needs a fold of the critical manifold."
+            f"there is no fold at a finite point: g = g_{y} = 0 has no real solution found at {a} = "
+            f"{declared}.",
+            "A canard needs a fold of the critical manifold.",
+            got=f"g = {fold[0]}",
         )
     raise CanardError(
-        f"the fold is a jump point: the slow rate does not vanish there for any real {a}. Got f = {f0}, and at "
-        f"{a} = {declared} the fold {shown}. Choose a parameter that brings an equilibrium to the fold."
+        f"the fold is a jump point: the slow rate does not vanish there for any real {a}.",
+        "Choose a parameter that brings an equilibrium to the fold.",
+        got=f"f = {f0}, and at {a} = {declared} the fold {shown}",
     )
 
 

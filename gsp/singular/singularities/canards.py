@@ -100,9 +100,9 @@ class CanardValue(Card):
                 else:
                     why = f"and orders past {SUM_LIMIT} are not summed. "
                 raise CanardError(
-                    f"the canard series has about {left} digits at {self.system.epsilon} = {epsilon}: its least term, "
-                    f"of order {grows}, is {size:.2g}, {why}Got digits={digits}. Ask for fewer digits, or lower "
-                    f"{self.system.epsilon}."
+                    f"the canard series has about {left} digits at {self.system.epsilon} = {epsilon}: its "
+                    f"least term, of order {grows}, is {size:.2g}, {why}Got digits={digits}.",
+                    f"Ask for fewer digits, or lower {self.system.epsilon}.",
                 )
             order *= 2
 

@@ -71,8 +71,9 @@ def desingularise(system: SlowFastSystem) -> Desingularised:
     check_noun(system, SlowFastSystem, verb="folded_singularities")
     if len(system.y) != 1:
         raise FoldedError(
-            f"folded singularities are computed for one fast variable. Got {len(system.y)}. Reduce the fast "
-            "variables to the centre manifold of the fold first."
+            "folded singularities are computed for one fast variable.",
+            "Reduce the fast variables to the centre manifold of the fold first.",
+            got=len(system.y),
         )
     zero = sp.Integer(0)
     put_in = dict(system.parameters)
@@ -81,7 +82,7 @@ def desingularise(system: SlowFastSystem) -> Desingularised:
     y = system.y[0]
     fold = sp.diff(g, y)
     if vanishes(fold):
-        raise FoldedError(f"there is no fold: the fast rate does not depend on {y}. Got g = {g}.")
+        raise FoldedError(f"there is no fold: the fast rate does not depend on {y}.", got=f"g = {g}", value=g)
     q = sp.Add(*[sp.diff(g, s) * rate for s, rate in zip(system.x, f)])
     rates = {**{s: sp.expand_mul(-fold * rate) for s, rate in zip(system.x, f)}, y: q}
     return Desingularised(g, f, system.x, y, MappingProxyType(rates), fold, q)

@@ -118,22 +118,25 @@ def folded_singularities(
     flow = desingularise(system)
     if len(flow.x) == 1:
         raise FoldedError(
-            "with one slow variable an equilibrium meets the fold only for single parameter values. Use canard_value."
+            "with one slow variable an equilibrium meets the fold only for single parameter values.",
+            "Use canard_value.",
         )
     names = [s.name for s in system.states]
     box = check_region(region, names)
     if len(flow.x) > 2:
         raise FoldedError(
             f"with {len(flow.x)} slow variables the folded singularities form a manifold of dimension "
-            f"{len(flow.x) - 2}; they are not isolated. Classify single ones with folded_singularity(system, near=...)."
+            f"{len(flow.x) - 2}; they are not isolated.",
+            "Classify single ones with folded_singularity(system, near=...).",
         )
     equations = (flow.g, flow.fold, flow.q)
     try:
         points = locate(equations, system.states, starts=_starts(flow, region, names))
     except InfinitelyManyPoints:
         raise FoldedError(
-            f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve. "
-            f"Got g = {flow.g}, f = {', '.join(map(str, flow.f))}. The slow flow is tangent to the fold all along."
+            f"the folded singularities are not isolated: g = g_{flow.y} = g_x f = 0 along a curve.",
+            "The slow flow is tangent to the fold all along.",
+            got=f"g = {flow.g}, f = {', '.join(map(str, flow.f))}",
         ) from None
     inside = [p for p in points if _inside(p, box)]
     return tuple(_classified(system, flow, p) for p in inside)
@@ -156,7 +159,7 @@ def folded_singularity(
     flow = desingularise(system)
     start = dict(zip([s.name for s in system.states], system.initial(near)))
     if len(flow.x) < 2:
-        raise FoldedError("with one slow variable there are canard points instead. Use canard_value.")
+        raise FoldedError("with one slow variable there are canard points instead.", "Use canard_value.")
     held = {s: exact(start[s.name]) for s in flow.x[2:]}
     free = (*flow.x[:2], flow.y)
     equations = [e.xreplace(held) for e in (flow.g, flow.fold, flow.q)]
@@ -164,12 +167,14 @@ def folded_singularity(
         points = locate(equations, free, starts=[[start[s.name] for s in free]])
     except InfinitelyManyPoints:
         raise FoldedError(
-            f"the folded singularities over {held} are not isolated. Declare other slow variables last, to be held."
+            f"the folded singularities over {held} are not isolated.",
+            "Declare other slow variables last, to be held.",
         ) from None
     if not points:
         raise FoldedError(
-            f"there is no folded singularity near {start}: g = g_{flow.y} = g_x f = 0 has no real solution there. "
-            "The folds near by are jump points."
+            f"there is no folded singularity near {start}: g = g_{flow.y} = g_x f = 0 has no real solution "
+            "there.",
+            "The folds near by are jump points.",
         )
     point = min(points, key=lambda p: sum((p.numbers()[s] - start[s.name]) ** 2 for s in free))
     return _classified(system, flow, point, held=held)
