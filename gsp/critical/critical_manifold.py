@@ -60,7 +60,7 @@ class CriticalManifold(Card):
                 outside = not within(height, self.system.y, bounds)[0]
                 distance = (outside, math.hypot(*(height[0] - y)))
             except BranchError as error:
-                reasons.append(str(error))
+                reasons.append(error.reason)
                 continue
             if best is None or distance < best[0]:
                 best = (distance, sheet)
