@@ -160,7 +160,7 @@ def _check_kept(name: str, number: int, text: str, dropped: set[str]) -> None:
 def _leave_out(file: _File, name: str, error: ModelFileError, dropped: set[str]) -> None:
     """Leave a quantity out that cannot be read and that no rate needs."""
     dropped.add(name)
-    file.left_out.append(f"{name} ({str(error)[:100]})")
+    file.left_out.append(f"{name} ({error!s:.100})")
 
 
 class _Helpers:
