@@ -366,7 +366,7 @@ CONTRACTS = {
                  "epsilons": (0.02, 0.01), "tolerance": 1e-4},
         {**dict.fromkeys(("name", "title", "source", "description"), kind("text")),
          "reconstruction_start": POINT, "path": kind(), "claims": kind("[]"), "starts": kind(inside=POINT),
-         "units": kind(inside=kind("text")),
+         "units": kind(inside=kind("text")), "views": kind(),
          "reconstruction": kind("None", inside=EXPRESSIONS.inside)},
     ),
     "Event": Contract(
