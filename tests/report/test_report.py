@@ -21,7 +21,7 @@ from gsp.readers.writing import as_toml
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
-from gsp.report.wording import first_sentence, number, scientific, signed, words
+from gsp.report.wording import number, scientific, signed, words
 from gsp.scenes.scene import Scene
 from tests.analyses import analysis_of
 from tests.example_systems import saddle_scene
@@ -334,7 +334,6 @@ def test_numbers_and_words_are_set():
     assert scientific(1.234e-7) == "1.23×10<sup>−7</sup>"
     assert words("at y = 0.9, b = 2.38e-10") == "at <i>y</i> = 0.9, <i>b</i> = 2.38×10<sup>−10</sup>"
     assert words("x = -1: a b = -0.5 < 0") == "<i>x</i> = −1: <i>a b</i> = −0.5 &lt; 0"
-    assert first_sentence("no fold: b = l . g_x f. Use 1. Or 2.") == "no fold: b = l . g_x f"
     assert signed(-0.5) == "− 0.5"
     assert (
         words("off by 7.1e-05, 21e-5, 1e-5.")
