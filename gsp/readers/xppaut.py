@@ -14,7 +14,7 @@ from gsp.errors import ModelFileError
 from gsp.readers.conditions import POSITIVE
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel, counted, fresh_name, number_in
-from gsp.readers.xppaut_arrays import without_sums, written_out
+from gsp.readers.xppaut_arrays import WRITTEN, without_sums, written_out
 from gsp.readers.xppaut_conditions import without_conditions
 from gsp.readers.xppaut_lines import (
     MISSING,
@@ -33,8 +33,6 @@ from gsp.readers.xppaut_order import taken_a_step_late
 # XPPAUT's own, where a file does not say.
 TOTAL = "20"
 NAMES = 4000
-# Characters of all expressions, arrays and sums written out.
-WRITTEN = 1_000_000
 
 _SETTING = re.compile(rf"({WORD})\s*=\s*([^\s,]+)")
 _VALUE = re.compile(rf"({WORD})\s*=\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)(?=[\s,]|$)")

@@ -14,7 +14,7 @@ from typing import NoReturn
 from gsp.errors import ModelFileError
 
 # The most members of an array, and the most lines and characters of a file written out.
-MEMBERS, LINES, CHARACTERS = 2000, 20_000, 1_000_000
+MEMBERS, LINES, WRITTEN = 2000, 20_000, 1_000_000
 
 _WORD = r"[a-z][a-z0-9_]*"
 _RANGE = re.compile(r"\[\s*(-?[0-9]{1,6})\s*\.{2,3}\s*(-?[0-9]{1,6})\s*\]")
@@ -41,10 +41,10 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
     def counted(number: int, text: str) -> Line:
         counts[0] += 1
         counts[1] += len(text)
-        if counts[0] > LINES or counts[1] > CHARACTERS:
+        if counts[0] > LINES or counts[1] > WRITTEN:
             _fail(
                 number,
-                f"with its arrays written out the file has more than {LINES} lines or {CHARACTERS} characters",
+                f"with its arrays written out the file has more than {LINES} lines or {WRITTEN} characters",
                 "Use fewer members.",
             )
         return number, text

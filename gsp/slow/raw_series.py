@@ -17,8 +17,9 @@ from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.algebra.ring_elements import Element
 from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.slow.components import Components
 from gsp.slow.coordinates import dot, invert
-from gsp.slow.series import Components, SeriesManifold
+from gsp.slow.series import SeriesManifold
 from gsp.splitting.splitting import Splitting
 from gsp.systems.arguments import check_noun, shown
 

@@ -11,7 +11,6 @@ The coefficients live in the chart's ring, so parameters stay symbolic and nothi
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -25,6 +24,7 @@ from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, Hyperb
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
+from gsp.slow.components import Components
 from gsp.slow.coordinates import Chart
 from gsp.slow.expansion import Expansion
 from gsp.slow.truncation import AHEAD, best, errors, past
@@ -41,33 +41,6 @@ READABLE = 300
 # With longer ones than this it takes seconds to compile what is evaluated, which then runs no faster than the full
 # system: they are not sought ahead, and not run where nobody asked for their order.
 LONGEST = 600
-
-
-class Components(tuple):
-    """Expressions in the order of some symbols, indexed by place, by symbol or by name."""
-
-    symbols: tuple[sp.Symbol, ...]
-
-    def __new__(cls, symbols: Iterable[sp.Symbol], values: Iterable[sp.Expr]) -> Components:
-        self = super().__new__(cls, values)
-        self.symbols = tuple(symbols)
-        return self
-
-    def __getnewargs__(self) -> tuple:
-        return self.symbols, tuple(self)
-
-    def __getitem__(self, key):  # pyright: ignore[reportIncompatibleMethodOverride]
-        if isinstance(key, (str, sp.Symbol)):
-            names = [symbol.name for symbol in self.symbols]
-            name = key if isinstance(key, str) else key.name
-            if name not in names:
-                raise KeyError(f"{name} is none of {', '.join(names)}")
-            return super().__getitem__(names.index(name))
-        return super().__getitem__(key)
-
-    def as_dict(self) -> dict[sp.Symbol, sp.Expr]:
-        """The same as a mapping."""
-        return dict(zip(self.symbols, self))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,7 +11,8 @@ from scipy.integrate import quad
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, DeclarationError, HyperbolicityError, UnsupportedFunctionError
-from gsp.slow.series import Components, expand
+from gsp.slow.components import Components
+from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems

@@ -36,12 +36,12 @@ from gsp.kernels import jets
 from gsp.kernels.taylor import ATOL, FIRST, LAST, LAST_BUT_ONE, RTOL, SCALE
 from gsp.lowering.instructions import Instructions, every_part, write_instructions
 from gsp.lowering.steps.arithmetic import RealArithmetic
+from gsp.lowering.steps.convolutions import WIDTH, Bundle, convolutions, vector
 from gsp.lowering.steps.emission import Emitter
 from gsp.lowering.steps.flow_code import FlowCode
 from gsp.lowering.steps.values import (
     SIGNATURE,
     constant,
-    constants,
     lane,
     load,
     load_vector,
@@ -52,8 +52,6 @@ from gsp.lowering.steps.values import (
 
 # Building takes 0.1 milliseconds for each, and more where there are many.
 MOST_PRODUCTS = 100_000
-# Lanes of a vector.
-WIDTH = 4
 # Sums that run side by side where one would wait for itself.
 _SUMS = 4
 _ZERO = constant(0.0)
@@ -125,7 +123,7 @@ class TaylorCode:
 
     def products(self, order: int) -> int:
         """Products of one expansion, which are most of its code."""
-        return len(_convolutions(self.instructions)) * order * order // 2
+        return len(convolutions(self.instructions)) * order * order // 2
 
     def write(self, order: int) -> str:
         """The module's text; raises `GspError` where it would take minutes to build."""
@@ -141,81 +139,6 @@ class TaylorCode:
         _write_advance(module, self.flow, order)
         _write_interpolate(module, len(self.flow.states), order)
         return str(module)
-
-
-@dataclass(frozen=True)
-class _Convolution:
-    """An inner sum: coefficients 1 to k - 1 of instruction `a`, times j if `weighted`, and k - 1 to 1 of `b`."""
-
-    row: int
-    a: int
-    b: int
-    weighted: bool
-
-
-def _convolutions(instructions: Instructions) -> list[_Convolution]:
-    """Those of all instructions that have one, squares last."""
-    found = []
-    for row, (operation, a, b, _) in enumerate(instructions.rows):
-        if operation == jets.MULTIPLY:
-            found.append(_Convolution(row, a, b, False))
-        elif operation == jets.DIVIDE:
-            found.append(_Convolution(row, b, row, False))
-        elif operation == jets.QUOTIENT:
-            found.append(_Convolution(row, a, row, False))
-        elif operation >= jets.CHAIN:
-            found.append(_Convolution(row, a, b, True))
-    return sorted(found, key=lambda one: one.a == one.b)
-
-
-class _Bundle:
-    """Convolutions side by side, in the lanes of vectors; or a single one, in doubles."""
-
-    def __init__(self, members: Sequence[_Convolution]) -> None:
-        self.members = members
-        self.squares = all(one.a == one.b and not one.weighted for one in members)
-        self._a: list[Any] = [None]
-        self._b: list[Any] = [None]
-
-    def extend(self, builder: Any, coefficients: Sequence[Sequence[Any]], k: int) -> None:
-        """Take up the coefficients of order k."""
-        a = [coefficients[one.a][k] for one in self.members]
-        for i, one in enumerate(self.members):
-            if one.weighted and k > 1:
-                a[i] = builder.fmul(a[i], constant(float(k)))
-        self._a.append(_vector(builder, a))
-        b = self._a[-1] if self.squares else _vector(builder, [coefficients[one.b][k] for one in self.members])
-        self._b.append(b)
-
-    def inner_sums(self, builder: Any, k: int) -> list[Any]:
-        """The inner sum of order k of each member."""
-        real = RealArithmetic(builder)
-        total: Any = None
-        if self.squares:
-            # From the middle outwards: what was found last is waited for.
-            for j in range((k - 1) // 2, 0, -1):
-                total = real.add_product(total, self._a[j], self._a[k - j])
-            if total is not None:
-                total = builder.fadd(total, total)
-            if k % 2 == 0:
-                total = real.add_product(total, self._a[k // 2], self._a[k // 2])
-        else:
-            for j in sorted(range(1, k), key=lambda j: -min(j, k - j)):
-                total = real.add_product(total, self._a[j], self._b[k - j])
-        if len(self.members) == 1:
-            return [total]
-        return [builder.extract_element(total, lane(i)) for i in range(len(self.members))]
-
-
-def _vector(builder: Any, values: Sequence[Any]) -> Any:
-    """The values in the lanes of a vector of 2 or `WIDTH`, filled up with zeros; one value as it is."""
-    if len(values) == 1:
-        return values[0]
-    width = 2 if len(values) == 2 else WIDTH
-    result: Any = constants(*[0.0] * width)
-    for i, value in enumerate(values):
-        result = builder.insert_element(result, value, lane(i))
-    return result
 
 
 def _write_expand(module: ir.Module, flow: FlowCode, instructions: Instructions, order: int) -> None:
@@ -234,8 +157,8 @@ def _write_expand(module: ir.Module, flow: FlowCode, instructions: Instructions,
 
     coefficients: list[list[Any]] = [[value] for value in y]
     coefficients += [[] for _ in instructions.rows[n:]]
-    convolutions = _convolutions(instructions)
-    bundles = [_Bundle(convolutions[i : i + WIDTH]) for i in range(0, len(convolutions), WIDTH)]
+    needed = convolutions(instructions)
+    bundles = [Bundle(needed[i : i + WIDTH]) for i in range(0, len(needed), WIDTH)]
     inverses: dict[int, Any] = {}
     doubles: dict[int, Any] = {}
     for i in range(n):
@@ -346,7 +269,7 @@ def _write_advance(module: ir.Module, flow: FlowCode, order: int) -> None:
     rates = flow.field(builder, y, flow.constants(builder, p)) + [_ZERO] * (length - n)
     squares: Any = None
     for i, (begin, end, slope) in enumerate(found):
-        rate = _vector(builder, rates[i * width : (i + 1) * width])
+        rate = vector(builder, rates[i * width : (i + 1) * width])
         weight = real.add_product(atol, rtol, real.largest([real.size(begin), real.size(end)]))
         defect = builder.fdiv(real.subtract_product(slope, step, rate), weight)
         squares = real.add_product(squares, defect, defect)
