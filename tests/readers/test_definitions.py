@@ -10,6 +10,7 @@ import sympy as sp
 import gsp
 from gsp.errors import ModelFileError
 from gsp.readers import expressions
+from gsp.readers.definitions import read_definitions
 
 MODEL = """
 [parameters]
@@ -133,6 +134,13 @@ def test_what_a_few_lines_could_grow_to_is_bounded(tmp_path: Path) -> None:
         read(tmp_path, '"p(u)" = "u^9"', slow="p(p(p(v)))")
     with pytest.raises(ModelFileError, match="2000 are allowed"):
         read(tmp_path, "\n".join(f"a{k} = 1" for k in range(2001)))
+
+
+def test_as_many_as_are_allowed_are_read() -> None:
+    assert len(read_definitions({f"a{k}": "1" for k in range(2000)}, {})) == 2000
+    arguments = [f"b{k}" for k in range(32)]
+    (widest,) = read_definitions({f"f({', '.join(arguments)})": "b0 + b31"}, {}).values()
+    assert widest.arguments == tuple(arguments)
 
 
 def test_what_a_file_writes_out_in_all_is_bounded(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import DeclarationError, OutputError
+from gsp.readers import writing
 from gsp.readers.writing import as_toml
 
 SYSTEMS = sorted(Path(__file__).parents[1].joinpath("systems").glob("*.toml"))
@@ -83,6 +84,40 @@ def test_what_the_grammar_does_not_have_is_refused(tmp_path):
     with pytest.raises(DeclarationError, match="cannot be kept in a model file"):
         gsp.save(decay(sp.erf(y) - 2 * y), tmp_path / "kept.toml")
     assert not list(tmp_path.iterdir())
+
+
+X, Y = sp.symbols("x y")
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        decay(X - Y, title="another"),
+        decay(X - Y, span=(0.0, 4.0)),
+        decay(sp.Rational(1 + 10**9, 10**9) * X - Y),
+        decay(sp.Rational(1 + 10**20, 10**20) * X - Y),
+        decay(X - Y * X),
+    ],
+    ids=["title", "span", "ninth digit", "twentieth digit", "product"],
+)
+def test_a_text_that_is_read_as_another_scene_is_refused(found, monkeypatch):
+    monkeypatch.setattr(writing, "read_model", lambda text, name: found)
+    with pytest.raises(DeclarationError, match="is read back as"):
+        as_toml(decay(X - Y))
+
+
+def test_a_text_that_is_read_as_a_scene_with_more_in_it_is_refused(monkeypatch):
+    told = decay(X - Y)
+    found = replace(told, claims={"claim": {X: -X}})
+    monkeypatch.setattr(writing, "read_model", lambda text, name: found)
+    with pytest.raises(ValueError, match="zip"):
+        as_toml(told)
+
+
+def test_a_number_that_is_multiplied_into_a_sum_is_no_other_scene(monkeypatch):
+    found = decay(X / 3 - Y / 3)
+    monkeypatch.setattr(writing, "read_model", lambda text, name: found)
+    as_toml(decay(sp.Mul(sp.Rational(1, 3), X - Y, evaluate=False)))
 
 
 def test_a_path_that_is_no_model_file_is_refused(tmp_path):

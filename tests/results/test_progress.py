@@ -20,7 +20,10 @@ def test_a_terminal_sees_it_on_standard_error(capsys, monkeypatch):
         show(1.0, "the end")
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert "the end" in captured.err
+    last = captured.err.rpartition("the end")[2]
+    bar, _, after = last.partition("━" * 40)
+    assert "━" not in bar + after
+    assert after.endswith("\x1b[1A\x1b[2K")
 
 
 def test_a_pipe_is_not_filled_with_control_characters(capsys, monkeypatch):
