@@ -15,8 +15,9 @@ import numpy as np
 
 from gsp.analysis.attempts import Missing, attempt, made
 from gsp.analysis.fold_surroundings import Boundary, boundary_of
+from gsp.analysis.pictured_runs import ladder_of, landing_runs, phenomenon_of, reduced_run
 from gsp.choice.choice import Choice, choose
-from gsp.comparison.comparison import Comparison, compare, on_manifold
+from gsp.comparison.comparison import Comparison, compare
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
 from gsp.critical.continuation import CriticalCurve, CriticalSheet
 from gsp.errors import (
@@ -31,11 +32,11 @@ from gsp.errors import (
 from gsp.fibres.base_points import BasePoint
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.integration.trajectory import Trajectory
 from gsp.results.drawn import Drawn
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.singular.mixed_modes import MixedMode, mixed_mode
+from gsp.singular.mixed_modes import MixedMode
 from gsp.slow.raw_series import RawManifold, carry_back
 from gsp.slow.series import LONGEST, READABLE, SeriesManifold
 from gsp.systems.arguments import check_progress
@@ -43,18 +44,6 @@ from gsp.systems.flow import check_order, check_orders
 
 # Boxes that are tried for a proof: a fraction of a second.
 PROOF_BOXES = 500
-# Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
-PICTURED = (2.0, 1.0, 0.4)
-# Runs for pictures: their error is far below the width of a line.
-PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
-# Starts off the slow manifold: over which points of the limit run (as shares of its span), and how far off (as
-# shares of the fast variable's range); each is followed for so many layer times epsilon/gap, or a share of the span.
-LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
-LAYER_TIMES = 12.0
-FOLLOWED = 0.3
-# The whole phenomenon: spans tried, as multiples of the scene's, until a run has swung over the folds so often.
-LONGER = (4.0, 16.0, 64.0, 256.0)
-SWINGS = 3
 # The failure map of a report, coarser than its own: epsilons, positions, tolerances, and orders.
 MAP = (11, 25, 8)
 MAP_ORDERS = (0, 1, 2)
@@ -229,13 +218,13 @@ def analyse(
         failures, failures_reason = _failures(study, lambda share: report("failures", share))
     with stage("trajectories"):
         base, base_reason = _base_point(study, order, hyperbolicity)
-        ladder = part("ladder", lambda: _ladder(study))
+        ladder = part("ladder", lambda: ladder_of(study))
         part("full", lambda: made(ladder)[scene.epsilon])
         start = {**study.start, **scene.reconstruction_start}
-        limit = part("limit", lambda: _reduced(study, 0, start))
-        part("reduced", lambda: _reduced(study, study.short_series(made(series).order).order, base or start))
-        part("phenomenon", lambda: _phenomenon(study, parts["boundary"]))
-        part("landing", lambda: _landing(study, series, hyperbolicity, limit))
+        limit = part("limit", lambda: reduced_run(study, 0, start))
+        part("reduced", lambda: reduced_run(study, study.short_series(made(series).order).order, base or start))
+        part("phenomenon", lambda: phenomenon_of(study, parts["boundary"]))
+        part("landing", lambda: landing_runs(study, series, hyperbolicity, limit))
     return Analysis(
         study=study,
         hyperbolicity=hyperbolicity,
@@ -318,81 +307,6 @@ def _base_point(study: Study, order: int, hyperbolicity: Hyperbolicity) -> tuple
         return None, f"the branch is {hyperbolicity.kind}, so the start does not land on it"
     found = attempt("the base point", lambda: study.base_point(order))
     return (None, found.reason) if isinstance(found, Missing) else (found, NO_REASON)
-
-
-def _ladder(study: Study) -> Mapping[float, Trajectory]:
-    epsilons = [multiple * study.scene.epsilon for multiple in PICTURED]
-    return MappingProxyType({e: study.full(e) for e in epsilons})
-
-
-def _phenomenon(study: Study, ends: Boundary | Missing) -> Trajectory | MixedMode | None:
-    """What the full system does beyond the folds: a run that swings over them `SWINGS` times, or None."""
-    if isinstance(ends, Missing) or not ends.has_folds:
-        return None
-    scene, system = study.scene, study.system
-    name = system.y[0].name
-    t0, t1 = scene.span
-    for longer in LONGER:
-        span = (t0, t0 + longer * (t1 - t0))
-        run = trajectory_of(
-            system,
-            start=study.start,
-            span=span,
-            epsilon=scene.epsilon,
-            rtol=PICTURE_RTOL,
-            atol=PICTURE_ATOL,
-        )
-        if not run.status.ok:
-            return None
-        if _swings(run[name]) < SWINGS:
-            continue
-        if len(system.x) == 1:
-            return run
-        return mixed_mode(system, name, start=study.start, span=span, epsilon=scene.epsilon)
-    return None
-
-
-def _swings(values: np.ndarray) -> int:
-    """How often `values` rise from the lowest to the highest quarter of their range."""
-    low, high = float(values.min()), float(values.max())
-    sides = np.sign(values[np.abs(values - 0.5 * (low + high)) > 0.25 * (high - low)] - 0.5 * (low + high))
-    return int((np.diff(sides) > 0).sum())
-
-
-def _reduced(study: Study, order: int, start) -> Trajectory:
-    return _picture(study.reduced(order), start, study.scene, study.scene.epsilon)
-
-
-def _picture(flow, start, scene: Scene, epsilon: float, *, end: float | None = None) -> Trajectory:
-    span = (scene.span[0], scene.span[1] if end is None else end)
-    return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=PICTURE_ATOL)
-
-
-def _landing(
-    study: Study,
-    series: SeriesManifold | Missing,
-    hyperbolicity: Hyperbolicity,
-    limit: Trajectory | Missing,
-) -> tuple[Trajectory, ...]:
-    """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
-    if hyperbolicity.kind is not Kind.ATTRACTING:
-        return ()
-    scene, series, limit = study.scene, study.short_series(made(series).order), made(limit)
-    t0, t1 = scene.span
-    layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
-    end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))
-    runs = []
-    for share, offsets in LANDINGS.items():
-        there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
-        x = {s.name: float(there[s.name][0]) for s in study.system.x}
-        on = on_manifold(series, {**study.start, **x}, scene.epsilon)
-        for y in study.system.y:
-            low, high = study.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
-            for offset in offsets:
-                room = (high if offset > 0 else low) - on[y.name]
-                start = {**on, y.name: on[y.name] + abs(offset) * room}
-                runs.append(_picture(study.system, start, scene, scene.epsilon, end=end))
-    return tuple(run for run in runs if run.status.ok and np.isfinite(run.y).all())
 
 
 def _versions() -> dict[str, str]:

@@ -1,0 +1,101 @@
+"""Runs worth looking at: on the way down in epsilon, off the slow manifold and onto it, and through the folds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from gsp.analysis.attempts import Missing, made
+from gsp.analysis.fold_surroundings import Boundary
+from gsp.comparison.comparison import on_manifold
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
+from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.scenes.study import Study
+from gsp.singular.mixed_modes import MixedMode, mixed_mode
+from gsp.slow.series import SeriesManifold
+from gsp.systems.flow import Flow, Point
+
+# Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
+PICTURED = (2.0, 1.0, 0.4)
+# Runs for pictures: their error is far below the width of a line.
+PICTURE_RTOL, PICTURE_ATOL = 1e-8, 1e-10
+# Starts off the slow manifold: over which points of the limit run (as shares of its span), and how far off (as
+# shares of the fast variable's range); each is followed for so many layer times epsilon/gap, or a share of the span.
+LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
+LAYER_TIMES = 12.0
+FOLLOWED = 0.3
+# The whole phenomenon: spans tried, as multiples of the scene's, until a run has swung over the folds so often.
+LONGER = (4.0, 16.0, 64.0, 256.0)
+SWINGS = 3
+
+
+def ladder_of(study: Study) -> Mapping[float, Trajectory]:
+    """Full runs at the pictured epsilons."""
+    epsilons = [multiple * study.scene.epsilon for multiple in PICTURED]
+    return MappingProxyType({e: study.full(e) for e in epsilons})
+
+
+def phenomenon_of(study: Study, ends: Boundary | Missing) -> Trajectory | MixedMode | None:
+    """What the full system does beyond the folds: a run that swings over them `SWINGS` times, or None."""
+    if isinstance(ends, Missing) or not ends.has_folds:
+        return None
+    scene, system = study.scene, study.system
+    name = system.y[0].name
+    t0, t1 = scene.span
+    for longer in LONGER:
+        end = t0 + longer * (t1 - t0)
+        run = _picture(study, system, study.start, end)
+        if not run.status.ok:
+            return None
+        if _swings(run[name]) < SWINGS:
+            continue
+        if len(system.x) == 1:
+            return run
+        return mixed_mode(system, name, start=study.start, span=(t0, end), epsilon=scene.epsilon)
+    return None
+
+
+def _swings(values: np.ndarray) -> int:
+    """How often `values` rise from the lowest to the highest quarter of their range."""
+    low, high = float(values.min()), float(values.max())
+    sides = np.sign(values[np.abs(values - 0.5 * (low + high)) > 0.25 * (high - low)] - 0.5 * (low + high))
+    return int((np.diff(sides) > 0).sum())
+
+
+def reduced_run(study: Study, order: int, start: Point) -> Trajectory:
+    """The run of the reduced flow of that order over the scene's span."""
+    return _picture(study, study.reduced(order), start, study.scene.span[1])
+
+
+def _picture(study: Study, flow: Flow, start: Point, end: float) -> Trajectory:
+    span, epsilon = (study.scene.span[0], end), study.scene.epsilon
+    return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=PICTURE_ATOL)
+
+
+def landing_runs(
+    study: Study,
+    series: SeriesManifold | Missing,
+    hyperbolicity: Hyperbolicity,
+    limit: Trajectory | Missing,
+) -> tuple[Trajectory, ...]:
+    """Runs of the standard form that start off M_epsilon in each fast direction, through the layer and beyond."""
+    if hyperbolicity.kind is not Kind.ATTRACTING:
+        return ()
+    scene, series, limit = study.scene, study.short_series(made(series).order), made(limit)
+    t0, t1 = scene.span
+    layer = LAYER_TIMES * scene.epsilon / hyperbolicity.gap
+    end = t0 + min(t1 - t0, max(layer, FOLLOWED * (t1 - t0)))
+    runs = []
+    for share, offsets in LANDINGS.items():
+        there = limit.sample(limit.t[0] + share * (limit.t[-1] - limit.t[0]))
+        x = {s.name: float(there[s.name][0]) for s in study.system.x}
+        on = on_manifold(series, {**study.start, **x}, scene.epsilon)
+        for y in study.system.y:
+            low, high = study.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
+            for offset in offsets:
+                room = (high if offset > 0 else low) - on[y.name]
+                start = {**on, y.name: on[y.name] + abs(offset) * room}
+                runs.append(_picture(study, study.system, start, end))
+    return tuple(run for run in runs if run.status.ok and np.isfinite(run.y).all())
