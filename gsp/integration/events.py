@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.errors import DeclarationError
-from gsp.integration.crossings import Watched, settle_event
+from gsp.errors import DeclarationError, Named
+from gsp.integration.crossings import Settled, Watched, settle_event
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
-from gsp.systems.flow import Flow
+from gsp.systems.flow import Flow, frozen
 
 # A start counts as on the zero when g is within so many units of rounding of its terms.
 ROUNDING = 16 * 2.0**-52
@@ -77,11 +78,21 @@ class Crossings(NamedTuple):
         return Crossings(self.times[inside], self.states[:, inside])
 
 
+# Of a run without events.
+NOT_MET: Mapping[str, Crossings] = MappingProxyType(Named())
+
+
+def met_within(met: Mapping[str, Crossings], first: float, last: float) -> Mapping[str, Crossings]:
+    """What was met between two times, the ends with them."""
+    return MappingProxyType(Named({name: crossings.within(first, last) for name, crossings in met.items()}))
+
+
 @dataclass(frozen=True, eq=False)
 class CompiledEvents:
     """The events of a run, compiled: for each g, its rate along the flow, and the size of its terms' variation."""
 
     events: tuple[Event, ...]
+    states: int
     function: Callable[[np.ndarray, np.ndarray], np.ndarray] = field(repr=False)
     p: np.ndarray = field(repr=False)
 
@@ -100,6 +111,14 @@ class CompiledEvents:
     def watched(self) -> list[Watched]:
         """What a search has to know about each."""
         return [Watched(e.name, e.direction, int(e.terminal), settle_event) for e in self.events]
+
+    def met(self, found: Sequence[Sequence[Settled]]) -> Mapping[str, Crossings]:
+        """Where each was met, by its name, of what a search has `found`."""
+        result = Named()
+        for event, crossings in zip(self.events, found):
+            states = np.array([one.y for one in crossings]).reshape(-1, self.states).T
+            result[event.name] = Crossings(frozen(np.array([one.t for one in crossings])), frozen(states))
+        return MappingProxyType(result)
 
     def _all(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         return self.function(np.column_stack([states, t]), self.p)
@@ -133,7 +152,7 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
         epsilon=flow.epsilon,
         parameters=tuple(flow.parameters),
     )
-    return CompiledEvents(given, function, p)
+    return CompiledEvents(given, len(flow.states), function, p)
 
 
 def _listed(events: Iterable[Event]) -> tuple[Event, ...]:

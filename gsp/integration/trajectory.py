@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from gsp.errors import DeclarationError, GspError, Named, Status
-from gsp.integration.crossings import LOOK, Search, Stepper
-from gsp.integration.events import CompiledEvents, Crossings, Event, compile_events
+from gsp.errors import DeclarationError, GspError, Status
+from gsp.integration.crossings import LOOK, Stepper
+from gsp.integration.events import NOT_MET, Crossings, Event, compile_events, met_within
 from gsp.integration.explanations import explain
 from gsp.integration.loop import (
     RECORD,
@@ -50,7 +49,6 @@ if TYPE_CHECKING:
     from gsp.integration.reduced_flow import ReducedFlow
 
 _SHOWN_STATES = 4
-_NO_EVENTS: Mapping[str, Crossings] = MappingProxyType(Named())
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -341,7 +339,7 @@ def trajectory_of(
             )
         )  # fmt: skip
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
-    crossings: Mapping[str, Crossings] = _NO_EVENTS
+    crossings: Mapping[str, Crossings] = NOT_MET
     if search is not None:
         if record.status is Status.INTERRUPTED:
             # Ctrl-C may have come between the last steps and the look at them.
@@ -352,12 +350,12 @@ def trajectory_of(
             note, override = search.end.note, search.end.remedy
         if begun is None and ending is not None and search.end is None:
             record, note, override = ending.after_failure(record)
-        crossings = _crossings(asked, search, len(flow.states))
+        if asked is not None:
+            crossings = asked.met(search.found)
     cut = pair_passed(flow, p, record) if flow.is_reduced and cast("ReducedFlow", flow).leaves_pairs else None
     if cut is not None:
         record, note, override = cut
-        reached = (first, float(record.times[-1]))
-        crossings = MappingProxyType(Named({name: c.within(*reached) for name, c in crossings.items()}))
+        crossings = met_within(crossings, first, float(record.times[-1]))
     if record.status is not Status.SUCCESS:
         known, remedy = explain(flow, np.array(p), record, last)
         note, override = note or known, override or remedy
@@ -369,16 +367,6 @@ def trajectory_of(
         if not dense:
             record = record._replace(dense=record.dense[:0].copy())
     return _trajectory(flow, small, grid, record, output, crossings, note, override)
-
-
-def _crossings(asked: CompiledEvents | None, search: Search, n: int) -> Mapping[str, Crossings]:
-    if asked is None:
-        return _NO_EVENTS
-    result = Named()
-    for event, found in zip(asked.events, search.found):
-        states = np.array([one.y for one in found]).reshape(-1, n).T
-        result[event.name] = Crossings(frozen(np.array([one.t for one in found])), frozen(states))
-    return MappingProxyType(result)
 
 
 def _trajectory(
