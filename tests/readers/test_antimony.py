@@ -54,7 +54,7 @@ def test_a_model_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_no_file_is_opened(tmp_path: Path, line: str) -> None:
-    with pytest.raises(ModelFileError, match="import opens another file"):
+    with pytest.raises(ModelFileError, match=r"line 9: import opens another file"):
         read(tmp_path, ENZYME + line)
 
 

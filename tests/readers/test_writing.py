@@ -97,8 +97,9 @@ X, Y = sp.symbols("x y")
         decay(sp.Rational(1 + 10**9, 10**9) * X - Y),
         decay(sp.Rational(1 + 10**20, 10**20) * X - Y),
         decay(X - Y * X),
+        decay(-Y),
     ],
-    ids=["title", "span", "ninth digit", "twentieth digit", "product"],
+    ids=["title", "span", "ninth digit", "twentieth digit", "product", "symbols"],
 )
 def test_a_text_that_is_read_as_another_scene_is_refused(found, monkeypatch):
     monkeypatch.setattr(writing, "read_model", lambda text, name: found)

@@ -335,7 +335,10 @@ def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
 )
 def test_a_start_is_what_xppaut_makes_of_it(value: str, number: float) -> None:
     text = f"par a=3\nx(0)={value}\nx'=0\n"
-    assert float(read_ode(text).starts["x"]) == number
+    model = read_ode(text)
+    assert float(model.starts["x"]) == number
+    told = "values that XPPAUT does not take as they stand: x(0) = " in " ".join(model.notes)
+    assert told == (value not in {"-5", " 5", "-.5e1"})
     rows, _ = xppaut.run(f"{text}@ meth=euler,dt=1,total=1\ndone\n")
     assert rows[0, 1] == number
 
