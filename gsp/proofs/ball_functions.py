@@ -32,15 +32,20 @@ _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
 KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS)) + ", sqrt, tan and powers"
 
 
-def without_enclosure(expression: Any, over: str) -> str:
-    """What is said of a function that no enclosure is known for, `over` balls or power series."""
+def without_enclosure(expression: Any, over: str) -> UnsupportedFunctionError:
+    """The error for a function that no enclosure is known for, `over` balls or power series."""
     if isinstance(expression, NON_SMOOTH):
-        return (
-            f"a function with a kink or a jump has no enclosure over {over}. Got abs, sign, min or max among the "
-            "rates, or the derivative of one. Write a smooth one, as sqrt(u^2 + a^2) for abs(u), or check at samples."
+        return UnsupportedFunctionError(
+            f"a function with a kink or a jump has no enclosure over {over}.",
+            "Write a smooth one, as sqrt(u^2 + a^2) for abs(u), or check at samples.",
+            got="abs, sign, min or max among the rates, or the derivative of one",
         )
     name = expression.func.__name__
-    return f"{name} has no enclosure over {over}. Got {expression}. What is proved may hold {KNOWN}."
+    return UnsupportedFunctionError(
+        f"{name} has no enclosure over {over}.",
+        f"What is proved may hold {KNOWN}.",
+        got=str(expression),
+    )
 
 
 class Program:
@@ -132,7 +137,7 @@ class BallFunction(Program):
                 "Give it an interval.",
                 got=f"it among {', '.join(map(str, self.arguments))}",
             )
-        raise UnsupportedFunctionError(without_enclosure(expression, "balls"))
+        raise without_enclosure(expression, "balls")
 
     def _sum(self, expression: Any) -> int:
         total: int | None = None

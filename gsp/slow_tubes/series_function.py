@@ -10,7 +10,6 @@ import flint
 import sympy as sp
 from flint import arb, arb_series, fmpq
 
-from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import Program, without_enclosure
 
@@ -89,7 +88,7 @@ class SeriesFunction(Program):
             return self._power(*expression.args)
         if expression.func in _FUNCTIONS:
             return self._operation(_FUNCTIONS[expression.func], self._written(expression.args[0]))
-        raise UnsupportedFunctionError(without_enclosure(expression, "power series"))
+        raise without_enclosure(expression, "power series")
 
     def _power(self, base: Any, exponent: Any) -> int:
         if base is sp.E:
