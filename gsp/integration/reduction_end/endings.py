@@ -9,7 +9,7 @@ crossing is located on the run itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,38 +20,23 @@ from gsp.integration.crossings import (
     Settled,
     Stepper,
     Watched,
-    settle_event,
 )
 from gsp.integration.loop import Record, advance, standing
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
 from gsp.kernels.scan import ON_LOSS, clear_of_zero
-from gsp.lowering.compiled_flow import compile_flow
 
 # A pair with a real part below this share of its modulus is imaginary.
 IMAGINARY = 1e-6
-# How far the desingularised flow is followed, in times of the linear prediction of the zero of det g_y.
-HORIZON = 20.0
-# det g_y crosses zero when its slope there is at least this share of that at the start; where it only tends to zero,
-# its slope does too, and a sign change would be an error of integration.
-TRANSVERSAL = 1e-3
-# The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
-INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
 # A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
 # that is left, det g_y falls no lower than the root of rounding.
 VANISHED = 1e-6
 # A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
 BESIDE, SMALL = 1e-9, 1e-3
-# An equilibrium of the desingularised flow is located by following it so much further, from where |det g_y| was last
-# this share of its largest value, until det g_y has fallen to this share.
-LONG_HORIZON = 400.0
+# What a loss is, is told from where |det g_y| was last this share of its largest value.
 BACK = 1e-2
-TENDED = 1e-7
-# At a branch point of M0 the slow variables do not move what has the eigenvalue 0, A g_x = 0; at a folded
-# singularity A g_x f = 0 alone. |A g_x| is 0 below this share of its size on the way.
-BRANCH_POINT = 1e-3
-MAX_STEPS = 20_000
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
 ACROSS = "the reduction ends here; integrate the full system across"
@@ -59,20 +44,6 @@ ACROSS = "the reduction ends here; integrate the full system across"
 # zero that the numerator has too it does not.
 APPROACH, GROWTH = (1e-3, 1e-6), 3.0
 FOLDED = "the reduction ends here; canards may pass through it, folded_singularities() tells its kind"
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y).
-
-    `is_fold` where the desingularised flow crosses it; otherwise that flow has an equilibrium there.
-    """
-
-    t: float
-    state: np.ndarray
-    point: np.ndarray
-    is_fold: bool
-    is_branch_point: bool
 
 
 def on_loss(validity: Validity, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -168,45 +139,7 @@ class Ending:
         return loss if loss is not None and loss.is_fold else None
 
     def _ahead(self, t: float, y: np.ndarray, *, horizon: float = HORIZON) -> Loss | None:
-        """Where the desingularised flow crosses det g_y = 0, or, at an equilibrium there, what it tends to."""
-        validity, stepper = self.validity, self.stepper
-        flow = validity.desingularised
-        z = validity.point(y, stepper.p)
-        driven = y[len(y) - len(self.flow.driven) :] if self.flow.driven else []
-        begun = np.concatenate([z, driven, [t]])
-        value, slope = validity.crossing(begun, stepper.p)
-        # dt = Delta ds: this is the way in which t runs on.
-        sense = np.sign(value) * np.sign(self.span[1] - self.span[0])
-        if not (np.isfinite(slope) and slope * sense * np.sign(value) < 0.0):
-            return None
-        length = horizon * abs(value / slope) * sense
-        inner = Stepper(
-            compile_flow(flow),
-            stepper.p,
-            Method.DOP853,
-            min(stepper.rtol, INNER_RTOL),
-            min(stepper.atol, INNER_ATOL),
-        )
-        search = Search(
-            lambda s, states: validity.crossing(states, stepper.p)[:, :1],
-            [Watched("det g_y", 0, 1, settle_event)],
-            np.array([np.sign(value)]),
-            inner,
-            0.0,
-            begun,
-        )
-        asked = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
-        record = advance(asked, inner.method)
-        end = record.states[-1] if search.end is None else search.end.y
-        reached = validity.crossing(end, stepper.p)
-        is_fold = search.end is not None and bool(abs(reached[1]) > TRANSVERSAL * abs(slope))
-        if not is_fold and not abs(reached[0]) <= TENDED * abs(value):
-            return None
-        point = end[: len(z)]
-        places = [validity.states.index(s) for s in self.flow.manifold.coordinates]
-        state = np.concatenate([point[places], end[len(z) : -1]])
-        pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
-        return Loss(float(end[-1]), state, point, is_fold, bool(pulled[1] <= BRANCH_POINT * pulled[0]))
+        return loss_ahead(self.flow, self.validity, self.stepper, self.span, t, y, horizon)
 
     # -- what a crossing means ---------------------------------------------------------------------
 
