@@ -12,22 +12,18 @@ import sympy as sp
 
 import gsp
 from gsp.errors import GspError, OutputError
-from gsp.proofs import intervals
 from gsp.proofs.checker import Rejected, check
 from gsp.slow_tubes.certify import certify
+from tests.proof_files import changed, counted_products, number, written
 from tests.proofs.test_certify import branch, van_der_pol
 
 x, y, z, c = sp.symbols("x y z c")
 
 
-def written(found_branch, region: dict, path: Path) -> dict:
-    certify(found_branch, region=region).save(path)
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
-    return written(van_der_pol(), {"x": (-0.6, 1.2)}, tmp_path_factory.mktemp("proof") / "proof.json")
+    found = certify(van_der_pol(), region={"x": (-0.6, 1.2)})
+    return written(found, tmp_path_factory.mktemp("proof") / "proof.json")
 
 
 def rejected(text: str, path: Path) -> str:
@@ -37,28 +33,12 @@ def rejected(text: str, path: Path) -> str:
     return str(caught.value)
 
 
-def number(text: str, change: Callable[[float], float]) -> str:
-    return change(float.fromhex(text)).hex()
-
-
 def pieces(proof: dict) -> list[dict]:
     return [node for node in proof["tree"] if "axis" not in node]
 
 
 def cuts(proof: dict) -> list[dict]:
     return [node for node in proof["tree"] if "axis" in node]
-
-
-def changed(keys: list, value: object) -> Callable[[dict], None]:
-    """Set the place that `keys` lead to; a function of the old value gives the new one."""
-
-    def mutate(proof: dict) -> None:
-        at = proof
-        for key in keys[:-1]:
-            at = at[key]
-        at[keys[-1]] = value(at[keys[-1]]) if callable(value) else value
-
-    return mutate
 
 
 def of_piece(i: int, key: str, change: Callable) -> Callable[[dict], None]:
@@ -222,7 +202,7 @@ def test_what_was_proved_is_accepted_and_a_lesser_claim_too(proof: dict, tmp_pat
 )
 def test_every_function_that_is_proved_is_checked(rate: sp.Expr, tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
-    written(branch({y: x - rate * y}), {"x": (-1, 1)}, path)
+    certify(branch({y: x - rate * y}), region={"x": (-1, 1)}).save(path)
     found = check(path)
     assert found.stable == 1
     values = [float(rate.subs(x, sp.Rational(k, 50)).evalf()) for k in range(-50, 51)]
@@ -231,7 +211,7 @@ def test_every_function_that_is_proved_is_checked(rate: sp.Expr, tmp_path: Path)
 
 def test_two_fast_variables_are_checked(tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
-    written(branch({y: -y + 2 * z + x, z: -2 * y - z}), {"x": (-1, 1)}, path)
+    certify(branch({y: -y + 2 * z + x, z: -2 * y - z}), region={"x": (-1, 1)}).save(path)
     found = check(path)
     assert (found.stable, found.unstable) == (2, 0)
     assert 0.99 < found.gap <= 1.0
@@ -268,14 +248,8 @@ def test_a_box_of_two_fast_variables_is_checked_by_few_operations(
         through={"x": 0, "c": 0, "y": 0, "z": 0},
     )
     path = tmp_path / "proof.json"
-    written(found_branch, {"x": (-1, 1), "c": (-1, 1)}, path)
-    multiply, calls = intervals.multiply, [0]
-
-    def counted(a: intervals.Interval, b: intervals.Interval) -> intervals.Interval:
-        calls[0] += 1
-        return multiply(a, b)
-
-    monkeypatch.setattr(intervals, "multiply", counted)
+    certify(found_branch, region={"x": (-1, 1), "c": (-1, 1)}).save(path)
+    calls = counted_products(monkeypatch)
     found = check(path)
     assert found.boxes > 100
     assert (found.stable, found.unstable) == (1, 1)

@@ -13,13 +13,12 @@ from click.testing import CliRunner
 
 from gsp.cli import cli
 from gsp.errors import GspError
-from gsp.proofs import intervals
 from gsp.proofs.checked_tube import CheckedTube
 from gsp.proofs.programs import Program, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
 from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
-from tests.proofs.test_proof_file import changed, number
+from tests.proof_files import changed, counted_products, number, written
 from tests.slow_tubes.test_slow_tubes import (
     HALF_LINE,
     a,
@@ -34,21 +33,16 @@ from tests.slow_tubes.test_slow_tubes import (
 )
 
 
-def written(manifold, path: Path, **asked) -> dict:
-    certify(manifold, **asked).save(path)
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
-    return written(
-        michaelis_menten(1), tmp_path_factory.mktemp("tube") / "p.json", region=HALF_LINE, epsilon=0.1
-    )
+    found = certify(michaelis_menten(1), region=HALF_LINE, epsilon=0.1)
+    return written(found, tmp_path_factory.mktemp("tube") / "p.json")
 
 
 @pytest.fixture(scope="module")
 def saddle_proof(tmp_path_factory: pytest.TempPathFactory) -> dict:
-    return written(saddle(1), tmp_path_factory.mktemp("tube") / "p.json", region={"s": (-1, 1)}, epsilon=0.1)
+    found = certify(saddle(1), region={"s": (-1, 1)}, epsilon=0.1)
+    return written(found, tmp_path_factory.mktemp("tube") / "p.json")
 
 
 def checked(proof: dict, path: Path) -> CheckedTube:
@@ -229,7 +223,7 @@ def test_what_claims_less_is_accepted(proof: dict, tmp_path: Path) -> None:
 def test_cones_beyond_the_crossing_of_rates_are_rejected(rate: int, value: float, tmp_path: Path) -> None:
     # x' = -rate x, epsilon y' = -y + x: beyond epsilon = 1/rate no map that is Lipschitz attracts.
     manifold = series({x: -rate * x}, {y: -y + x}, 2)
-    proof = written(manifold, tmp_path / "p.json", region={"x": (-1, 1)}, epsilon=0.1 / rate)
+    proof = written(certify(manifold, region={"x": (-1, 1)}, epsilon=0.1 / rate), tmp_path / "p.json")
     assert checked(proof, tmp_path / "p.json").boundary == "inflowing"
     for slope in (0.01, 1.0, 100.0, 1e6):
         proof["epsilon"] = proof["cones"][0]["high"] = value.hex()
@@ -240,7 +234,7 @@ def test_cones_beyond_the_crossing_of_rates_are_rejected(rate: int, value: float
 
 def test_attraction_that_is_lost_before_epsilon_is_rejected(tmp_path: Path) -> None:
     manifold = series({x: sp.Integer(1)}, {y: -(1 - 4 * epsilon) * y + x}, 2)
-    proof = written(manifold, tmp_path / "p.json", region={"x": (0, 1)}, epsilon=0.05)
+    proof = written(certify(manifold, region={"x": (0, 1)}, epsilon=0.05), tmp_path / "p.json")
     proof["epsilon"] = proof["cones"][0]["high"] = (0.26).hex()
     proof["widths"] = [(1e6).hex()]
     proof["reach"] = [(2e6).hex()]
@@ -264,13 +258,7 @@ def test_huge_expressions_are_refused_by_name(expression: str, words: str, proof
 
 
 def test_a_check_takes_few_operations(proof: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    multiply, calls = intervals.multiply, [0]
-
-    def counted(one: intervals.Interval, two: intervals.Interval) -> intervals.Interval:
-        calls[0] += 1
-        return multiply(one, two)
-
-    monkeypatch.setattr(intervals, "multiply", counted)
+    calls = counted_products(monkeypatch)
     found = checked(proof, tmp_path / "p.json")
     assert found.boxes < 1500
     assert calls[0] < 200 * found.boxes

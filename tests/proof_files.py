@@ -1,0 +1,53 @@
+"""Proof files as they are saved, changed and counted over, for tests of their checkers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import pytest
+
+from gsp.proofs import intervals
+
+
+class Saved(Protocol):
+    """What can be saved as a proof file."""
+
+    def save(self, path: Path) -> object: ...
+
+
+def written(found: Saved, path: Path) -> dict:
+    """The content of the file that `found` saves."""
+    found.save(path)
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def number(text: str, change: Callable[[float], float]) -> str:
+    """A number of a proof file, changed."""
+    return change(float.fromhex(text)).hex()
+
+
+def changed(keys: list, value: object) -> Callable[[dict], None]:
+    """Set the place that `keys` lead to; a function of the old value gives the new one."""
+
+    def mutate(proof: dict) -> None:
+        at = proof
+        for key in keys[:-1]:
+            at = at[key]
+        at[keys[-1]] = value(at[keys[-1]]) if callable(value) else value
+
+    return mutate
+
+
+def counted_products(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many products of intervals are taken from now on, in a list of one number."""
+    multiply, calls = intervals.multiply, [0]
+
+    def counted(one: intervals.Interval, two: intervals.Interval) -> intervals.Interval:
+        calls[0] += 1
+        return multiply(one, two)
+
+    monkeypatch.setattr(intervals, "multiply", counted)
+    return calls
