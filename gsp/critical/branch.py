@@ -16,6 +16,7 @@ import sympy as sp
 from gsp.algebra.brevity import brief
 from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
+from gsp.critical.sheet_continuation import PIECES, SheetContinuation
 from gsp.critical.sheet_points import (
     NEWTON_STEPS,
     NEWTON_TOLERANCE,
@@ -23,12 +24,10 @@ from gsp.critical.sheet_points import (
     guesses,
     newton_at_each,
     place,
-    signs,
-    solve_each,
 )
 from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, within
 from gsp.errors import BranchError
-from gsp.kernels.sheets import ROUNDING, TRUSTED, follow_sheet, follow_sheets
+from gsp.kernels.sheets import follow_sheet, follow_sheets
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function, finite_rows
 from gsp.results.card import Card
@@ -38,12 +37,6 @@ from gsp.systems.system import SlowFastSystem
 
 # Imaginary parts of polynomial roots below this, relative to 1 + |y|, count as rounding.
 REAL_TOLERANCE = 1e-7
-# Pieces into which a straight line in x is cut, one after the other, when a sheet is followed along it; then steps
-# are halved where the sheet bends, down to this share of the line, the end of the sheet being there. Towards a fold
-# about three trials halve what is left of the way.
-PIECES = (1, 4, 16)
-END_TOLERANCE = 1e-13
-TRIALS = 600
 
 
 @dataclass(frozen=True)
@@ -152,9 +145,8 @@ class Branch(Portable, Card):
         """The sheet through `start` over `x` (m, n_slow): y (m, n_fast), and which points it reaches.
 
         `start` is (x, y), one point (n,) or one for each row (m, n), on the branch; the seed unless given. Euler
-        steps and Newton corrections along straight lines in x; a step is halved when its correction is so long that
-        it may have landed on another sheet, or det g_y has changed its sign. A point is given up where the steps
-        vanish, or when `allowance` has none left.
+        steps and Newton corrections along straight lines in x. A point is given up where the steps vanish, or when
+        `allowance` has none left.
         """
         n = len(self.system.y)
         if len(x) == 0:
@@ -163,29 +155,7 @@ class Branch(Portable, Card):
         assert given is not None
         x0 = np.broadcast_to(np.asarray(given[0], dtype=float), x.shape)
         y0 = np.broadcast_to(np.asarray(given[1], dtype=float), (len(x), n))
-        result = np.full((len(x), n), np.nan)
-        pending = np.arange(len(x))
-        orientation = self._orientation(x0, y0)
-        for pieces in PIECES:
-            y = y0[pending].copy()
-            alive = np.ones(len(pending), dtype=bool)
-            step = (x[pending] - x0[pending]) / pieces
-            if allowance is not None and not allowance.take(pieces * len(pending)):
-                break
-            for k in range(pieces):
-                y, good = self._continued(x0[pending] + k * step, y, step)
-                alive &= good
-            alive &= self._orientation(x[pending], y) == orientation[pending]
-            result[pending[alive]] = y[alive]
-            pending = pending[~alive]
-            if len(pending) == 0:
-                break
-        y, share = self._walked(x0[pending], y0[pending], x[pending], allowance)
-        arrived = share == 1.0
-        result[pending[arrived]] = y[arrived]
-        good = np.ones(len(x), dtype=bool)
-        good[pending[~arrived]] = False
-        return result, good
+        return self._continuation.follow(x, x0, y0, allowance)
 
     def over(self, point: np.ndarray) -> np.ndarray:
         """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
@@ -216,59 +186,18 @@ class Branch(Portable, Card):
         functions = self._residual.address, self._jacobian.address, self._slow_jacobian.address
         return (*functions, self._values.copy()), np.array(self.seed[0]), np.array(self.seed[1])
 
-    def _walked(
-        self, x0: np.ndarray, y0: np.ndarray, target: np.ndarray, allowance: Allowance | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Sheets through (x0, y0) towards `target` (m, n_slow) as far as they go: y there, and the share of the way."""
-        y, way = np.array(y0), target - x0
-        share, length = np.zeros(len(x0)), np.full(len(x0), 1.0 / PIECES[-1])
-        orientation = self._orientation(x0, y0)
-        active = np.arange(len(x0))
-        for _ in range(TRIALS):
-            if len(active) == 0 or (allowance is not None and not allowance.take(len(active))):
-                break
-            here, reach = share[active], np.minimum(length[active], 1.0 - share[active])
-            start = x0[active] + here[:, None] * way[active]
-            tried, good = self._continued(start, y[active], reach[:, None] * way[active])
-            end = x0[active] + (here + reach)[:, None] * way[active]
-            good &= self._orientation(end, tried) == orientation[active]
-            moved = active[good]
-            y[moved] = tried[good]
-            # The last step ends on the target exactly.
-            share[moved] = np.where(reach[good] < length[moved], 1.0, share[moved] + reach[good])
-            length[moved] *= 2.0
-            length[active[~good]] = 0.5 * reach[~good]
-            active = active[(share[active] < 1.0) & (length[active] > END_TOLERANCE)]
-        return y, share
-
-    def _continued(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One Euler step and its Newton correction at all points at once, and where both can be trusted."""
-        n = y.shape[1]
-        z = np.hstack([x, y])
-        slope = self._slow_jacobian(z, self._values).reshape(len(z), n, -1)
-        jacobian = self._jacobian(z, self._values).reshape(-1, n, n)
-        predicted = y - solve_each(jacobian, np.einsum("mij,mj->mi", slope, step))
-        usable = np.isfinite(predicted).all(axis=1)
-        predicted[~usable] = y[~usable]
-        corrected, good = self._newton(x + step, predicted)
-        moved = np.linalg.norm(predicted - y, axis=1) + np.linalg.norm(step, axis=1)
-        correction = np.linalg.norm(corrected - predicted, axis=1)
-        return corrected, usable & good & (correction <= TRUSTED * moved + ROUNDING)
-
-    def _orientation(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Sign of det g_y: constant on a sheet, since it changes at folds only."""
-        n = y.shape[1]
-        jacobian = self._jacobian(np.hstack([x, y]), self._values).reshape(-1, n, n)
-        return signs(np.nan_to_num(jacobian))
-
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""
         assert self.seed is not None
         x0 = np.array(self.seed[0])
-        y, share = self._walked(x0[None, :], np.array([self.seed[1]]), target[None, :])
+        y, share = self._continuation.walked(x0[None, :], np.array([self.seed[1]]), target[None, :])
         fast = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.y, y[0]))
         end = self._shown(x0 + share[0] * (target - x0))
         return f"the sheet through {self._shown(x0)} ends at {end}, {fast} (a fold?) and has no point"
+
+    @property
+    def _continuation(self) -> SheetContinuation:
+        return SheetContinuation(self._newton, self._jacobian, self._slow_jacobian, self._values)
 
     # -- evaluation --------------------------------------------------------------------------------
 

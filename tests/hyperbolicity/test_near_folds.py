@@ -10,8 +10,8 @@ import sympy as sp
 
 from gsp import load, models
 from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed
-from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.sheet_continuation import SheetContinuation
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses import LossKind
 from gsp.hyperbolicity.losses.locator import REFINED, SEARCH_STEPS, Locator
@@ -165,13 +165,13 @@ def fast_epidemics():
 
 
 def counted_steps(monkeypatch) -> list[int]:
-    steps, continued = [], Branch._continued
+    steps, continued = [], SheetContinuation.continued
 
     def counting(self, x, y, step):
         steps.append(len(x))
         return continued(self, x, y, step)
 
-    monkeypatch.setattr(Branch, "_continued", counting)
+    monkeypatch.setattr(SheetContinuation, "continued", counting)
     return steps
 
 
