@@ -126,6 +126,34 @@ def test_the_best_order_of_a_row_of_terms(sizes: list, order: int, expected: int
     assert best(found)[0] == expected
 
 
+def test_errors_of_terms_that_fall_geometrically_are_three_times_their_sum() -> None:
+    falling = np.array([[2.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5], [1.0, 8.0, 6.0, 4.5, 3.375, 2.53125]])
+    found = errors(falling, 3)
+    assert found[0] == pytest.approx(3 * falling[0, 1:5] / (1 - 0.1))
+    # Terms that fall more slowly than by halves are summed as if they fell by halves.
+    assert found[1] == pytest.approx(3 * falling[1, 1:5] / (1 - 0.5))
+    # Two orders on are not known for the last: what is known of them stands for both, or else its own term.
+    assert errors(falling[:, :5], 3)[:, 3] == pytest.approx(3 * falling[:, 4])
+    assert errors(falling[:, :4], 3)[:, 3] == pytest.approx(3 * falling[:, 3])
+
+
+def test_a_dip_of_two_terms_is_bridged_and_one_of_three_is_not() -> None:
+    falling = np.array([1, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6])
+    for first in (2, 3):
+        for width in (1, 2, 3):
+            dipped = falling.copy()
+            dipped[first : first + width] = 1e-12
+            found, plain = errors(dipped[None], 4), errors(falling[None], 4)
+            if width < 3:
+                assert found == pytest.approx(plain)
+            else:
+                assert found[0, first - 1] < 0.02 * plain[0, first - 1]
+
+
+def test_the_first_term_is_no_end_of_a_bridge() -> None:
+    assert errors(np.array([[1.0, 1e-9, 1e-3, 1e-4]]), 1)[0, 0] == pytest.approx(3 * 1e-3 / (1 - 0.5))
+
+
 def test_an_error_is_never_below_the_terms_left_out_nor_below_rounding() -> None:
     falling = np.array([[1, 0.1, 0.01, 1e-3, 1e-4, 1e-5]])
     assert (errors(falling, 3) >= falling[:, 1:5]).all()
