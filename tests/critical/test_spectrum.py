@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
-from gsp.critical.spectrum import eigenvalues, is_singular
+from gsp.critical.spectrum import LARGEST, eigenvalues, is_singular, symmetrised
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.systems.system import SlowFastSystem
 
@@ -107,3 +107,30 @@ def test_what_is_singular_does_not_depend_on_units() -> None:
         D = np.diag(units)
         assert is_singular((D @ singular)[None])[0]
         assert not is_singular((D @ regular @ np.linalg.inv(D))[None])[0]
+
+
+def test_large_matrices_that_units_make_symmetric_have_real_eigenvalues() -> None:
+    n = LARGEST + 4
+    chain = np.diag(-2.0 * np.ones(n)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
+    # In two parts, which have units of their own.
+    chain[6, 7] = chain[7, 6] = 0.0
+    units = 2.0 ** np.arange(0, 10 * n, 10)
+    scaled = chain * units[:, None] / units
+    assert symmetrised(scaled) == pytest.approx(chain, abs=1e-12)
+    found = eigenvalues(np.stack([scaled, 3.0 * scaled]))
+    assert found.shape == (2, n)
+    exact = np.concatenate([-2 + 2 * np.cos(np.pi * np.arange(1, m + 1) / (m + 1)) for m in (7, n - 7)])
+    assert np.sort(found[0]) == pytest.approx(np.sort(exact), abs=1e-12)
+    assert np.sort(found[1]) == pytest.approx(np.sort(3.0 * exact), abs=1e-12)
+    assert eigenvalues(np.empty((0, n, n))).shape == (0, n)
+
+
+def test_what_no_units_make_symmetric_keeps_its_complex_eigenvalues() -> None:
+    n = LARGEST + 1
+    around = np.roll(np.eye(n), 1, axis=1)
+    for matrix in (around, around - around.T, 2.0 * around + around.T):
+        assert symmetrised(matrix) is None
+        found = eigenvalues(matrix[None])[0]
+        turns = np.exp(2j * np.pi * np.arange(n) / n)
+        exact = matrix[0, 1] * turns + matrix[1, 0] / turns
+        assert max(np.abs(found - e).min() for e in exact) < 1e-12

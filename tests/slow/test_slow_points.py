@@ -53,6 +53,7 @@ def test_order_m_has_an_error_of_order_epsilon_to_the_m_plus_1(name: str, order:
         found = zero_derivative(branch, points, epsilon=value, order=order)
         assert best.status.ok
         assert found.status.ok
+        assert (found.order == order).all()
         errors.append(np.abs(found.y - best.y).max())
     if errors[-1] < 1e-13:
         # The saddle's series ends, and nothing is left to measure at rounding.
@@ -191,6 +192,8 @@ def test_a_field_that_is_not_finite_is_named_with_its_place() -> None:
     assert np.isnan(found.y[1]).all()
     assert np.isfinite(found.y[[0, 2]]).all()
     assert list(found.order >= 0) == [True, False, True]
+    given = zero_derivative(branch_of(system), [1.0, -0.5, 2.0], epsilon=0.01, order=2)
+    assert given.order.tolist() == [2, -1, 2]
 
 
 @pytest.mark.parametrize(
