@@ -11,6 +11,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.collocation.bordered import Conditions, Equations, Step, linearise
 from gsp.collocation.gauss import gauss
+from gsp.collocation.mesh import equidistributed
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_function
@@ -109,10 +110,7 @@ class OrbitSegment:
         """The same orbit on a mesh of `elements` that spreads its monitor evenly."""
         weight = self.monitor()
         weight += EVEN * weight.sum() * np.diff(self.mesh)
-        total = np.append(0.0, np.cumsum(weight))
-        mesh = np.interp(np.linspace(0.0, total[-1], elements + 1), total, self.mesh)
-        mesh[0], mesh[-1] = 0.0, 1.0
-        return self.on(mesh)
+        return self.on(equidistributed(self.mesh, weight, elements))
 
 
 # Conditions at an orbit, to be met; the number of rows is that of the states and the free parameters.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gsp.collocation.mesh import equidistributed
 from gsp.orbits.periodic.collocation import Cycle, OrbitProblem
 
 # Some points everywhere: the estimate is of leading order only, and layers move along a family.
@@ -66,13 +67,4 @@ def adapted(
     wanted = float((density * widths).sum())
     if not np.isfinite(wanted):
         return cycle.mesh
-    return equidistributed(cycle.mesh, density, int(min(max(np.ceil(wanted), FEWEST), most)))
-
-
-def equidistributed(mesh: np.ndarray, density: np.ndarray, intervals: int) -> np.ndarray:
-    """The mesh (at most intervals + 1,) of equal shares of `density` (N,), constant between the points of `mesh`."""
-    total = np.append(0.0, np.cumsum(density * np.diff(mesh)))
-    found = np.interp(np.linspace(0.0, total[-1], intervals + 1), total, mesh)
-    found[0], found[-1] = 0.0, 1.0
-    # Where more points are wanted than there are phases in double precision, those that there are.
-    return np.unique(found)
+    return equidistributed(cycle.mesh, density * widths, int(min(max(np.ceil(wanted), FEWEST), most)))
