@@ -7,7 +7,7 @@ number of its operations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
 from hashlib import blake2b
 from typing import Any
@@ -115,6 +115,31 @@ def parts_of(expression: Expr) -> list[Expr]:
             found[part] = None
             stack.extend(part.args)
     return list(found)
+
+
+def holding(expressions: Iterable[Expr], atoms: Collection[Expr]) -> list[bool]:
+    """Whether each of `expressions` has one of `atoms` among its parts, each part looked at once over all of them."""
+    known: dict[int, bool] = {}
+    # Numbers may be made anew when they are asked for, and an address may not be used twice meanwhile.
+    kept: list[tuple[Expr, ...]] = []
+    result = []
+    for expression in expressions:
+        kept.append((expression,))
+        stack: list[tuple[Expr, tuple[Expr, ...] | None]] = [(expression, None)]
+        while stack:
+            part, parts = stack.pop()
+            if parts is not None:
+                known[id(part)] = any(known[id(inner)] for inner in parts)
+            elif id(part) not in known:
+                parts = tuple(part.args)
+                if parts:
+                    kept.append(parts)
+                    stack.append((part, parts))
+                    stack.extend((inner, None) for inner in parts)
+                else:
+                    known[id(part)] = part in atoms
+        result.append(known[id(expression)])
+    return result
 
 
 def plus(terms: Sequence[Expr]) -> Expr:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.sharing import plus, replaced, times
+from gsp.algebra.sharing import holding, plus, replaced, times
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.results.card import Card
@@ -260,7 +260,7 @@ def restrict(
         order=cut.order,
         states=(*states, *driven),
         rates=tuple(rates),
-        observables=MappingProxyType({symbol: real_or_nan(value) for symbol, value in observables.items()}),
+        observables=MappingProxyType(real_or_nan(observables)),
         epsilon=epsilon,
         driven=driven,
         base=tuple(total([cut.chart.elements[s]]) for s in system.states),
@@ -273,9 +273,10 @@ def restrict(
     )
 
 
-def real_or_nan(value: sp.Expr) -> sp.Expr:
-    """`value`, or nan where it is infinite or imaginary whatever the variables are, as 1/(y - h(x)) on y = h(x) is."""
-    return sp.nan if value.has(sp.zoo, sp.oo, -sp.oo, sp.nan, sp.I) else value
+def real_or_nan(observables: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+    """Them, with nan where one is infinite or imaginary whatever the variables are, as 1/(y - h(x)) on y = h(x) is."""
+    unreal = holding(observables.values(), (sp.zoo, sp.oo, -sp.oo, sp.nan, sp.I))
+    return {symbol: sp.nan if bad else value for (symbol, value), bad in zip(observables.items(), unreal)}
 
 
 def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:

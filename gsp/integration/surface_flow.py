@@ -91,8 +91,7 @@ def flow_on(
     driven = dict(reconstruction or {})
     rates = [rate.xreplace(values).xreplace(heights) for rate in system.f]
     rates += [sp.sympify(rate, strict=True).xreplace(values).xreplace(observables) for rate in driven.values()]
-    shown = {symbol: real_or_nan(value) for symbol, value in observables.items()}
-    return SurfaceFlow(manifold, (*system.x, *driven), tuple(rates), shown)
+    return SurfaceFlow(manifold, (*system.x, *driven), tuple(rates), real_or_nan(observables))
 
 
 def _expressions(surface: ChebyshevSurface, x: tuple[sp.Symbol, ...]) -> list[sp.Expr]:

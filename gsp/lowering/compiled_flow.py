@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.sharing import holding
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.kernels import addresses
 from gsp.kernels.addresses import address_of
@@ -304,27 +305,13 @@ class CompiledStep:
 @remembered
 def compile_flow(flow: Flow) -> CompiledFlow:
     """Compiled form of a flow; flows with the same rates share their code, whatever their parameters' values."""
-    seen: dict[int, Any] = {}
-    unknown = next((str(state) for state, rate in zip(flow.states, flow.rates) if _has_nan(rate, seen)), None)
+    unknown = next((str(state) for state, bad in zip(flow.states, holding(flow.rates, [sp.nan])) if bad), None)
     if unknown is not None:
         # An observable may have no value anywhere, and is nan then; a rate may not.
         raise UnsupportedFunctionError(f"the rate of {unknown} is nan.", "Write the expression in real terms.")
     rates = tuple(map(exact, flow.rates))
     code = FlowCode(tuple(flow.states), rates, flow.epsilon, tuple(flow.parameters), flow.calls)
     return CompiledFlow(code, flow.parameters, flow.observables, flow.is_stiff)
-
-
-def _has_nan(expression: sp.Expr, seen: dict[int, Any]) -> bool:
-    """Whether nan is a part of it, each part looked at once: long series share theirs. `seen` keeps those before."""
-    stack: list[Any] = [expression]
-    while stack:
-        part = stack.pop()
-        if part is sp.nan:
-            return True
-        if id(part) not in seen:
-            seen[id(part)] = part
-            stack.extend(part.args)
-    return False
 
 
 def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:

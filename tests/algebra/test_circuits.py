@@ -9,7 +9,7 @@ import sympy as sp
 from gsp.algebra import circuits
 from gsp.algebra.circuits import CircuitRing, Factors, derived
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.sharing import parts_of, plus, reciprocal, replaced, times
+from gsp.algebra.sharing import holding, parts_of, plus, reciprocal, replaced, times
 from gsp.errors import BudgetError, HyperbolicityError
 from gsp.lowering.compiled_function import compile_function
 from gsp.lowering.steps.straight_line import eliminate
@@ -136,6 +136,33 @@ def test_shared_parts_are_compared_shown_and_searched_without_a_walk() -> None:
     assert moved.free_symbols == {a, y}
     assert moved == one.xreplace({x: a})
     assert replaced(moved, {a: x}) == one
+
+
+class Looked(frozenset):
+    """Atoms that count how often they are asked for."""
+
+    times = 0
+
+    def __contains__(self, part: object) -> bool:
+        Looked.times += 1
+        return super().__contains__(part)
+
+
+def test_parts_that_many_expressions_share_are_looked_at_once() -> None:
+    levels = [nested(1)]
+    for _ in range(200):
+        levels.append(plus([times(levels[-1], reciprocal(plus([levels[-1], sp.S.One]))), x]))
+    unreal = Looked((sp.nan, sp.I, sp.oo))
+    assert holding(levels, unreal) == [False] * 201
+    assert 0 < Looked.times < 10, "x, y and the numbers"
+
+
+def test_what_holds_an_atom_is_told_from_what_shares_parts_with_it() -> None:
+    inner = plus([x, times(y, sp.Integer(2))])
+    bad = plus([inner, sp.nan])
+    asked = [inner, times(bad, inner), bad, reciprocal(inner), sp.nan, sp.Integer(3) / 7, x + sp.I]
+    assert holding(asked, [sp.nan]) == [False, True, True, False, True, False, False]
+    assert holding(asked, [sp.I]) == [False, False, False, False, False, False, True]
 
 
 def test_shared_parts_are_what_they_stand_for() -> None:

@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, Status, expand, integrate, restrict, solve_critical
+from gsp.algebra import sharing
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.integration.reduction_end.validity import Validity, validity_of
 from gsp.kernels import engine
@@ -89,6 +90,21 @@ def test_the_code_of_what_is_watched_grows_as_the_entries_do(monkeypatch: pytest
         assert validity.tests.outputs == 5
         lines[-1] /= len(validity._places[0])
     assert 0.0 < lines[2] < 1.3 * lines[1]
+
+
+def test_shared_observables_are_not_searched_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of 200 observables holds most of the program of all: searching it for each took a third of the whole way."""
+    has, asked = sharing._Shared.has, []
+
+    def counted(self, *patterns):
+        if not all(isinstance(pattern, sp.Symbol) for pattern in patterns):
+            asked.append(patterns)
+        return has(self, *patterns)
+
+    monkeypatch.setattr(sharing._Shared, "has", counted)
+    flow = reduced(network(25, seed=3))
+    assert any(isinstance(value, sharing._Shared) for value in flow.observables.values())
+    assert not asked
 
 
 def test_a_network_runs_and_keeps_to_its_manifold(flow) -> None:
