@@ -300,6 +300,14 @@ class Sampler:
         J = J[usable]
         return J, np.linalg.solve(J[:, nx:, nx:], J[:, nx:, :nx]), usable
 
+    def tangents(self, z: np.ndarray) -> np.ndarray:
+        """dz/dx along the sheet at `z` (m, n): (m, n, n_slow), not a number where g_y is singular or not finite."""
+        nx = len(self.system.x)
+        _, slope, usable = self._slopes(z)
+        found = np.full((*z.shape, nx), np.nan)
+        found[usable] = np.concatenate([np.broadcast_to(np.eye(nx), (len(slope), nx, nx)), -slope], axis=1)
+        return found
+
     def tangential_rate(self, z: np.ndarray) -> float:
         """Largest |eigenvalue| of the symmetric part of f_x - f_y g_y^-1 g_x."""
         rates = self.tangential_rates(z)
@@ -318,15 +326,12 @@ class Sampler:
 
     def jacobian_variation(self, z: np.ndarray) -> float:
         """Largest entry of the total derivative D_x g_y = d(g_y)/dx - d(g_y)/dy g_y^-1 g_x."""
-        nx = len(self.system.x)
-        _, slope, usable = self._slopes(z)
-        if not usable.all() or len(z) == 0:
+        along = self.tangents(z)
+        if not finite_rows(along).all() or len(z) == 0:
             return float("inf")
         (i, j, k), values = self._second
         if not len(i):
             return 0.0
-        # z along x: x itself, and y = -g_y^-1 g_x.
-        along = np.concatenate([np.broadcast_to(np.eye(nx), (len(z), nx, nx)), -slope], axis=1)
         moved = values(z, self.p)[:, :, None] * along[:, k]
         # What belongs to one entry of g_y stands in a row.
         starts = np.flatnonzero(np.append(True, (np.diff(i) != 0) | (np.diff(j) != 0)))

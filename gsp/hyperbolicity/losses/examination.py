@@ -148,7 +148,7 @@ def _locate(locator: Locator, z: np.ndarray, eigenvalues: np.ndarray, links: Lin
     searched = not (sampler.is_large and sampler.is_constant)
     locator.zeros(np.vstack([a[changed], z[nearest]]) if searched else z[:0])
     locator.changes(a[changed], b[changed])
-    for place, crossing, only_x in poles(sampler, z, LOCATED):
+    for place, crossing, only_x in poles(sampler, z, LOCATED, locator.box, locator.notes):
         locator.add(place, crossing, only_x=only_x)
     distance = signed_gap(eigenvalues, unstable(eigenvalues))
     if any(not place.is_pole for place in locator.found):

@@ -17,7 +17,7 @@ from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
 from gsp.hyperbolicity.losses.diagnosis import Found
 from gsp.hyperbolicity.losses.kinds import Contact
-from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
 from gsp.systems.region import Interval
 
 # The worst samples, from which the gap is refined and losses are located.
@@ -42,8 +42,6 @@ SEARCHED = 0.02
 # Continuation steps that one search for the least gap may take. A point that the sheet reaches costs one to 21, one
 # beyond a fold about 80, because the sheet is followed up to the fold each time.
 SEARCH_STEPS = 1250
-# Steps towards a zero, and with many fast variables, where each takes milliseconds.
-STEPS, STEPS_OF_LARGE = 60, 20
 # How near in x the least gap is found, and with many fast variables as a share of the region.
 NEAR, NEAR_OF_LARGE = 1e-10, 1e-4
 # Neutral saddles that are looked at.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import sympy as sp
@@ -11,48 +11,126 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import factor_list, quotient
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.kinds import Contact
-from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
+from gsp.systems.region import Interval
 
 # Distances from a pole at which the field is compared, relative to 1 + |z|, and how much it has grown: a simple pole by
 # their quotient.
 NEAR_POLE = (1e-4, 1e-7)
 GROWN = 100.0
+# With many fast variables: how many samples further the tangent may put a zero. Before a simple zero it is one, before
+# one at which the sheet folds two.
+REACH = 2.0
+# Samples from which zeros are then sought, of all denominators together.
+MOST_STARTS = 48
 
 
-def poles(sampler: Sampler, z: np.ndarray, starts: int) -> Iterator[tuple[np.ndarray, Contact, bool]]:
-    """Zeros of the denominators of the branch's graph and of the field next to the samples `z` (m, n).
+def poles(
+    sampler: Sampler, z: np.ndarray, starts: int, box: Mapping[str, Interval], notes: list[str]
+) -> Iterator[tuple[np.ndarray, Contact, bool]]:
+    """Zeros of the denominators of the branch's graph and of the field next to the samples `z` (m, n) over `box`.
 
-    Each denominator is followed from the `starts` samples nearest to its zeros. Yields the place, what goes to infinity
-    there, and whether the place's fast coordinates mean nothing.
+    Each denominator is followed from the `starts` samples nearest to its zeros. With many fast variables it is followed
+    from samples next to which the sheet's tangent leads to a zero, from `MOST_STARTS` for all denominators together;
+    `notes` says when there were more. Yields the place, what goes to infinity there, and whether the place's fast
+    coordinates mean nothing.
     """
     system, nx = sampler.system, len(sampler.system.x)
+    values = dict(system.parameters)
     graph = list((sampler.branch.graph or {}).values())
-    rates = [*sampler.f, *sampler.g]
-    for crossing, divisor in [
-        *((Contact.BRANCH_POLE, d) for d in denominators(graph, system.x)),
-        *((Contact.FIELD_POLE, d) for d in denominators(rates, system.states)),
-    ]:
+    sought = [
+        (crossing, divisor)
+        for crossing, expressions, variables in (
+            (Contact.BRANCH_POLE, graph, system.x),
+            (Contact.FIELD_POLE, [*sampler.f, *sampler.g], system.states),
+        )
+        for divisor in denominators(expressions, variables)
+        if not is_above_zero(divisor.xreplace(values))
+    ]
+    if not sought:
+        return
+    followed = _next_to_zeros if sampler.is_large else _nearest
+    divisors = [divisor for _, divisor in sought]
+    for (crossing, divisor), samples in zip(sought, followed(sampler, divisors, z, starts, box, notes)):
         free = not divisor.has(*system.y)
-        value = sampler.compiled([divisor])
-        slope = sampler.compiled([derivative(divisor, s) for s in system.states])
-
-        def evaluate(u: np.ndarray, value=value, slope=slope, free=free) -> tuple[np.ndarray, np.ndarray]:
-            if free:
-                point = np.concatenate([u, np.zeros(len(system.y))])
-                return value(point, sampler.p), slope(point, sampler.p)[None, :nx]
-            branch = sampler.branch
-            equations = np.concatenate([branch.residual(u[None, :])[0], value(u, sampler.p)])
-            return equations, np.vstack([branch.full_jacobian(u[None, :])[0], slope(u, sampler.p)])
-
-        sizes = np.abs(value(z, sampler.p)[:, 0])
-        for sample in z[np.argsort(sizes)[:starts]]:
-            found = gauss_newton(evaluate, sample[:nx] if free else sample)
+        if not len(samples):
+            continue
+        evaluate = _equations(sampler, divisor, samples, free=free)
+        for sample in samples:
+            found = gauss_newton(
+                evaluate,
+                sample[:nx] if free else sample,
+                steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
+                sparse=sampler.is_large and not free,
+            )
             if found is None:
                 continue
             # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
             place = np.concatenate([found, sample[nx:]]) if free else found
             if crossing is Contact.BRANCH_POLE or _is_pole(sampler, place):
                 yield place, crossing, free
+
+
+def _equations(sampler: Sampler, divisor: sp.Expr, samples: np.ndarray, *, free: bool):
+    """`divisor` = 0 on the branch and its Jacobian, as functions of (x, y), or of x when it is `free` of y.
+
+    Its unit is its largest slope at `samples` (m, n): without fractions y - 0.42... has coefficients of sixteen digits.
+    """
+    system, branch = sampler.system, sampler.branch
+    value = sampler.compiled([divisor])
+    slope = sampler.compiled([derivative(divisor, s) for s in system.states])
+    steep = np.abs(slope(samples, sampler.p))
+    unit = float(steep[np.isfinite(steep)].max(initial=0.0)) or 1.0
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if free:
+            point = np.concatenate([u, np.zeros(len(system.y))])
+            return value(point, sampler.p) / unit, slope(point, sampler.p)[None, : len(system.x)] / unit
+        equations = np.concatenate([branch.residual(u[None, :])[0], value(u, sampler.p) / unit])
+        return equations, np.vstack([branch.full_jacobian(u[None, :])[0], slope(u, sampler.p) / unit])
+
+    return evaluate
+
+
+def _nearest(sampler: Sampler, divisors: list[sp.Expr], z: np.ndarray, starts: int, *_) -> Iterator[np.ndarray]:
+    """The `starts` samples at which each divisor is least."""
+    for divisor in divisors:
+        sizes = np.abs(sampler.compiled([divisor])(z, sampler.p)[:, 0])
+        yield z[np.argsort(sizes)[:starts]]
+
+
+def _next_to_zeros(
+    sampler: Sampler,
+    divisors: list[sp.Expr],
+    z: np.ndarray,
+    starts: int,
+    box: Mapping[str, Interval],
+    notes: list[str],
+) -> list[np.ndarray]:
+    """The samples from which each divisor falls to zero before the next ones, to first order along the sheet."""
+    system = sampler.system
+    places = [(i, k, derivative(d, s)) for i, d in enumerate(divisors) for k, s in enumerate(system.states)]
+    places = [place for place in places if place[2] != 0]
+    slopes = np.zeros((len(z), len(divisors), z.shape[1]))
+    rows, columns = (np.array([place[i] for place in places], dtype=int) for i in (0, 1))
+    slopes[:, rows, columns] = sampler.compiled([place[2] for place in places])(z, sampler.p)
+    widths = np.array([high - low for low, high in (box[s.name] for s in system.x)])
+    spacing = widths / max(1.0, len(sampler.grid(box)) ** (1.0 / len(widths)) - 1.0)
+    reach = np.abs(slopes @ sampler.tangents(z)) @ spacing
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # What is not a number tells nothing against a zero.
+        distance = np.nan_to_num(np.abs(sampler.compiled(divisors)(z, sampler.p)) / reach, nan=0.0)
+    near = distance <= REACH
+    chosen = near & (np.argsort(np.argsort(distance, axis=0), axis=0) < starts)
+    if chosen.sum() > MOST_STARTS:
+        limit = np.sort(distance[chosen])[MOST_STARTS - 1]
+        left = int((near.any(axis=0) & ~(chosen & (distance <= limit)).any(axis=0)).sum())
+        chosen &= distance <= limit
+        notes.append(
+            f"poles were sought from {MOST_STARTS} samples, and {int(near.sum())} lie next to where a denominator may "
+            f"vanish: {left} of {len(divisors)} denominators were not followed. Look at a smaller region."
+        )
+    return [z[row] for row in chosen.T]
 
 
 def _is_pole(sampler: Sampler, z: np.ndarray) -> bool:
@@ -77,6 +155,29 @@ def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -
             if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
                 found.append(base)
     return found
+
+
+def is_above_zero(expression: sp.Expr) -> bool:
+    """Whether `expression` is positive wherever it is real, by the signs of its parts alone: 1 + y**2 is."""
+    if isinstance(expression, sp.Add):
+        return all(map(_is_not_below_zero, expression.args)) and any(map(is_above_zero, expression.args))
+    if isinstance(expression, sp.Mul):
+        return all(map(is_above_zero, expression.args))
+    if isinstance(expression, sp.Pow):
+        return is_above_zero(expression.base)
+    if isinstance(expression, (sp.exp, sp.cosh)):
+        return True
+    return expression.is_number and expression.is_Number and bool(expression > 0)
+
+
+def _is_not_below_zero(expression: sp.Expr) -> bool:
+    """Whether `expression` is positive or 0 wherever it is real, by the signs of its parts alone."""
+    if isinstance(expression, (sp.Add, sp.Mul)):
+        return all(map(_is_not_below_zero, expression.args))
+    if isinstance(expression, sp.Pow) and expression.exp.is_Rational:
+        # An even power, or a root, which is real where it is not negative.
+        return bool(expression.exp.p % 2 == 0 or expression.exp.q != 1) or _is_not_below_zero(expression.base)
+    return isinstance(expression, sp.Abs) or expression is sp.S.Zero or is_above_zero(expression)
 
 
 def _divisors(expression: sp.Expr) -> list[sp.Expr]:

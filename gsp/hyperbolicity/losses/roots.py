@@ -6,12 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+# Steps towards a zero, and with many fast variables, where each takes milliseconds.
+STEPS, STEPS_OF_LARGE = 60, 20
+
 
 def gauss_newton(
     evaluate: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     start: np.ndarray,
     *,
-    steps: int = 60,
+    steps: int = STEPS,
     sparse: bool = False,
     scales: np.ndarray | None = None,
 ) -> np.ndarray | None:
