@@ -161,7 +161,9 @@ def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
 
 
 def test_methods_are_tabulated_with_their_orders() -> None:
-    rows = {row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").stdout)}
+    rows = {
+        row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").stdout)["rows"]
+    }
     assert rows["CSP 1"]["expected"] == 2
     assert rows["series 2"]["fitted"] == pytest.approx(3, abs=0.1)
     assert rows["solved"]["error at 0.1"] < 1e-10

@@ -105,6 +105,23 @@ class CircuitRing:
 
     # -- steps -------------------------------------------------------------------------------------
 
+    @property
+    def spending(self) -> int:
+        """What was spent so far; what an attempt took that came to nothing is given back by setting it."""
+        return self.spent
+
+    @spending.setter
+    def spending(self, before: int) -> None:
+        self.spent = before
+        del self._gates[before:]
+        self._known = {key: gate for key, gate in self._known.items() if gate.index < before}
+        self._written = {i: written for i, written in self._written.items() if i < before}
+        for tables in (self._slopes, self._images):
+            for table in tables:
+                kept = {i: gate for i, gate in table.items() if max(i, gate.index) < before}
+                table.clear()
+                table.update(kept)
+
     def _gate(self, kind: str, inputs: tuple[Gate, ...], what: Any = None) -> Gate:
         key = (kind, *(gate.index for gate in inputs), what)
         found = self._known.get(key)

@@ -119,6 +119,15 @@ class LocalisedRing:
 
     # -- the budget --------------------------------------------------------------------------------
 
+    @property
+    def spending(self) -> tuple[int, int]:
+        """What was spent so far; what an attempt took that came to nothing is given back by setting it."""
+        return self.spent, self.terms
+
+    @spending.setter
+    def spending(self, before: tuple[int, int]) -> None:
+        self.spent, self.terms = before
+
     def product(self, a: flint.fmpq_mpoly, b: flint.fmpq_mpoly) -> flint.fmpq_mpoly:
         """a b, within the budget."""
         self.spend(a, b)

@@ -38,7 +38,7 @@ from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
 from gsp.singular.mixed_modes import MixedMode
 from gsp.slow.raw_series import RawManifold, carry_back
-from gsp.slow.series import LONGEST, READABLE, SeriesManifold
+from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_order, check_orders
 
@@ -64,7 +64,8 @@ class Analysis(Drawn):
     stage, `versions` of what computed it.
 
     `phenomenon` goes on through the folds where there are any: a long run of the full system that swings over them
-    again and again, over more than one slow variable with its swings counted; None where there is none.
+    again and again, over more than one slow variable with its swings counted; None where there is none. `ending` says
+    why the series has not all the orders asked for, where the exact algebra did not reach them.
 
     What a stage could not make is left out: reading it raises `MissingPartError`, and `lost` gives the reason by name.
     """
@@ -89,6 +90,7 @@ class Analysis(Drawn):
     timings: Mapping[str, float]
     versions: Mapping[str, str]
     phenomenon: Trajectory | MixedMode | None = None
+    ending: str = ""
 
     def __post_init__(self) -> None:
         parts = {field.name: self.__dict__[field.name] for field in fields(self)}
@@ -131,15 +133,8 @@ class Analysis(Drawn):
 
     @property
     def cut(self) -> str:
-        """Why the highest orders of the series are not run, as a sentence; empty where all of them are."""
-        short, order = self.short_series, self.series.order
-        if short.order == order:
-            return ""
-        longest = max(self.study.series(short.order + 1, symbolic=False).sizes)
-        return (
-            f"The series is run through order {short.order} only: at order {short.order + 1} it has coefficients "
-            f"of {longest} terms, more than {LONGEST}."
-        )
+        """Why the highest orders are not there or not run, as sentences; empty where all of them are."""
+        return " ".join(dict.fromkeys(filter(None, (self.study.cut(self.series.order), self.ending))))
 
     def __repr__(self) -> str:
         found = "no comparison" if "comparison" in self.lost else repr(self.comparison)
@@ -232,6 +227,7 @@ def analyse(
         base_reason=base_reason,
         failures=failures,
         failures_reason=failures_reason,
+        ending="" if isinstance(series, Missing) or series.order == order else study.reach(order)[1],
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
         **parts,
@@ -239,13 +235,11 @@ def analyse(
 
 
 def _series(study: Study, order: int) -> SeriesManifold:
-    """The series with symbolic parameters; with their values put in where that is too long."""
+    """The series with symbolic parameters; with their values put in, and as far as that goes, where it is too long."""
     try:
         return study.series(order)
     except BudgetError:
-        if not study.system.parameters:
-            raise
-        return study.series(order, symbolic=False)
+        return study.reach(order)[0]
 
 
 def _short(study: Study, orders: Sequence[int]) -> tuple[int, ...]:

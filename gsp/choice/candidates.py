@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee_surface
-from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure
+from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError
 from gsp.integration.methods import Method, begins_with_series, choose_method, fast_times, program_of
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -76,11 +76,11 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     """The reduced flow of `order`: predicted, and timed."""
     prediction = outlook.prediction
     first, last = scene.span
-    if order not in outlook.flows or order + AHEAD not in outlook.flows:
+    if order not in outlook.flows:
         nothing = float("nan")
         return Candidate(
             *(ModelKind.REDUCED, order, nothing, first, nothing, nothing, nothing, nothing, False),
-            why_not=f"not looked at: the series through order {order + AHEAD}, which tells its error, is too long",
+            why_not=f"not looked at: the series is run through order {outlook.series.order} only",
         )
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
@@ -94,13 +94,19 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
         holds, failure = prediction.holds_until(order, limit, after=after, last=last)
         # Infinite where a run has ended; then the reason says more.
         predicted = float(outlook.errors(order, np.linspace(after, last, GRID_POINTS)).max())
-        if failure is Failure.END:
+        told = prediction.tells(order, np.linspace(after, last, GRID_POINTS))
+        if failure in (None, Failure.ERROR) and not told:
+            failure = Failure.UNTOLD
+            why = f"{failure}: {_untold(prediction, order)}"
+        elif failure is Failure.END:
             why = f"{failure} at t = {holds:.4g}: {prediction.runs[order].status.meaning}"
         elif failure is not None:
             why = f"{failure} at t = {holds:.4g}"
         elif predicted > limit:
             failure = Failure.ERROR
             why = f"{failure}"
+        if not told:
+            predicted, holds = float("nan"), first
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
@@ -141,6 +147,14 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     )
 
 
+def _untold(prediction: Prediction, order: int) -> str:
+    """Why no run tells the error of this order."""
+    last = prediction.compared(order)[-1]
+    if last == order:
+        return "no higher order is run"
+    return f"the term of order {last} vanishes along the run, and no higher order is run"
+
+
 def solved_candidate(
     outlook: Outlook, reduced: Sequence[Candidate], scene: Scene, rtol: float
 ) -> tuple[Candidate, SurfaceOutlook | None]:
@@ -155,7 +169,11 @@ def solved_candidate(
     serving = next((c for c in reduced if c.valid), None)
     if serving is not None:
         return left_out(f"not solved: {serving.label} is exact enough")
-    if not any(c.failure in (Failure.ERROR, Failure.ORDER) and np.isfinite(c.predicted) for c in reduced):
+    if not any(
+        c.failure is Failure.UNTOLD
+        or (c.failure in (Failure.ERROR, Failure.ORDER) and np.isfinite(c.predicted))
+        for c in reduced
+    ):
         return left_out("not solved: no reduced flow shows where, to the end of the span")
     try:
         surface = foresee_surface(scene, outlook)

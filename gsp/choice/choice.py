@@ -56,7 +56,8 @@ class Choice(Card, Tabular):
     `predicted` is the model's over the span; on the `piece` (t0, t1) it is `predicted_on_piece`, and `measured` there
     against a full run. `speed_up` is full over chosen seconds. `partial` is the reduced flow that serves longest when
     none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
-    answer to "may I reduce?", the same wherever it is shown.
+    answer to "may I reduce?", the same wherever it is shown; `ending` says why the series ends where it does
+    not tell the error of one of the orders asked for.
     """
 
     study: Study
@@ -73,6 +74,7 @@ class Choice(Card, Tabular):
     measured: float
     speed_up: float
     verdict: Verdict
+    ending: str = ""
 
     @property
     def scene(self) -> Scene:
@@ -134,6 +136,9 @@ class Choice(Card, Tabular):
             f"  on t = {self.piece[0]:.4g} to {self.piece[1]:.4g}: predicted {_shown(self.predicted_on_piece)}, "
             f"measured {_shown(self.measured)}"
         )
+        # Else the verdict says it.
+        if self.ending and any(c.valid for c in self.candidates if c.kind is not ModelKind.FULL):
+            lines.append(f"  {self.ending}")
         return "\n".join(lines)
 
 
@@ -185,6 +190,7 @@ def choose(
     if outlook and solve:
         solved, surface = solved_candidate(outlook, reduced, scene, rtol)
         reduced.append(solved)
+    ending = study.cut(max(wanted) + 1) if outlook and outlook.series.order <= max(wanted) else ""
     model, partial = select(full, reduced, scene.span)
     verdict = judge(
         Evidence(
@@ -194,6 +200,7 @@ def choose(
             partial=partial,
             layer=layer,
             obstacle=obstacle,
+            ending=ending,
             place=_end_of(partial, outlook),
         )
     )
@@ -214,6 +221,7 @@ def choose(
         measured=measured,
         speed_up=full.seconds / model.seconds,
         verdict=verdict,
+        ending=ending,
     )
 
 

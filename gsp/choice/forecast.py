@@ -57,21 +57,23 @@ class Outlook:
 def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) -> Outlook:
     """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced.
 
-    It is for those of `orders` whose series, and that of the next two, is short enough to run.
+    It is for those of `orders` whose series is there and short enough to run; that of the next two, as far as they are
+    too, tells their errors.
     """
     study = study_of(scene)
     scene = study.scene
     # A start names its sheet, which is found sooner than by following one from a seed.
-    series = _readied(study, min(orders) + AHEAD, max(orders) + AHEAD).over(study.free_branch)
+    series = _readied(study, min(orders), max(orders) + AHEAD).over(study.free_branch)
     highest = series.order
-    orders = [n for n in orders if n + AHEAD <= highest]
-    inner = study.inner(highest)
+    orders = [n for n in orders if n <= highest]
+    # The slow variables feel the layer from order 1 on, however far the series goes.
+    inner = study.inner(max(highest, AHEAD))
     # What it takes from the scene on, whoever asked for it first.
     shared = sum(map(study.spent, READYING))
     if inner.direction < 0:
         raise HyperbolicityError(f"the branch {study.branch} repels, and orbits leave it.")
     flows, preparation = {}, {}
-    for k in sorted({n + ahead for n in orders for ahead in range(AHEAD + 1)}):
+    for k in sorted({k for n in orders for k in range(n, min(n + AHEAD, highest) + 1)}):
         begun = time.perf_counter()
         flows[k] = study.reduced(k, reconstructed=False, sheet=False)
         _ = compile_flow(flows[k]).field
@@ -108,17 +110,12 @@ def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> d
 
 def _readied(study: Study, first: int, last: int) -> SeriesManifold:
     """The series through `last`, or as far as a reduced flow of it can be compiled in a reasonable time."""
-    series = study.series(first, symbolic=False)
+    series = study.short_series(last, at_least=first)
     if max(series.sizes) > LONGEST:
         raise HyperbolicityError(
             f"its series is too long to run: through order {first} it has coefficients of {max(series.sizes)} terms, "
             f"more than {LONGEST}."
         )
-    for order in range(first + 1, last + 1):
-        longer = study.series(order, symbolic=False)
-        if longer.sizes[order] > LONGEST:
-            break
-        series = longer
     return series
 
 

@@ -78,14 +78,15 @@ class _Sheet:
 
     @cached_property
     def series(self) -> SeriesManifold:
-        order, everywhere = self.order + AHEAD, replace(self.branch, seed=None)
+        order = self.study.short_series(self.order + AHEAD, at_least=self.order).order
+        everywhere = replace(self.branch, seed=None)
         if everywhere == self.study.free_branch:
             return self.study.series(order, symbolic=False).over(everywhere)
         return expand(everywhere, order=order, symbolic=False)
 
     @cached_property
     def flows(self) -> dict[int, ReducedFlow]:
-        orders = range(self.order, self.order + AHEAD + 1)
+        orders = range(self.order, self.series.order + 1)
         if self.series.branch == self.study.free_branch:
             return {k: self.study.reduced(k, sheet=False) for k in orders}
         return {

@@ -23,8 +23,10 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.slow.series import SeriesManifold
 from gsp.systems.region import Interval
 
-# A term that happens to vanish says nothing, so the runs of the next two orders are looked at.
+# A term that happens to vanish says nothing, so the runs of the next two orders are looked at. Where the series ends
+# before the second, the first serves alone, unless it is within so many tolerances of the runs themselves.
 AHEAD = 2
+VANISHED = 30.0
 # Times at which a run is looked at, and how often the place where it fails is narrowed down as finely again.
 CHECKS, REFINEMENTS = 65, 2
 # A run this much outside the region, relative to its width, is rounding.
@@ -42,6 +44,7 @@ class Failure(StrEnum):
     GAP = "the gap is lost"
     RATE = "the normal rate no longer dominates"
     REGION = "the region is left"
+    UNTOLD = "nothing tells its error"
     ORDER = "the series is past its best order"
     ERROR = "the predicted error passes the tolerance"
     END = "the reduced run ends"
@@ -51,7 +54,8 @@ class Failure(StrEnum):
 class Prediction:
     """Reduced `runs` by order over one span, and what they say about one another.
 
-    `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to.
+    `names` are the quantities whose error counts, `least_scale[name]` the least value that they are relative to; `rtol`
+    is what the runs were asked for.
     """
 
     series: SeriesManifold
@@ -61,6 +65,19 @@ class Prediction:
     region: Mapping[str, Interval]
     least_scale: Mapping[str, float]
     sampler: Sampler
+    rtol: float
+
+    def compared(self, order: int) -> list[int]:
+        """The orders whose runs tell the error of this one: itself and the next two, as far as the series goes."""
+        return [k for k in range(order, order + AHEAD + 1) if k in self.runs]
+
+    def tells(self, order: int, times: np.ndarray) -> bool:
+        """Whether the error at `times` is known: a single run ahead that does not differ may just have no term."""
+        ahead = len(self.compared(order)) - 1
+        if ahead != 1:
+            return ahead > 1
+        errors = self.errors(order, times)
+        return bool((errors > VANISHED * self.rtol).any())
 
     def covered(self, order: int) -> float:
         """The time that the run of this order reaches."""
@@ -81,7 +98,7 @@ class Prediction:
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) of the run of this order at `times` (m,), infinite where runs have ended."""
         result = np.full(len(times), np.inf)
-        compared = [self.runs[k] for k in range(order, order + AHEAD + 1)]
+        compared = [self.runs[k] for k in self.compared(order)]
         alive = times <= min(float(run.t[-1]) for run in compared)
         if not alive.any():
             return result
@@ -107,7 +124,7 @@ class Prediction:
         inside = self.sampler.inside(slow, self.region)
         past = self._past_best(order, terms)
         # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
-        past |= times[alive] > min(self.covered(k) for k in range(order, order + AHEAD + 1))
+        past |= times[alive] > min(map(self.covered, self.compared(order)))
         errors = self.errors(order, times[alive])
         for i, place in enumerate(alive):
             found[place] = (
@@ -151,8 +168,12 @@ class Prediction:
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""
         sizes = np.linalg.norm(terms, axis=2)
-        # The first two terms left out at each order, as in the errors.
-        left = np.maximum(sizes[:, 1 : order + AHEAD], sizes[:, 2 : order + AHEAD + 1])
+        # The first two terms left out at each order, as in the errors, or the first where there are no more.
+        left, ahead = sizes[:, 1 : order + 2], len(self.compared(order)) - 1
+        if ahead == 0:
+            return np.zeros(len(sizes), dtype=bool)
+        if ahead == AHEAD:
+            left = np.maximum(left, sizes[:, 2 : order + AHEAD + 1])
         return left[:, order] > left.min(axis=1)
 
     def _places(self, run: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -182,9 +203,10 @@ def predict(
 ) -> Prediction:
     """Reduced runs of `orders` and the next two, order k from `starts[k]`, and what to expect of them.
 
-    The series reaches order max(orders) + 2. Nothing of the full system is run.
+    The series reaches order max(orders) + 2, or an error is told by one run ahead or by none.
+    Nothing of the full system is run.
     """
-    needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1)})
+    needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead <= series.order})
     rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
     runs = {
         k: trajectory_of(
@@ -203,5 +225,5 @@ def predict(
         for name, (low, high) in region.items()
     }
     return Prediction(
-        series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch)
+        series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch), rtol
     )

@@ -54,7 +54,8 @@ class Verdict:
 class Evidence:
     """What a verdict rests on: every candidate, the full system last, the `layer` in slow time, and the scene.
 
-    `obstacle` says why there are no reduced candidates; `place` is where in the slow variables the `partial` one ends.
+    `obstacle` says why there are no reduced candidates, `ending` why the series ends where the error of one of them is
+    not told; `place` is where in the slow variables the `partial` one ends.
     """
 
     scene: Scene
@@ -63,6 +64,7 @@ class Evidence:
     partial: Candidate | None = None
     layer: float = 0.0
     obstacle: str = ""
+    ending: str = ""
     place: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -89,6 +91,9 @@ def judge(evidence: Evidence) -> Verdict:
         )
     nearest = partial or _nearest(reduced)
     accuracy = f"no reduced model keeps to {wanted}: {named(nearest)} comes nearest, but {nearest.why_not}."
+    if nearest.failure is Failure.UNTOLD:
+        accuracy = f"no reduced model is known to keep to {wanted}: of {named(nearest)} {nearest.why_not}."
+    accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     served = nearest.holds_until - scene.span[0] - evidence.layer
     if partial is None or served < SMALLEST_PART * (scene.span[1] - scene.span[0]):
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
@@ -146,6 +151,8 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return f"A smaller epsilon, about {enough:.1g}, or a longer span would leave the initial layer behind."
+    if nearest.failure is Failure.UNTOLD:
+        return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
         return "A larger region or a shorter span would help."
     if nearest.failure in (Failure.GAP, Failure.END):

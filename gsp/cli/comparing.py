@@ -31,7 +31,21 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     if as_json:
         from gsp.report import plain
 
-        print_json(plain(table.as_rows()))
+        endings = [
+            {"method": name, "epsilon": e, "ending": ending} for (name, e), ending in table.endings.items()
+        ]
+        found = {
+            "name": scene.name,
+            "points": len(table.points),
+            "rows": table.as_rows(),
+            "epsilons": table.epsilons,
+            "references": table.references,
+            "floor": table.floor,
+            "disagreement": table.disagreement,
+            "omitted": table.omitted,
+            "endings": endings,
+        }
+        print_json(plain(found))
         return
     click.echo(str(table))
 

@@ -53,7 +53,8 @@ class Comparison(Drawn, Tabular):
     relative to its largest value; `slopes[N]` is the fitted power of epsilon, nan when every error is at rounding
     (the reduction is exact there); `expected[N]` is N + 1, or min(N, k) + 1 with the start corrected through
     epsilon^k, k = `correction`. `floor[i]` estimates the reference's own error. The same for rival reduced fields
-    of the scene in `claims` and `claim_slopes`.
+    of the scene in `claims` and `claim_slopes`. `ending` says why the highest orders asked for are left out, where the
+    exact algebra did not reach them.
     """
 
     scene: Scene
@@ -66,6 +67,7 @@ class Comparison(Drawn, Tabular):
     claims: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     claim_slopes: Mapping[str, float] = field(default_factory=dict)
     correction: int | None = None
+    ending: str = ""
 
     def is_exact(self, order: int) -> bool:
         """Whether every error of this order is within the reference's own error."""
@@ -88,7 +90,8 @@ class Comparison(Drawn, Tabular):
         ]
         start = "" if self.correction is None else f", start corrected through epsilon^{self.correction}"
         title = f"largest relative error of the reduced run, by epsilon{start}"
-        return "\n".join([title, head, *rows, *self._missing()])
+        ending = [f"  {self.ending}"] if self.ending else []
+        return "\n".join([title, head, *rows, *self._missing(), *ending])
 
     def _missing(self) -> list[str]:
         """Lines that say why errors or slopes are no numbers."""
@@ -125,19 +128,25 @@ def compare(
     fast fibre through it, through the power `correction` of epsilon; errors are measured outside the layer, from
     (M + 3) epsilon/gap ln(1/epsilon) on, M = min(correction, highest order). With 0 only the slow coordinates are kept.
 
-    A run that stops early gives nan for its epsilon, and its `Status` is kept. Raises what the stages before
-    raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a base
-    point; `DeclarationError` when the layer takes more than half of the span.
+    A run that stops early gives nan for its epsilon, and its `Status` is kept. Orders that the exact algebra does not
+    reach are left out, and `ending` says why; it is an error where it reaches none of them. Raises what the stages
+    before raise for a scene that cannot be split, solved or expanded, and what `project` raises for a start without a
+    base point; `DeclarationError` when the layer takes more than half of the span.
     """
     study = study_of(scene, verb="compare")
     scene = study.scene
-    wanted = tuple(dict.fromkeys(check_orders(orders)))
+    asked = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if not ladder:
         raise DeclarationError("epsilons has no value.", "Give one or more, such as (0.02, 0.01).")
     if correction is not None:
         check_order(correction, what="correction")
     check_progress(progress)
+    reached, ending = study.reach(max(asked))
+    wanted = tuple(n for n in asked if n <= reached.order)
+    if not wanted:
+        # Says which order was reached, and what helps.
+        study.series(min(asked), symbolic=False)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
     series = study.short_series(max(wanted) + 1, at_least=max(wanted))
     flows = {n: study.reduced(n, reconstructed=False) for n in wanted}
@@ -185,6 +194,7 @@ def compare(
         claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
         claim_slopes=MappingProxyType({name: slope(ladder, v, floor) for name, v in claimed.items()}),
         correction=correction,
+        ending=ending,
     )
 
 

@@ -273,7 +273,9 @@ def demands_of(
     if found is not None:
         for n, statuses in found.statuses.items():
             reasons[n] = "; ".join(dict.fromkeys(status.meaning for status in statuses if not status.ok))
-        for n in orders:
+        for n in set(orders) - set(found.errors):
+            reasons[n] = found.ending
+        for n in found.errors:
             by_epsilon = dict(zip(found.epsilons, found.errors[n]))
             errors[n][:] = np.array([by_epsilon[float(e)] for e in epsilons])[:, None]
     start, span = study.start, study.scene.span

@@ -135,10 +135,34 @@ class Study(Card):
         kind = "series" if symbolic else "numeric series"
 
         def expansion() -> Expansion:
-            whole = self._once(("expansion",), lambda: Expansion(self.branch))
-            return whole if symbolic else whole.numeric
+            return self._expansion if symbolic else self._expansion.numeric
 
         return self._once((kind, order), lambda: series_of(expansion(), order))
+
+    def reach(self, order: int) -> tuple[SeriesManifold, str]:
+        """The series with the parameters' values in, through `order` or as far as the budget of the exact algebra goes,
+        and why no further, as a sentence; empty where it is all there.
+
+        Raises `BudgetError` where no order is within the budget.
+        """
+        try:
+            return self.series(order, symbolic=False), ""
+        except BudgetError:
+            last, why = self._expansion.numeric.end
+            if last is None:
+                raise
+            return self.series(last, symbolic=False), f"The series ends at order {last}: {why}."
+
+    def cut(self, order: int) -> str:
+        """Why the series is not run through `order`, as a sentence; empty where it is."""
+        short = self.short_series(order).order
+        if short == order:
+            return ""
+        longer, ending = self.reach(short + 1)
+        return ending or (
+            f"The series is run through order {short} only: at order {short + 1} it has coefficients of "
+            f"{max(longer.sizes)} terms, more than {LONGEST}."
+        )
 
     def short_series(self, order: int, *, at_least: int = 0) -> SeriesManifold:
         """The series with the parameters' values in, through `order` or as far as its coefficients are short enough to
@@ -247,6 +271,10 @@ class Study(Card):
     def _made(self) -> str:
         stages = dict.fromkeys(str(key[0]) for key in self._kept.values if key[0] != "expansion")
         return ", ".join(stages) if stages else "nothing computed yet"
+
+    @property
+    def _expansion(self) -> Expansion:
+        return self._once(("expansion",), lambda: Expansion(self.branch))
 
     def _once(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
         return self._kept.once(key, make)

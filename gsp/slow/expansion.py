@@ -23,21 +23,39 @@ class Expansion:
         self.branch = branch
         self.symbolic = symbolic
         self._known: int | None = None
+        # The last order within the budget and what was met beyond it, once that is known.
+        self._ended: tuple[int | None, BudgetError] | None = None
 
     @cached_property
     def numeric(self) -> Expansion:
         """The expansion with the parameters' values put in first."""
         return Expansion(self.branch, symbolic=False) if self.symbolic else self
 
+    @property
+    def end(self) -> tuple[int | None, str]:
+        """The last order within the budget, where one beyond it was asked for, and what was met there; else None."""
+        return (None, "") if self._ended is None else (self._ended[0], self._ended[1].fact)
+
     def through(self, order: int) -> tuple[Chart, Rows, Rows]:
-        """(chart, rows of h, rows of f), the coefficients of epsilon^0 to epsilon^order in each row."""
+        """(chart, rows of h, rows of f), the coefficients of epsilon^0 to epsilon^order in each row.
+
+        Raises `BudgetError` for an order beyond the budget; what it spent is not charged to the orders before it.
+        """
+        if self._ended is not None and (self._ended[0] is None or order > self._ended[0]):
+            raise self._beyond(order, *self._ended)
         try:
             if self._known is None:
                 self._begin()
             while self._known is None or self._known < order:
-                self._next()
+                before = self._chart.ring.spending
+                try:
+                    self._next()
+                except BudgetError:
+                    self._chart.ring.spending = before
+                    raise
         except BudgetError as error:
             reached, self._known = self._known, None
+            self._ended = reached, error
             raise self._beyond(order, reached, error) from None
         except BaseException:
             # An order that was interrupted is half computed: what is kept begins again.

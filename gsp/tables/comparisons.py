@@ -38,7 +38,7 @@ def comparison(found: Comparison) -> Table:
         errors = np.array([found.claims[name] for name in claims])
         variables["claim_error"] = Column(("claim", "epsilon"), errors)
         variables["claim_slope"] = Column(("claim",), np.array([found.claim_slopes[name] for name in claims]))
-    told = {"scene": found.scene.name, "correction": found.correction}
+    told = {"scene": found.scene.name, "correction": found.correction, "ending": found.ending}
     return Table("Comparison", coordinates, variables, told, both)
 
 
@@ -81,7 +81,12 @@ def method_table(found: MethodTable) -> Table:
         "reference": Column(along, texts(found.references)),
         "points": Column(("point", "slow"), found.points),
     }
-    return Table("MethodTable", coordinates, variables, {"scene": found.scene.name}, records=found.as_rows())
+    told = {
+        "scene": found.scene.name,
+        "omitted": "; ".join(f"{name}: {reason}" for name, reason in found.omitted.items()),
+        "endings": "; ".join(f"{name} at epsilon = {e:g}: {how}" for (name, e), how in found.endings.items()),
+    }
+    return Table("MethodTable", coordinates, variables, told, records=found.as_rows())
 
 
 def work_precision(found: WorkPrecision) -> Table:
@@ -130,7 +135,7 @@ def choice(found: Choice) -> Table:
         "scene": found.scene.name, "answer": str(found.verdict.answer), "reason": found.reason,
         "quantities": ", ".join(found.names), "layer": found.layer, "piece_begins": found.piece[0],
         "piece_ends": found.piece[1], "predicted_on_piece": found.predicted_on_piece, "measured": found.measured,
-        "speed_up": found.speed_up,
+        "speed_up": found.speed_up, "ending": found.ending,
     }  # fmt: skip
     return Table("Choice", coordinates, variables, told, over)
 

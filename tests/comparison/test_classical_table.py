@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from click.testing import CliRunner
 
 from gsp import integrate, load, models
 from gsp.algebra.ring import LocalisedRing
+from gsp.cli import cli
 from gsp.comparison import classical_table
 from gsp.comparison.classical_methods import FraserRoussel, csp, fraser_roussel, ildm, quasi_steady_state
 from gsp.comparison.classical_table import MethodTable, method_table
@@ -296,3 +298,23 @@ def test_bad_calls_are_named() -> None:
 def test_orders_are_a_sequence() -> None:
     with pytest.raises(DeclarationError, match="iterates are a sequence"):
         method_table(models.load("linear"), iterates=1)
+
+
+def test_the_command_tells_the_reference_and_what_was_cut_short_as_the_table_does(monkeypatch) -> None:
+    """All of what the text says stands in the JSON, and in the table's attributes."""
+    scene = models.load("michaelis_menten")
+    table = method_table(scene, epsilons=(0.02, 0.01), refinements=(0,), iterates=(1,), orders=(0,))
+    endings = {("solved", 0.01): "stopped at 17 segments"}
+    told = replace(table, endings=endings, omitted={"series 4": "it is too long"})
+    monkeypatch.setattr(classical_table, "method_table", lambda *arguments, **keywords: told)
+    shown = json.loads(CliRunner().invoke(cli, ["methods", "michaelis_menten", "--json"]).stdout)
+    assert [row["label"] for row in shown["rows"]] == [row.label for row in told.rows]
+    assert shown["epsilons"] == list(told.epsilons)
+    assert shown["references"] == list(told.references)
+    assert shown["floor"] == list(told.floor)
+    assert shown["disagreement"] == list(told.disagreement)
+    assert shown["omitted"] == told.omitted
+    assert shown["endings"] == [{"method": "solved", "epsilon": 0.01, "ending": "stopped at 17 segments"}]
+    attributes = told.as_json()["attributes"]
+    assert attributes["endings"] == "solved at epsilon = 0.01: stopped at 17 segments"
+    assert attributes["omitted"] == "series 4: it is too long"

@@ -110,7 +110,7 @@ def settled_lap(
             )
             if run.status is Status.STEP_TOO_SMALL:
                 how += ". It blows up there, or jumps within the rounding of time, as relaxation oscillations do at an "
-                how += "epsilon below 1e-14; then raise epsilon"
+                how += "epsilon of about 1e-14 and below; then raise epsilon"
             raise OrbitError(
                 f"{how}. Got {_shown(last)} after {run.stats.steps} steps. "
                 "Start elsewhere"
