@@ -97,7 +97,9 @@ def test_an_eigenvalue_of_a_defective_matrix_is_exact() -> None:
     P = np.array(unimodular(6, 3).tolist(), dtype=float)
     B = P @ A @ np.round(np.linalg.inv(P))
     assert np.abs(np.linalg.eigvals(B) + 1.0).max() > 1e-3
-    assert eigenvalues(B[None])[0] == pytest.approx(-np.ones(6), abs=1e-12)
+    # In any unit of time.
+    for unit in (1.0, 2.0**-30, 2.0**30):
+        assert eigenvalues(unit * B[None])[0] / unit == pytest.approx(-np.ones(6), abs=1e-12)
 
 
 def test_what_is_singular_does_not_depend_on_units() -> None:
