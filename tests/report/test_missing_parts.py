@@ -122,7 +122,9 @@ def test_a_run_that_ends_where_it_starts_is_drawn_as_its_start(combined):
         assert charts.png(draw(stopped)).startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("stage", ["boundary_of", "Expansion", "compare", "choose", "_ladder", "_landing"])
+@pytest.mark.parametrize(
+    "stage", ["boundary_of", "Expansion", "compare", "choose", "ladder_of", "landing_runs"]
+)
 def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatch, tmp_path):
     def fail(*arguments, **keywords):
         raise GspError("the <stage> fails. Got this. Try that.")
