@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 
 import sympy as sp
@@ -14,12 +15,16 @@ from gsp.errors import DeclarationError
 _NEVER = 1 << 30
 
 
-def misplaced_epsilon(expression: sp.Expr, epsilon: sp.Symbol) -> sp.Expr | None:
+def misplaced_epsilon(
+    expression: sp.Expr, epsilon: sp.Symbol, symbols_of: Mapping[sp.Basic, Collection[sp.Basic]] | None = None
+) -> sp.Expr | None:
     """First subexpression in which `epsilon` stands inside a function, an exponent or a root; else `None`.
 
-    What remains when there is none is rational in epsilon, so that its Laurent series at 0 exists.
+    `symbols_of` holds the symbols of each part, where they are known. What remains when there is none is
+    rational in epsilon, so that its Laurent series at 0 exists.
     """
-    if not expression.has(epsilon) or expression == epsilon:
+    has_epsilon = expression.has(epsilon) if symbols_of is None else epsilon in symbols_of[expression]
+    if not has_epsilon or expression == epsilon:
         return None
     if expression.is_Add or expression.is_Mul:
         parts = expression.args
@@ -28,7 +33,7 @@ def misplaced_epsilon(expression: sp.Expr, epsilon: sp.Symbol) -> sp.Expr | None
     else:
         return expression
     for part in parts:
-        found = misplaced_epsilon(part, epsilon)
+        found = misplaced_epsilon(part, epsilon, symbols_of)
         if found is not None:
             return found
     return None

@@ -21,6 +21,7 @@ import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.nodes import Node, NodeBuilder
+from gsp.readers.parts import Parts
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
 
 CHARACTERS = 10_000
@@ -73,6 +74,7 @@ class Definitions(dict[str, Definition]):
     def __init__(self, *given: Mapping[str, Definition]) -> None:
         super().__init__(*given)
         self.written = self.calls = 0
+        self.parts = Parts()
 
     def spend(self, written: int, calls: int) -> None:
         """Count the symbols and functions of an expression with definitions; raise beyond what a file may have."""
@@ -128,7 +130,7 @@ class _Parser:
         self.arguments: Mapping[str, Node] = {}
         self.written = 0
         self.depth = 0
-        self.nodes = NodeBuilder(self.fail)
+        self.nodes = NodeBuilder(self.fail, definitions.parts)
         self.index = 0
         self.tokens = tokenise(text, FUNCTIONS)
 
@@ -140,8 +142,8 @@ class _Parser:
         return self.tokens[self.index]
 
     def accept(self, *texts: str) -> Token | None:
-        token = self.token
-        if token.kind == "operator" and token.text in texts:
+        token = self.tokens[self.index]
+        if token.text in texts:
             self.index += 1
             return token
         return None
@@ -150,7 +152,7 @@ class _Parser:
         if self.token.kind == "end":
             raise ModelFileError("the expression is empty.", "Write 0 for a rate that vanishes.")
         node = self.whole()
-        for number in node.expression.atoms(sp.Rational):
+        for number in self.definitions.parts.new_numbers(node.expression):
             self.nodes.check_size(number, 0)
         if self.written:
             self.definitions.spend(self.written, self.nodes.calls)
@@ -184,7 +186,7 @@ class _Parser:
     def expression(self, minimum: int) -> Node:
         """Operators that bind at least as tightly as `minimum`; runs of + and of * are built in one call."""
         left = self.operand()
-        while (token := self.token).kind == "operator":
+        while (token := self.tokens[self.index]).kind == "operator":
             binding = _BINDING.get(token.text, 0)
             if binding < max(minimum, _SUM):
                 break
@@ -206,7 +208,7 @@ class _Parser:
             negative ^= sign.text == "-"
         if self.token is not token:
             node = self.expression(_POWER)
-            return node.negated() if negative else node
+            return self.nodes.negated(node) if negative else node
         self.index += 1
         if token.kind == "number":
             return self.number(token)
@@ -332,7 +334,7 @@ class _Parser:
         terms = [first]
         while sign := self.accept("+", "-"):
             node = self.expression(_PRODUCT)
-            terms.append(node.negated() if sign.text == "-" else node)
+            terms.append(self.nodes.negated(node) if sign.text == "-" else node)
         return self.nodes.sum(terms, position)
 
     def product(self, first: Node) -> Node:

@@ -11,7 +11,9 @@ from typing import NamedTuple, NoReturn, Protocol
 
 import sympy as sp
 
+from gsp.algebra.canonical import function_of, product_of, sum_of
 from gsp.algebra.substitution import BITS, bits_of, is_long_power
+from gsp.readers.parts import Parts
 from gsp.readers.tokens import Token
 from gsp.systems.declaration import DEGREE
 
@@ -43,10 +45,6 @@ class Node(NamedTuple):
     degree: int = 0
     calls: int = 0
 
-    def negated(self) -> Node:
-        """Minus this node."""
-        return self._replace(expression=-self.expression)
-
 
 class Fail(Protocol):
     """What raises the error of a fact at a position of the text, with the remedy."""
@@ -55,10 +53,14 @@ class Fail(Protocol):
 
 
 class NodeBuilder:
-    """Builds the nodes of one expression; the tallies are of all of them. What is refused is told to `fail`."""
+    """Builds the nodes of one expression; the tallies are of all of them. What is refused is told to `fail`.
 
-    def __init__(self, fail: Fail) -> None:
+    `parts` holds what the expressions of the file have in common.
+    """
+
+    def __init__(self, fail: Fail, parts: Parts) -> None:
         self.fail = fail
+        self.parts = parts
         self.calls = self.extrema = self.constants = self.bits = 0
 
     def number(self, value: sp.Rational, token: Token) -> Node:
@@ -66,6 +68,11 @@ class NodeBuilder:
         if "e" in token.text or "E" in token.text:
             self._spend(value, token.position)
         return Node(value)
+
+    def negated(self, node: Node) -> Node:
+        """Minus `node`."""
+        value = node.expression
+        return Node(self.parts.once(lambda: -value, "-", value), node.degree, node.calls)
 
     def sum(self, terms: Sequence[Node], position: int) -> Node:
         """The sum of `terms`."""
@@ -76,9 +83,14 @@ class NodeBuilder:
         """The product of `factors`."""
         degree = sum(node.degree for node in factors)
         self._check_degree(degree, position)
-        value = sp.Mul(*(node.expression for node in factors))
-        self.check_size(value.as_coeff_Mul()[0], position)
-        return Node(value, degree, max(node.calls for node in factors))
+        values = [node.expression for node in factors]
+
+        def build() -> sp.Expr:
+            value = product_of(values)
+            self.check_size(value.as_coeff_Mul()[0], position)
+            return value
+
+        return Node(self.parts.once(build, "*", *values), degree, max(node.calls for node in factors))
 
     def inverse(self, node: Node, operator: Token) -> Node:
         """1/`node`, where `operator` divides by it."""
@@ -101,7 +113,7 @@ class NodeBuilder:
             self._check_degree(degree, token.position)
         if len(values) == 2:
             self._sum_value([values[0], -values[1]], token.position)
-        return Node(self._checked(lambda: function(*values), values, token), degree, calls)
+        return Node(self._checked(function, values, token), degree, calls)
 
     def power(self, base: Node, exponent: Node, token: Token) -> Node:
         """`base` to the `exponent`, where `token` is the operator or the root."""
@@ -135,7 +147,7 @@ class NodeBuilder:
         if b.is_Rational and e.is_Integer:
             return Node(sp.Pow(b, e))
         calls = base.calls if e.is_Integer else self._count_call([base, exponent], token)
-        return Node(self._checked(lambda: sp.Pow(b, e), [b, e], token), max(1, degree), calls)
+        return Node(self._checked(sp.Pow, [b, e], token), max(1, degree), calls)
 
     def _count_call(self, arguments: Sequence[Node], token: Token) -> int:
         """Weight of the calls nested in this one, itself included; an operator counts as a root."""
@@ -158,8 +170,11 @@ class NodeBuilder:
         return calls
 
     def _sum_value(self, terms: list[sp.Expr], position: int) -> sp.Expr:
+        return self.parts.once(lambda: self._new_sum(terms, position), "+", *terms)
+
+    def _new_sum(self, terms: list[sp.Expr], position: int) -> sp.Expr:
         """The sum, unless its constants cancel to nothing: SymPy would try to prove that they do."""
-        value = sp.Add(*terms)
+        value = sum_of(terms)
         constants = [term for term in sp.Add.make_args(value) if term.is_number]
         if any(not term.is_Rational for term in constants):
             sizes = [self._evaluated(term, position, digits=CANCELLING + 5) for term in constants]
@@ -168,8 +183,8 @@ class NodeBuilder:
         self.check_size(sp.Add.make_args(value)[0], position)
         return value
 
-    def _checked(self, build: Callable[[], sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
-        """What `build` returns, once it is known to be real and finite where it is a constant."""
+    def _checked(self, function: Callable[..., sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
+        """The `function` of `arguments`, once it is known to be real and finite where it is a constant."""
         constant = all(argument.is_number for argument in arguments)
         if constant:
             self.constants += 1
@@ -179,15 +194,18 @@ class NodeBuilder:
                     token.position,
                     "Work them out, or declare parameters.",
                 )
+        return self.parts.once(lambda: self._new(function, arguments, token), function, *arguments)
+
+    def _new(self, function: Callable[..., sp.Expr], arguments: list[sp.Expr], token: Token) -> sp.Expr:
         try:
-            value = build()
+            value = function_of(function, arguments)
         # AttributeError: SymPy's cache stumbles over the message of a TypeError.
         except (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError) as error:
             reason = "" if isinstance(error, AttributeError) else f" ({error})"
             self.fail(
                 f"{token.text!r} cannot be worked out here{reason}", token.position, "Correct its argument."
             )
-        if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
+        if not self.parts.is_real(value):
             self.fail(f"{token.text!r} is not real and finite here", token.position, "Correct its argument.")
         if value.is_number and not value.is_Rational:
             self._evaluated(value, token.position)

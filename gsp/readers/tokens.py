@@ -38,9 +38,8 @@ def tokenise(text: str, functions: Iterable[str]) -> list[Token]:
     """
     tokens: list[Token] = []
     position = 0
-    while True:
-        match = _TOKEN.match(text, position)
-        if match is None:
+    for match in _TOKEN.finditer(text):
+        if match.start() != position:
             blank = _BLANK.match(text, position)
             start = blank.end() if blank else position
             fail_at(
@@ -52,10 +51,11 @@ def tokenise(text: str, functions: Iterable[str]) -> list[Token]:
         kind = match.lastgroup or ""
         tokens.append(Token(kind, match[kind], match.start(kind)))
         if kind == "end":
-            return tokens
+            break
         if len(tokens) > TOKENS:
             fail_at(text, f"the expression has more than {TOKENS} symbols", match.start(kind), "Split it.")
         position = match.end()
+    return tokens
 
 
 def fail_at(text: str, fact: str, position: int, remedy: str) -> NoReturn:

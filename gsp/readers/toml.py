@@ -253,7 +253,7 @@ def _system(
         result = {}
         for key, value in tables[kind].items():
             result[symbols[key]] = rate = _expression(value, f"{kind}.{key}", symbols, definitions)
-            for symbol in rate.free_symbols & driven:
+            for symbol in rate.free_symbols & driven if driven else ():
                 raise ModelFileError(
                     f"{kind}.{key} depends on {symbol}, which is a reconstruction variable: those are left "
                     "out of the reduction.",

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
+from gsp.algebra.canonical import new_parts
 from gsp.algebra.laurent import misplaced_epsilon
 from gsp.algebra.substitution import UNCOMPARABLE, is_long_power
 from gsp.errors import DeclarationError
@@ -57,6 +58,7 @@ def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
     if not isinstance(equations, Mapping):
         raise DeclarationError(f"{what} maps symbols to expressions.", got=shown(equations), value=equations)
     result: dict[sp.Symbol, sp.Expr] = {}
+    seen: set[sp.Basic] = set()
     for symbol, expression in equations.items():
         if not isinstance(symbol, sp.Symbol):
             raise DeclarationError(
@@ -83,13 +85,18 @@ def equations_of(equations: Mapping, what: str) -> dict[sp.Symbol, sp.Expr]:
                 got=shown(expression),
                 value=expression,
             )
-        result[symbol] = _exact_numbers(expression)
+        result[symbol] = _exact_numbers(expression, seen)
     return result
 
 
-def _exact_numbers(expression: sp.Expr) -> sp.Expr:
-    floats = expression.atoms(sp.Float)
-    return expression.xreplace({number: exact(number) for number in floats}) if floats else expression
+def _exact_numbers(expression: sp.Expr, seen: set[sp.Basic]) -> sp.Expr:
+    """`expression` with exact numbers for floats; `seen` are parts known to hold none, and gets more of them."""
+    new = new_parts(expression, seen)
+    floats = [part for part in new if isinstance(part, sp.Float)]
+    if floats:
+        return expression.xreplace({number: exact(number) for number in floats})
+    seen |= new
+    return expression
 
 
 _NOT_FINITE = frozenset({sp.nan, sp.zoo, sp.oo, -sp.oo})
@@ -123,7 +130,10 @@ def checked_parameters(
         except DeclarationError as error:
             raise DeclarationError(f"the parameter {symbol} has the value {shown(value)}. {error}") from None
     everything = (*expressions, *observables.values())
-    used = set().union(*(e.free_symbols for e in everything))
+    symbols_of: dict[sp.Basic, frozenset[sp.Basic]] = {}
+    # Equations share most of their pieces.
+    new_pieces = [list(_innermost_first(expression, symbols_of)) for expression in everything]
+    used = set().union(*(symbols_of[expression] for expression in everything))
     own = () if epsilon is None else (epsilon,)
     _check_names([*states, *own, *values, *(used - set(states) - set(own) - set(values)), *observables])
     for role, symbols in (("epsilon", own), ("a parameter", values), ("an observable", observables)):
@@ -150,14 +160,11 @@ def checked_parameters(
             value=unknown[0].name,
             known=known,
         )
-    symbols_of: dict[sp.Basic, frozenset[sp.Basic]] = {}
-    for expression in everything:
-        # Equations share most of their pieces.
-        pieces = list(_innermost_first(expression, symbols_of))
+    for expression, pieces in zip(everything, new_pieces):
         _check_pieces(expression, pieces)
         _check_at_values(pieces, values, symbols_of)
         if epsilon is not None:
-            wrong = misplaced_epsilon(expression, epsilon)
+            wrong = misplaced_epsilon(expression, epsilon, symbols_of)
             if wrong is not None:
                 raise DeclarationError(
                     f"{epsilon} stands in {wrong}, which is no pole or power of {epsilon}.",
@@ -268,8 +275,13 @@ def _innermost_first(
         if piece in symbols_of:
             continue
         if is_ready or not piece.args:
-            own = frozenset(piece.free_symbols) if not piece.args else frozenset()
-            symbols_of[piece] = own.union(*(symbols_of[part] for part in piece.args))
+            # Of other kinds some bind symbols, such as an integral.
+            is_open = isinstance(piece, (sp.Add, sp.Mul, sp.Pow, sp.Function))
+            symbols_of[piece] = (
+                frozenset().union(*(symbols_of[part] for part in piece.args))
+                if is_open
+                else frozenset(piece.free_symbols)
+            )
             yield piece
         else:
             waiting.append((piece, True))

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
+import sympy as sp
 
+from gsp.readers import nodes
+from gsp.readers.parts import Parts
 from gsp.readers.toml import read_model
 from gsp.systems import declaration
 
@@ -28,3 +31,41 @@ def test_pieces_that_equations_share_are_checked_once(monkeypatch: pytest.Monkey
     assert len(read_model(text, name="shared").system.states) == 200
     assert set(seen.values()) == {1}
     assert len(seen) < 20
+
+
+def test_what_expressions_share_is_built_and_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: Counter = Counter()
+    looked_at: Counter = Counter()
+
+    def counting(name: str) -> None:
+        build = getattr(nodes, name)
+
+        def counted(*arguments: object) -> object:
+            built[name, repr(arguments)] += 1
+            return build(*arguments)
+
+        monkeypatch.setattr(nodes, name, counted)
+
+    for name in ("sum_of", "product_of", "function_of"):
+        counting(name)
+    is_real = Parts.is_real
+
+    def looking(self: Parts, expression: sp.Basic) -> bool:
+        before = set(self._real)
+        found = is_real(self, expression)
+        looked_at.update(self._real - before)
+        return found
+
+    monkeypatch.setattr(Parts, "is_real", looking)
+    rate = " + ".join(f"tanh(k - x{i % 5})*exp(-x{i % 3}/4)*x{i % 7}/(x{i % 2} + 3)" for i in range(25))
+    states = "".join(f'x{i} = "{rate} - x{i}/e"\n' for i in range(60))
+    text = (
+        f'epsilon = "e"\n[parameters]\nk = 2\n[states]\n{states}[region]\nx1 = [0, 1]\n[start]\n'
+        + "".join(f"x{i} = 0.5\n" for i in range(60))
+        + "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+    assert len(read_model(text, name="shared").system.states) == 60
+    assert set(built.values()) == {1}
+    assert set(looked_at.values()) == {1}
+    # The 25 products of a state are those of every other; its own are a quotient and a sum.
+    assert len(built) < 60 * 2 + 60
