@@ -8,10 +8,15 @@ import sympy as sp
 
 from gsp import SlowFastSystem, Status, expand, integrate, restrict, solve_critical
 from gsp.algebra import sharing
+from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.integration.crossings import Stepper
+from gsp.integration.methods import Method
+from gsp.integration.reduction_end import endings
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.integration.reduction_end.validity import Validity, validity_of
 from gsp.kernels import engine
 from gsp.lowering import compiled_function
+from gsp.lowering.compiled_flow import compile_flow
 
 x, epsilon = sp.symbols("x epsilon")
 STEP = 1e-5
@@ -30,9 +35,9 @@ def network(species: int, *, seed: int = 0) -> SlowFastSystem:
     return SlowFastSystem(slow={x: y[-1] - x}, fast=rates, epsilon=epsilon)
 
 
-def reduced(system: SlowFastSystem, order: int = 1):
+def reduced(system: SlowFastSystem, order: int = 1, start: float = 0.1):
     (branch,) = solve_critical(system).branches
-    sheet = branch.through({"x": 1.0, **{s.name: 0.1 for s in system.y}})
+    sheet = branch.through({"x": 10 * start, **{s.name: start for s in system.y}})
     return restrict(expand(sheet, order=order))
 
 
@@ -130,6 +135,32 @@ def test_an_eigenvalue_that_passes_zero_ends_the_run_at_the_fold() -> None:
     assert run["x"][-1] == pytest.approx(0.25, abs=1e-3)
     state = np.array([run[str(s)][-1] for s in (x, *y)])
     assert abs(np.linalg.eigvals(validity_of(flow).fast_jacobian(state))).min() < 1e-3
+
+
+def cascade(length: int) -> SlowFastSystem:
+    """Each variable drives the next by 50 and feeds back a little: the pivots are a fiftieth of the rows' sizes."""
+    y = sp.symbols(f"y1:{length + 1}")
+    after = (*y[1:], sp.Integer(0))
+    rates = {
+        s: -s - s**3 + 50 * before + sp.Rational(1, 10_000) * behind
+        for s, before, behind in zip(y, (x, *y), after)
+    }
+    return SlowFastSystem(slow={x: -x}, fast=rates, epsilon=epsilon)
+
+
+def test_a_determinant_too_small_for_a_double_is_no_loss() -> None:
+    flow = reduced(cascade(140), order=0, start=0.0)
+    stepper = Stepper(compile_flow(flow), np.array([0.01]), Method.DOP853, 1e-6, 1e-9)
+    start = np.zeros(len(flow.states))
+    with pytest.raises(DeclarationError, match="too small for a double") as refused:
+        endings.Ending(flow, stepper, (0.0, 1.0), start)
+    assert not isinstance(refused.value, HyperbolicityError)
+    assert 0.0 < abs(refused.value.value) < refused.value.limit
+
+
+def test_a_message_lists_the_first_of_many_variables() -> None:
+    assert endings._listed(f"y{i}" for i in range(3)) == "y0, y1, y2"
+    assert endings._listed(f"y{i}" for i in range(60)).endswith("y10, y11, and 48 more")
 
 
 def test_long_code_is_selected_instruction_by_instruction() -> None:

@@ -9,11 +9,12 @@ crossing is located on the run itself.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from gsp.errors import HyperbolicityError, Status
+from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.integration.crossings import (
     Piece,
     Search,
@@ -33,6 +34,11 @@ IMAGINARY = 1e-6
 # A run that fails with |det g_y| below this share of its largest value has failed at its zero: as the root of the time
 # that is left, det g_y falls no lower than the root of rounding.
 VANISHED = 1e-6
+# A det g_y that begins below this could fall below the least double without a zero, where no eigenvalue is below
+# a share of the largest that rounding makes.
+LEAST, ROUNDED = 1e-200, 1e-12
+# Quantities and eigenvalues that a message lists.
+LISTED = 12
 # A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
 BESIDE, SMALL = 1e-9, 1e-3
 # What a loss is, is told from where |det g_y| was last this share of its largest value.
@@ -77,6 +83,7 @@ class Ending:
         self.stops = np.array(span[1:]) if stops is None else stops
         self.validity = validity_of(flow)
         row = self.validity.tests(self.validity.lift(y, stepper.p), stepper.p)
+        self._refuse_underflow(y, row)
         self._refuse_loss(y, row)
         self._begins = begins(flow, row)
         self._columns, signs = self.validity.watched(row[np.newaxis])
@@ -300,6 +307,20 @@ class Ending:
     def _eigenvalues(self, y: np.ndarray) -> np.ndarray:
         return eigenvalues(self.validity, self.validity.point(y, self.stepper.p))
 
+    def _refuse_underflow(self, y: np.ndarray, row: np.ndarray) -> None:
+        if not abs(row[0]) < LEAST:
+            return
+        values = np.abs(eigenvalues(self.validity, self.validity.point(y, self.stepper.p)))
+        if values.min() > ROUNDED * values.max():
+            raise DeclarationError(
+                f"the determinant of the fast Jacobian of {len(values)} fast variables is too small for a double, "
+                "so that its zeros cannot be watched for.",
+                "Integrate the full system.",
+                got=f"{row[0]:.3g}",
+                value=float(row[0]),
+                limit=LEAST,
+            )
+
     def _refuse_loss(self, y: np.ndarray, row: np.ndarray) -> None:
         on_zero, on_pair = on_loss(self.validity, row)
         if not (on_zero or on_pair):
@@ -310,25 +331,33 @@ class Ending:
             # A neutral saddle.
             return
         what = "a zero eigenvalue" if on_zero else "an imaginary pair of eigenvalues"
+        nearest = values if len(values) <= LISTED else values[np.argsort(np.abs(np.real(values)))]
         raise HyperbolicityError(
             "the start lies where normal hyperbolicity is lost.",
             "Start on one side of it, or integrate the full system.",
-            got=f"{self._point(z)}, with {what} of the fast Jacobian ({', '.join(f'{v:.3g}' for v in values)})",
+            got=f"{self._point(z)}, with {what} of the fast Jacobian ({_listed(f'{v:.3g}' for v in nearest)})",
         )
 
     def _shown(self, y: np.ndarray) -> str:
         z = self.validity.point(y, self.stepper.p)
         if np.isfinite(z).all():
             return self._point(z)
-        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
+        return _listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
 
     def _point(self, z: np.ndarray) -> str:
         # What the tolerance cannot tell from 0 is 0.
         rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
-        return ", ".join(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
+        return _listed(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
 
     def _zero_note(self, y: np.ndarray) -> str:
         return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"
 
     def _fold_note(self, fold: Loss) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """The first of them, and how many more there are."""
+    every = list(texts)
+    more = [f"and {len(every) - LISTED} more"] if len(every) > LISTED else []
+    return ", ".join([*every[:LISTED], *more])
