@@ -121,7 +121,7 @@ def test_morris_lecar_expands_with_symbolic_parameters() -> None:
         epsilon=eps,
         parameters={V1: -1.2, V2: 18, V3: 12, V4: 17.4, phi: 1, current: 60},
     )
-    branch = solve_critical(system).nearest({"w": 0.1, "V": -30})
+    branch = solve_critical(system).nearest({"w": 0.1, "V": -40})
     verdict = classify(branch, region={"w": (0.1, 0.2), "V": (-60, -20)})
     assert verdict.kind is Kind.ATTRACTING
     series = expand(branch, order=1)

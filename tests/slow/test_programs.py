@@ -124,8 +124,10 @@ def test_what_is_watched_along_a_run_is_what_smaller_blocks_watch(monkeypatch: p
     # tr J^-1 along the flow, by differences.
     velocity = desingularised[1][:-1] / desingularised[1][-1]
     traces = [np.trace(np.linalg.inv(sparse.fast_jacobian(z + h * velocity))) for h in (1e-5, -1e-5)]
-    q = sparse._over(sparse.states, [sparse._parts.inverse_trace_rate()])(z, p)[0] / det**3
-    assert q == pytest.approx((traces[0] - traces[1]) / 2e-5, rel=1e-6)
+    unit, measure = sparse._parts.inverse_trace(relative=True)
+    assert unit == 1
+    drift = sparse._over(sparse.states, [measure], sparse._parts.calls)(z, p)[0]
+    assert drift == pytest.approx(abs(traces[0] - traces[1]) / 2e-5, rel=1e-6)
     dets = [sparse.crossing([*(z + h * velocity), 0.0], p)[0] for h in (1e-5, -1e-5)]
     assert rate == pytest.approx(det * (dets[0] - dets[1]) / 2e-5, rel=1e-6)
 
