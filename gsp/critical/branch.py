@@ -13,7 +13,7 @@ from functools import cached_property, partial
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.brevity import brief
+from gsp.algebra.brevity import brief, listed
 from gsp.algebra.differentiation import entries
 from gsp.algebra.factorisation import coefficients
 from gsp.critical.sheet_continuation import PIECES, SheetContinuation
@@ -317,7 +317,7 @@ class Branch(Portable, Card):
 
     def __str__(self) -> str:
         sides = [(e, 0) for e in self.equations] if self.graph is None else self.graph.items()
-        return ", ".join(f"{brief(left)} = {brief(right)}" for left, right in sides)
+        return listed(f"{brief(left)} = {brief(right)}" for left, right in sides)
 
     def __repr__(self) -> str:
         return f"Branch({self})"

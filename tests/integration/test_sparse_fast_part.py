@@ -158,11 +158,6 @@ def test_a_determinant_too_small_for_a_double_is_no_loss() -> None:
     assert 0.0 < abs(refused.value.value) < refused.value.limit
 
 
-def test_a_message_lists_the_first_of_many_variables() -> None:
-    assert endings._listed(f"y{i}" for i in range(3)) == "y0, y1, y2"
-    assert endings._listed(f"y{i}" for i in range(60)).endswith("y10, y11, and 48 more")
-
-
 def test_long_code_is_selected_instruction_by_instruction() -> None:
     assert engine.effort("\n" * engine.LONGEST_SCHEDULED) == 1
     assert engine.effort("\n" * (engine.LONGEST_SCHEDULED + 1)) == 0

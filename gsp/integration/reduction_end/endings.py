@@ -9,11 +9,11 @@ crossing is located on the run itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from gsp.algebra.brevity import LISTED, listed
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.integration.crossings import (
     Piece,
@@ -37,8 +37,6 @@ VANISHED = 1e-6
 # A det g_y that begins below this could fall below the least double without a zero, where no eigenvalue is below
 # a share of the largest that rounding makes.
 LEAST, ROUNDED = 1e-200, 1e-12
-# Quantities and eigenvalues that a message lists.
-LISTED = 12
 # A sign change of det g_y is a zero when so far before it, as a share of the step, it is below this share.
 BESIDE, SMALL = 1e-9, 1e-3
 # What a loss is, is told from where |det g_y| was last this share of its largest value.
@@ -335,29 +333,22 @@ class Ending:
         raise HyperbolicityError(
             "the start lies where normal hyperbolicity is lost.",
             "Start on one side of it, or integrate the full system.",
-            got=f"{self._point(z)}, with {what} of the fast Jacobian ({_listed(f'{v:.3g}' for v in nearest)})",
+            got=f"{self._point(z)}, with {what} of the fast Jacobian ({listed(f'{v:.3g}' for v in nearest)})",
         )
 
     def _shown(self, y: np.ndarray) -> str:
         z = self.validity.point(y, self.stepper.p)
         if np.isfinite(z).all():
             return self._point(z)
-        return _listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
+        return listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, y))
 
     def _point(self, z: np.ndarray) -> str:
         # What the tolerance cannot tell from 0 is 0.
         rounded = np.where(np.abs(z) <= self.stepper.atol, 0.0, z)
-        return _listed(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
+        return listed(f"{s.name} = {v:.6g}" for s, v in zip(self.validity.states, rounded))
 
     def _zero_note(self, y: np.ndarray) -> str:
         return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"
 
     def _fold_note(self, fold: Loss) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"
-
-
-def _listed(texts: Iterable[str]) -> str:
-    """The first of them, and how many more there are."""
-    every = list(texts)
-    more = [f"and {len(every) - LISTED} more"] if len(every) > LISTED else []
-    return ", ".join([*every[:LISTED], *more])
