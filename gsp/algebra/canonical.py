@@ -102,13 +102,14 @@ def _spread(parts: Sequence[Expr], kind: type[sp.Basic]) -> Iterator[Expr]:
             yield part
 
 
-def _ordered(kind: Callable[..., Expr], number: Expr, parts: Any) -> Expr:
+def _ordered(kind: Any, number: Expr, parts: Any) -> Expr:
     ordered = sorted(parts, key=_ORDER)
     if number is not (sp.S.Zero if kind is sp.Add else sp.S.One):
         ordered.insert(0, number)
     if len(ordered) < 2:
         return ordered[0] if ordered else number
-    return kind(*ordered, evaluate=False)
+    # Expressions in SymPy's order that are commutative: `evaluate=False` would ask each again whether it is one.
+    return kind._from_args(ordered, is_commutative=True)
 
 
 def _without_number(term: Expr) -> tuple[Expr, ...] | None:
