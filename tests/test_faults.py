@@ -152,7 +152,7 @@ def foreseen(runs, *, rate: float = 0.0) -> Prediction:
         tangential_rates=lambda z: np.full(len(z), rate),
         inside=lambda slow, region: np.ones(len(slow), dtype=bool),
     )
-    return Prediction(Series(), 0.1, runs, ("x",), {}, {}, sampler)  # pyright: ignore[reportArgumentType]
+    return Prediction(Series(), 0.1, runs, ("x",), {}, {}, sampler, 1e-6)  # pyright: ignore[reportArgumentType]
 
 
 def test_an_error_is_foretold_by_the_next_two_orders() -> None:
@@ -190,9 +190,10 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
         holds_until=lambda *a, **k: (end, Failure.ERROR),
         runs={0: SimpleNamespace(status=Status.FOLD_REACHED)},
         covered=lambda order: last,
+        tells=lambda order, times: True,
     )
     outlook = SimpleNamespace(
-        prediction=prediction, flows={0: None, candidates.AHEAD: None}, starts={0: None}, layer=0.0,
+        prediction=prediction, flows={0: None, AHEAD: None}, starts={0: None}, layer=0.0,
         errors=lambda order, times: np.zeros(len(times)), preparation={0: 7.0},
     )  # fmt: skip
     found = candidates.reduced_candidate(outlook, 0, scene, 1e-6)  # pyright: ignore[reportArgumentType]

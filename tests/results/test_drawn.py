@@ -8,7 +8,7 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 from gsp import charts, compare, failure_map, integrate, mixed_mode, models, periodic_orbit
-from gsp.analysis import analysis
+from gsp.analysis import pictured_runs
 from gsp.analysis.fold_surroundings import boundary_of
 from gsp.charts.style import mathematics
 from gsp.errors import DeclarationError
@@ -21,12 +21,12 @@ from gsp.singular.mixed_modes import MixedMode
 def phenomenon(name: str):
     study = study_of(models.load(name))
     found = classify(study.branch, region=study.region, epsilon=study.scene.epsilon)
-    return analysis._phenomenon(study, boundary_of(study, found))
+    return pictured_runs.phenomenon_of(study, boundary_of(study, found))
 
 
 def test_van_der_pol_is_followed_over_both_folds_again_and_again():
     run = phenomenon("van_der_pol")
-    assert analysis._swings(run["x"]) >= analysis.SWINGS
+    assert pictured_runs._swings(run["x"]) >= pictured_runs.SWINGS
     assert run["x"].max() > 1.9
     assert run["x"].min() < -1.9
 
@@ -44,8 +44,8 @@ def test_a_scene_without_folds_has_no_phenomenon_beyond_them():
 
 def test_swings_are_counted_from_quarter_to_quarter():
     t = np.linspace(0.0, 6.0 * np.pi, 2000)
-    assert analysis._swings(np.sin(t - np.pi / 2)) == 3
-    assert analysis._swings(np.sin(t) * 0.1 + np.linspace(0, 10, t.size)) == 1
+    assert pictured_runs._swings(np.sin(t - np.pi / 2)) == 3
+    assert pictured_runs._swings(np.sin(t) * 0.1 + np.linspace(0, 10, t.size)) == 1
 
 
 def test_a_failure_map_is_plotted_as_two_maps_or_on_given_axes_as_one():
