@@ -29,7 +29,7 @@ def processor() -> tuple[str, str]:
 
 @cache
 def _host() -> tuple[str, str]:
-    """Name and features of this processor; to list them takes a tenth of the time to build a small function."""
+    """Name and features of this processor, which every build asks for."""
     return llvm.get_host_cpu_name(), get_host_cpu_features()
 
 

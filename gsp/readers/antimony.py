@@ -15,6 +15,7 @@ from typing import Any
 from gsp.errors import ModelFileError
 from gsp.readers.expressions import CHARACTERS
 from gsp.readers.foreign import ForeignModel
+from gsp.readers.limits import at_most
 from gsp.readers.sbml import read_sbml
 
 MEMORY = 1 << 30
@@ -59,14 +60,8 @@ def read_antimony(text: str) -> ForeignModel:
         # The library reads no further than a NUL.
         raise ModelFileError(f"the file holds the hidden character U+{ord(hidden):04X}.", "Remove it.")
     longest = max(map(len, re.split(r"[;\n]", text)))
-    if longest > CHARACTERS:
-        # The library takes quadratic time in a sum.
-        raise ModelFileError(
-            f"a statement is {longest} characters long; {CHARACTERS} are allowed.",
-            "Split it.",
-            limit=CHARACTERS,
-            value=longest,
-        )
+    # The library takes quadratic time in a sum.
+    at_most(CHARACTERS, longest, "a statement is", "characters long", "Split it.")
     answer = converted(text)
     model = read_sbml(answer["sbml"], origin="an Antimony file")
     long = [number for number in _NUMBER.findall(text) if significant(number) > DIGITS]

@@ -16,6 +16,7 @@ import sympy as sp
 
 from gsp.errors import ModelFileError
 from gsp.readers.expressions import FUNCTIONS, RESERVED, Definition, Definitions, parse_expression
+from gsp.readers.limits import at_most
 from gsp.readers.tokens import tokenise
 
 DEFINITIONS = 2000
@@ -31,13 +32,7 @@ def read_definitions(table: Mapping[str, str], symbols: Mapping[str, sp.Symbol])
     Raises `ModelFileError` for a name or an argument that means something already, for one that is not declared, and
     for a circle, which is named.
     """
-    if len(table) > DEFINITIONS:
-        raise ModelFileError(
-            f"definitions holds {len(table)} names; {DEFINITIONS} are allowed.",
-            "Keep fewer.",
-            limit=DEFINITIONS,
-            value=len(table),
-        )
+    at_most(DEFINITIONS, len(table), "definitions holds", "names", "Keep fewer.")
     definitions = Definitions()
     for head, text in table.items():
         name, arguments = _head(head)

@@ -20,6 +20,7 @@ from typing import NamedTuple, NoReturn
 import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
+from gsp.readers.limits import at_most
 from gsp.readers.nodes import Node, NodeBuilder
 from gsp.readers.parts import Parts
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
@@ -106,13 +107,8 @@ def parse_expression(
         raise ModelFileError(
             "an expression is text or a number.", got=f"a {type(text).__name__}", value=type(text).__name__
         )
-    if len(text) > CHARACTERS:
-        raise ModelFileError(
-            f"the expression is {len(text)} characters long; {CHARACTERS} are allowed.",
-            "Split it: give repeated parts a parameter or a state of their own.",
-            limit=CHARACTERS,
-            value=len(text),
-        )
+    remedy = "Split it: give repeated parts a parameter or a state of their own."
+    at_most(CHARACTERS, len(text), "the expression is", "characters long", remedy)
     try:
         return _Parser(text, symbols, Definitions() if definitions is None else definitions).result()
     except RecursionError:

@@ -67,6 +67,7 @@ from gsp.errors import ModelFileError, nearest
 from gsp.readers import toml_values as values
 from gsp.readers.definitions import read_definitions
 from gsp.readers.expressions import CHARACTERS, RESERVED, Definitions, parse_expression
+from gsp.readers.limits import at_most
 from gsp.scenes.scene import Scene
 from gsp.scenes.view import View
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -235,13 +236,7 @@ def _system(
     equations = {key: tables[key] for key in ("slow", "fast", "states", "reconstruction", "observables")}
     for kinds, limit in ((tuple(equations), STATES), (("parameters",), PARAMETERS)):
         count = sum(len(tables[kind]) for kind in kinds)
-        if count > limit:
-            raise ModelFileError(
-                f"{', '.join(kinds)} hold {count} names; {limit} are allowed.",
-                "Use a smaller model.",
-                limit=limit,
-                value=count,
-            )
+        at_most(limit, count, f"{', '.join(kinds)} hold", "names", "Use a smaller model.")
     symbols = _symbols({"epsilon": {epsilon: ""}, "parameters": tables["parameters"], **equations})
     definitions = read_definitions(
         {head: _body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
@@ -308,22 +303,11 @@ def _claims(
     tables: Mapping[str, object], symbols: Mapping[str, sp.Symbol], definitions: Definitions
 ) -> dict[str, dict]:
     """Rival reduced fields, [claims.NAME] each: rates by state."""
-    if len(tables) > CLAIMS:
-        raise ModelFileError(
-            f"claims holds {len(tables)} fields; {CLAIMS} are allowed.",
-            "Keep fewer.",
-            limit=CLAIMS,
-            value=len(tables),
-        )
+    at_most(CLAIMS, len(tables), "claims holds", "fields", "Keep fewer.")
     claims: dict[str, dict] = {}
     for name, rates in tables.items():
         key = f"claims.{name[:64]}"
-        if len(name) > TEXT["name"]:
-            raise ModelFileError(
-                f"{key}: the name has {len(name)} characters; {TEXT['name']} are allowed.",
-                limit=TEXT["name"],
-                value=len(name),
-            )
+        at_most(TEXT["name"], len(name), f"{key}: the name has", "characters")
         if not isinstance(rates, dict):
             raise ModelFileError(
                 f"{key} is a table of rates.", f"Write [claims.{name[:64]}].", got=f"a {values.kind(rates)}"
@@ -338,17 +322,16 @@ def _claims(
 
 def _views(tables: Mapping[str, object]) -> dict[str, View]:
     """What to show, [views.NAME] each."""
-    if len(tables) > VIEWS:
-        raise ModelFileError(f"views holds {len(tables)} tables; {VIEWS} are allowed. Keep fewer.")
+    at_most(VIEWS, len(tables), "views holds", "tables", "Keep fewer.")
     found = {}
     for name, table in tables.items():
         key = f"views.{name[:64]}"
         if not isinstance(table, dict):
-            raise ModelFileError(f"{key} is a table. Got a {values.kind(table)}. Write [{key}].")
+            raise ModelFileError(f"{key} is a table.", f"Write [{key}].", got=f"a {values.kind(table)}")
         values.check_keys(table, ("x", "y", "z", "title", "ranges"), f"{key}.")
         for axis in ("x", "y"):
             if axis not in table:
-                raise ModelFileError(f'{key}.{axis} is missing. Name what to show, such as {axis} = "t".')
+                raise ModelFileError(f"{key}.{axis} is missing.", f'Name what to show, such as {axis} = "t".')
         axes = [
             values.text(table[axis], f"{key}.{axis}", TEXT["name"]) for axis in ("x", "y", "z") if axis in table
         ]
@@ -363,13 +346,7 @@ def _views(tables: Mapping[str, object]) -> dict[str, View]:
 
 def _starts(tables: Mapping[str, object]) -> dict[str, dict[str, float]]:
     """Further starts, [starts.NAME] each: what differs from [start]."""
-    if len(tables) > STARTS:
-        raise ModelFileError(
-            f"starts holds {len(tables)} tables; {STARTS} are allowed.",
-            "Keep fewer.",
-            limit=STARTS,
-            value=len(tables),
-        )
+    at_most(STARTS, len(tables), "starts holds", "tables", "Keep fewer.")
     found = {}
     for name, table in tables.items():
         key = f"starts.{name[:64]}"

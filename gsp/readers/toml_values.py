@@ -9,6 +9,7 @@ import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.expressions import parse_expression
+from gsp.readers.limits import at_most
 from gsp.readers.tokens import parse_number
 
 LISTED = 64
@@ -41,13 +42,7 @@ def text(value: object, key: str, limit: int) -> str:
     """Text of at most `limit` characters."""
     if not isinstance(value, str):
         raise ModelFileError(f"{key} is text.", "Put it in quotes.", got=f"a {kind(value)}")
-    if len(value) > limit:
-        raise ModelFileError(
-            f"{key} has {len(value)} characters; {limit} are allowed.",
-            "Shorten it.",
-            limit=limit,
-            value=len(value),
-        )
+    at_most(limit, len(value), f"{key} has", "characters", "Shorten it.")
     return value
 
 
@@ -78,13 +73,7 @@ def numbers(value: object, key: str) -> list[sp.Expr]:
         raise ModelFileError(
             f"{key} is a list of numbers.", f"Write {key.split('.')[-1]} = [1, 2].", got=f"a {kind(value)}"
         )
-    if len(value) > LISTED:
-        raise ModelFileError(
-            f"{key} has {len(value)} numbers; {LISTED} are allowed.",
-            "Shorten it.",
-            limit=LISTED,
-            value=len(value),
-        )
+    at_most(LISTED, len(value), f"{key} has", "numbers", "Shorten it.")
     return [number(item, key) for item in value]
 
 

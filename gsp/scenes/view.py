@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.systems.arguments import check_text, shown
 from gsp.systems.region import Interval, check_interval
 
@@ -45,7 +45,7 @@ class View:
 def checked_views(views: object, known: Collection[str]) -> dict[str, View]:
     """Views by name, whose quantities are among `known` or t; raises `DeclarationError` that names what is none."""
     if not isinstance(views, Mapping):
-        raise DeclarationError(f"views maps names to views. Got {shown(views)}.")
+        raise DeclarationError("views maps names to views.", got=shown(views), value=views)
     return {
         _name(name): _checked(str(name), view, [*dict.fromkeys([*known, TIME])]) for name, view in views.items()
     }
@@ -54,40 +54,50 @@ def checked_views(views: object, known: Collection[str]) -> dict[str, View]:
 def _name(name: object) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise DeclarationError(
-            f"the name of a view is a plain word. Got {shown(name)}. Use letters and digits."
+            "the name of a view is a plain word.", "Use letters and digits.", got=shown(name), value=name
         )
     return name
 
 
 def _checked(name: str, view: object, known: list[str]) -> View:
     if not isinstance(view, View):
-        raise DeclarationError(f'the view {name} is no View. Got {shown(view)}. Write View("t", "x").')
+        raise DeclarationError(
+            f"the view {name} is no View.", 'Write View("t", "x").', got=shown(view), value=view
+        )
     for quantity in view.names:
         if quantity not in known:
             raise DeclarationError(
-                f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable. "
-                f"There are {', '.join(known)}." + nearest(str(quantity), known)
+                f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable.",
+                f"There are {', '.join(known)}.",
+                value=quantity,
+                known=known,
             )
     if len(set(view.names)) < len(view.names):
         raise DeclarationError(
-            f"the view {name} shows a quantity twice. Got {', '.join(view.names)}. Take another."
+            f"the view {name} shows a quantity twice.", "Take another.", got=", ".join(view.names)
         )
     check_text(view.title, what=f"the title of the view {name}")
     if len(view.title) > LONGEST_TITLE or not view.title.isprintable():
         raise DeclarationError(
-            f"the title of the view {name} is text of at most {LONGEST_TITLE} characters on one line. "
-            f"Got {shown(view.title)}."
+            f"the title of the view {name} is text of at most {LONGEST_TITLE} characters on one line.",
+            got=shown(view.title),
+            value=view.title,
+            limit=LONGEST_TITLE,
         )
     if not isinstance(view.ranges, Mapping):
         raise DeclarationError(
-            f"the ranges of the view {name} map names to (low, high). Got {shown(view.ranges)}."
+            f"the ranges of the view {name} map names to (low, high).",
+            got=shown(view.ranges),
+            value=view.ranges,
         )
     ranges = {}
     for quantity, interval in view.ranges.items():
         if quantity not in view.names:
             raise DeclarationError(
-                f"the view {name} has a range of {shown(quantity)}, which it does not show. It shows "
-                f"{', '.join(view.names)}." + nearest(str(quantity), view.names)
+                f"the view {name} has a range of {shown(quantity)}, which it does not show.",
+                f"It shows {', '.join(view.names)}.",
+                value=quantity,
+                known=view.names,
             )
         ranges[quantity] = check_interval(
             interval,

@@ -13,6 +13,15 @@ from gsp.readers.toml import read_model
 from gsp.systems import declaration
 
 
+def model(states: str, count: int) -> str:
+    """A model file with the lines `states` for x0, x1, ... of which there are `count`."""
+    return (
+        f'epsilon = "e"\n[parameters]\nk = 2\n[states]\n{states}[region]\nx1 = [0, 1]\n[start]\n'
+        + "".join(f"x{i} = 0.5\n" for i in range(count))
+        + "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+
+
 def test_pieces_that_equations_share_are_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: Counter = Counter()
     check = declaration._check_pieces
@@ -23,12 +32,7 @@ def test_pieces_that_equations_share_are_checked_once(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(declaration, "_check_pieces", counted)
     states = "".join(f'x{i} = "{"-x0/e" if i == 0 else "sin(x0)*k/(1 + x0^2) + x0"}"\n' for i in range(200))
-    text = (
-        f'epsilon = "e"\n[parameters]\nk = 2\n[states]\n{states}[region]\nx1 = [0, 1]\n[start]\n'
-        + "".join(f"x{i} = 0.5\n" for i in range(200))
-        + "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
-    )
-    assert len(read_model(text, name="shared").system.states) == 200
+    assert len(read_model(model(states, 200), name="shared").system.states) == 200
     assert set(seen.values()) == {1}
     assert len(seen) < 20
 
@@ -59,12 +63,7 @@ def test_what_expressions_share_is_built_and_looked_at_once(monkeypatch: pytest.
     monkeypatch.setattr(Parts, "is_real", looking)
     rate = " + ".join(f"tanh(k - x{i % 5})*exp(-x{i % 3}/4)*x{i % 7}/(x{i % 2} + 3)" for i in range(25))
     states = "".join(f'x{i} = "{rate} - x{i}/e"\n' for i in range(60))
-    text = (
-        f'epsilon = "e"\n[parameters]\nk = 2\n[states]\n{states}[region]\nx1 = [0, 1]\n[start]\n'
-        + "".join(f"x{i} = 0.5\n" for i in range(60))
-        + "[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
-    )
-    assert len(read_model(text, name="shared").system.states) == 60
+    assert len(read_model(model(states, 60), name="shared").system.states) == 60
     assert set(built.values()) == {1}
     assert set(looked_at.values()) == {1}
     # The 25 products of a state are those of every other; its own are a quotient and a sum.
