@@ -4,7 +4,8 @@
     python tests/mutation.py gsp/kernels/radau.py --tests tests/kernels/test_integrators.py
     python tests/mutation.py --sample 200
 
-The second names the tests, the third samples every module that has a test file of its own name.
+The first runs the test file of the module's own name, or else all tests of its package; the second names the tests,
+the third samples every module that has a test file of its own name.
 
 Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed, `if`
 negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or
@@ -134,12 +135,17 @@ class Copy:
 
     def __init__(self, folder: Path, limit: float) -> None:
         self.folder, self.limit = folder, limit
+        self._sources: dict[str, bytes] = {}
         ignored = shutil.ignore_patterns(".git", "build", "*.egg-info", ".hypothesis")
         shutil.copytree(ROOT, folder, ignore=ignored)
 
+    def source(self, module: str) -> bytes:
+        """The module as it was when the copy was made: work on the repository goes on meanwhile."""
+        return self._sources.setdefault(module, (self.folder / module).read_bytes())
+
     def survives(self, module: str, mutant: Mutant, tests: list[str]) -> bool:
         """Whether the tests pass with `mutant` in `module`; says where it is when they do."""
-        source = (ROOT / module).read_bytes()
+        source = self.source(module)
         changed = self.folder / module
         self._forget_kernels(module)
         changed.write_bytes(applied(source, mutant))
@@ -170,6 +176,12 @@ def mirrored() -> dict[str, list[str]]:
     return found
 
 
+def of_package(module: str) -> list[str]:
+    """The tests of the nearest package around a module that has any."""
+    folders = (Path("tests", *folder.parts[1:]) for folder in Path(module).parents if len(folder.parts) > 1)
+    return next(([str(folder)] for folder in folders if (ROOT / folder).is_dir()), [])
+
+
 def main() -> None:
     """Measure one module, or a sample over all that have a test file; print what survives and the share caught."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -181,18 +193,18 @@ def main() -> None:
     asked = parser.parse_args()
     modules = mirrored()
     if asked.module is not None:
-        tests = asked.tests or modules.get(asked.module)
-        if tests is None:
-            parser.error(f"{asked.module} has no test file of its own name. Name some with --tests.")
+        tests = asked.tests or modules.get(asked.module) or of_package(asked.module)
+        if not tests:
+            parser.error(f"{asked.module} has no tests of its own name or package. Name some with --tests.")
         modules = {asked.module: tests}
-    everything = [
-        (module, mutant)
-        for module in modules
-        for mutant in sorted(set(mutants(ast.parse((ROOT / module).read_bytes()))))
-    ]
-    chosen = random.Random(asked.seed).sample(everything, min(asked.sample, len(everything)))
     with tempfile.TemporaryDirectory() as scratch:
         copy = Copy(Path(scratch, "copy"), asked.limit)
+        everything = [
+            (module, mutant)
+            for module in modules
+            for mutant in sorted(set(mutants(ast.parse(copy.source(module)))))
+        ]
+        chosen = random.Random(asked.seed).sample(everything, min(asked.sample, len(everything)))
         used = {tuple(modules[module]) for module, _ in chosen}
         if any(is_caught(copy.folder, list(tests), asked.limit) for tests in sorted(used)):
             sys.exit("the tests fail, or do not end, without any mutant")

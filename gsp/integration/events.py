@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -87,14 +87,14 @@ def met_within(met: Mapping[str, Crossings], first: float, last: float) -> Mappi
     return MappingProxyType(Named({name: crossings.within(first, last) for name, crossings in met.items()}))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CompiledEvents:
     """The events of a run, compiled: for each g, its rate along the flow, and the size of its terms' variation."""
 
     events: tuple[Event, ...]
     states: int
-    function: Callable[[np.ndarray, np.ndarray], np.ndarray] = field(repr=False)
-    p: np.ndarray = field(repr=False)
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    p: np.ndarray
 
     def values(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Every g (m, events) at times (m,) and states (m, n)."""

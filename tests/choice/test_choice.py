@@ -1,6 +1,7 @@
 """The model that a scene needs: predicted errors are honest, costs are extrapolated soundly, and full is an answer."""
 
 import json
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,14 +9,17 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.choice.candidates import Candidate, ModelKind
+from gsp.choice import candidates
+from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
 from gsp.choice.choice import choose, select
-from gsp.choice.forecast import foresee, foresee_surface
+from gsp.choice.forecast import foresee, foresee_surface, layer_left
 from gsp.choice.prediction import Failure
 from gsp.comparison.comparison import on_manifold
 from gsp.errors import DeclarationError
+from gsp.integration.methods import choose_method
 from gsp.integration.surface_flow import flow_on
-from gsp.integration.trajectory import integrate
+from gsp.integration.trajectory import Trajectory, integrate
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.slow.solved_manifold import solve_manifold
@@ -216,6 +220,100 @@ def test_the_steps_of_the_full_system_are_foreseen_within_a_factor_of_two(name: 
         study.system, start=study.start, span=asked.span, epsilon=asked.epsilon, rtol=1e-6, atol=1e-8
     )
     assert run.stats.steps / 2 <= choice.candidates[-1].steps <= 2 * run.stats.steps
+
+
+def by_counted_steps(run) -> tuple[float, Trajectory]:
+    """Seconds as if a call cost three of them and a step a tenth."""
+    trajectory = run()
+    return 3.0 + 0.1 * trajectory.stats.steps, trajectory
+
+
+def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkeypatch) -> None:
+    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    asked = scene(-x, x - y, span=(0, 10), epsilon=0.05)
+    full, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-6)
+    assert piece == (0.0, 0.5 + PIECE * 9.5)
+    assert full.seconds == pytest.approx(3.0 + 0.1 * full.steps, rel=1e-12)
+    method = choose_method(compile_flow(asked.system), 1e-6)
+    run = run_model(asked.system, asked.start, asked, piece, 1e-6, method=method)
+    assert full.field_calls / full.steps == pytest.approx(run.stats.field_calls / run.stats.steps, rel=1e-12)
+
+
+def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatch) -> None:
+    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    asked = replace(models.load("van_der_pol"), span=(0, 2), tolerance=1e-3)
+    outlook = foresee(asked, [0])
+    found = reduced_candidate(outlook, 0, asked, 1e-4)
+    assert not found.valid
+    end = max(found.holds_until, 2 * PIECE)
+    run = run_model(outlook.flows[0], outlook.starts[0], asked, (0, end), 1e-4)
+    part = end / 2
+    assert 0.0 < part < 1.0
+    assert found.steps * part == pytest.approx(run.stats.steps, rel=1e-9)
+    assert found.field_calls * part == pytest.approx(run.stats.field_calls, rel=1e-9)
+    assert found.seconds * part == pytest.approx(3.0 + 0.1 * run.stats.steps, rel=1e-9)
+
+
+BENDING = {"f": -x + y**2 / 5, "g": x - y + sp.Rational(3, 10) * x * y}
+
+
+@pytest.mark.parametrize("region", [(-5, 5), (0.5, 5)], ids=["to the end", "until the region is left"])
+def test_a_choice_does_not_depend_on_when_the_clock_began(region, monkeypatch) -> None:
+    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    asked = scene(**BENDING, region={"x": region}, tolerance=1e-3)
+    here, later = (choose(replace(asked, span=(t, t + 2)), orders=(0, 1), solve=False) for t in (0, 7))
+    assert later.layer == pytest.approx(here.layer, rel=1e-6)
+    assert later.piece == pytest.approx((here.piece[0] + 7, here.piece[1] + 7), rel=1e-9)
+    assert later.model.label == here.model.label
+    assert (later.partial is None) == (here.partial is None) == (region[0] < 0)
+    assert later.verdict.answer is here.verdict.answer
+    for own, other in zip(here.candidates, later.candidates):
+        assert other.holds_until == pytest.approx(own.holds_until + 7, abs=1e-6)
+        assert other.predicted == pytest.approx(own.predicted, rel=1e-4)
+        assert (other.valid, other.failure) == (own.valid, own.failure)
+        for name in ("seconds", "steps", "field_calls"):
+            assert getattr(other, name) == pytest.approx(getattr(own, name), rel=0.05)
+
+
+def test_errors_are_relative_whatever_the_units_and_the_clock() -> None:
+    near = scene(**BENDING, epsilon=0.02)
+    # x in other units: x = z/16.
+    rates = {"f": 16 * BENDING["f"].subs(x, x / 16), "g": BENDING["g"].subs(x, x / 16)}
+    far = scene(**rates, epsilon=0.02, region={"x": (-80, 80)}, start={"x": 16, "y": 0.5}, span=(7, 9))
+    errors = []
+    for asked in (near, far):
+        outlook = foresee(asked, (0,))
+        surface = foresee_surface(asked, outlook)
+        grid = asked.span[0] + np.linspace(outlook.layer, 2, 33)
+        assert surface.inside(grid).all()
+        errors.append((outlook.errors(0, grid).max(), surface.errors(grid).max()))
+    assert errors[1][0] == pytest.approx(errors[0][0], rel=0.01)
+    assert errors[1][1] == pytest.approx(errors[0][1], rel=0.2)
+
+
+def test_what_is_left_of_the_layer_is_known_to_the_order_before_the_last_of_the_inner_expansion() -> None:
+    # The fast eigenvector carries exactly what is left; its amplitude in x is of order epsilon.
+    off = []
+    for epsilon in (0.04, 0.02):
+        outlook = foresee(scene(-x + y, x - 2 * y, epsilon=epsilon), (0, 1))
+        A = np.array([[-1, 1], [1 / epsilon, -2 / epsilon]])
+        rates, modes = np.linalg.eig(A)
+        fast = int(np.argmin(rates))
+        amplitude = np.linalg.solve(modes, [1, 0.5])[fast] * modes[0, fast]
+        tau = np.linspace(0, 3, 7)
+        left = layer_left(outlook.inner, tau, epsilon, {"x": 1.0})
+        off.append(np.abs(left - np.abs(amplitude * np.exp(rates[fast] * epsilon * tau))).max())
+    assert outlook.inner.order == 3
+    assert np.log2(off[0] / off[1]) == pytest.approx(3, abs=0.4)
+
+
+def test_the_flows_given_are_those_run_and_readying_them_takes_no_longer_than_it_took() -> None:
+    begun = time.perf_counter()
+    outlook = foresee(scene(**BENDING), (0,))
+    elapsed = time.perf_counter() - begun
+    for order, flow in outlook.flows.items():
+        assert outlook.prediction.runs[order].flow is flow
+        assert 0.0 < outlook.preparation[order] < elapsed
 
 
 def test_fast_variables_count_when_asked_for() -> None:

@@ -120,6 +120,7 @@ def test_the_solved_manifold_serves_where_no_order_tells_its_error(ends) -> None
     solved = found.candidates[-2]
     assert (found.candidates[0].failure, solved.kind) == (Failure.UNTOLD, ModelKind.SOLVED)
     assert solved.valid
+    assert (found.manifold is not None) == (found.model.kind is ModelKind.SOLVED)
     assert found.verdict.answer in (Answer.YES, Answer.NO_GAIN)
     assert found.measured <= found.tolerance
 

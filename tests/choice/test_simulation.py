@@ -196,6 +196,7 @@ def test_it_is_read_like_a_trajectory(oscillation) -> None:
         oscillation.pieces[0].label,
         "full",
     ]
+    assert not oscillation.t.flags.writeable
     assert "18 changes of model" in str(oscillation)
     assert "\n" not in repr(oscillation)
     with pytest.raises(GspError, match="covers"):

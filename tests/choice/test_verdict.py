@@ -49,6 +49,8 @@ def test_accuracy_is_told_apart_from_speed() -> None:
     assert "fast" not in found.accuracy
     assert "5 times as fast, 10 us a run against 50 us" in found.speed
     assert "2500 runs" in found.speed
+    # What readying the full system takes is saved, whichever is run.
+    assert "2000 runs" in verdict_of(one, one, replace(FULL, preparation=0.02)).speed
 
 
 def test_a_model_that_is_exact_enough_and_no_faster_is_no_refusal() -> None:

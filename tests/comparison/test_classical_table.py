@@ -1,6 +1,7 @@
 """The classical methods against one another: the orders that theorems promise, measured."""
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -267,6 +268,33 @@ def test_the_reference_is_the_route_with_the_smaller_error_and_the_other_one_is_
     assert off[1] > 100 * off[0]
 
 
+def test_a_reference_is_never_surer_than_rounding() -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: 1000 * x - y}, epsilon=epsilon)
+    points = np.linspace(1, 2, 3)[:, None]
+    reference = reference_at(solve_critical(system).branches[0], points, 0.01)
+    # y = 1000 x/(1 - epsilon).
+    assert reference.y == pytest.approx(1000 * points / 0.99, rel=1e-14)
+    assert reference.error >= 2000 * 2.0**-52
+    assert reference.error < 1e-9
+
+
+def test_points_on_both_sides_of_a_change_of_stability_have_no_orbit_segments() -> None:
+    system = SlowFastSystem(slow={x: 1}, fast={y: x * (y - x)}, epsilon=epsilon)
+    branch = next(b for b in solve_critical(system).branches if b.is_explicit)
+    reference = reference_at(branch, np.array([[-1.0], [1.0]]), 0.001)
+    assert reference.source == "zero-derivative principle"
+    assert np.isnan(reference.second_route)
+    alone = reference_at(branch, np.array([[1.0]]), 0.001)
+    assert alone.y[0] == pytest.approx(reference.y[1], abs=2 * (reference.error + alone.error))
+
+
+def test_readying_a_method_takes_no_longer_than_the_table() -> None:
+    begun = time.perf_counter()
+    table = method_table(models.load("michaelis_menten"), epsilons=(0.02, 0.01), refinements=(), iterates=(1,))
+    elapsed = time.perf_counter() - begun
+    assert all(0.0 <= row.preparation < elapsed for row in table.rows if np.isfinite(row.preparation))
+
+
 def test_more_than_three_slow_variables_take_pointwise_methods() -> None:
     slow = sp.symbols("x1:5")
     system = SlowFastSystem(
@@ -291,6 +319,9 @@ def test_bad_calls_are_named() -> None:
         method_table(scene, refinements=(-1,))
     with pytest.raises(DeclarationError, match="two epsilons or more"):
         method_table(scene, epsilons=(0.1,))
+    for points in ([], [[float("nan")]], [[1.0], [float("inf")]]):
+        with pytest.raises(DeclarationError, match="points are finite numbers, one point or more"):
+            method_table(scene, points=points)
     with pytest.raises(DeclarationError, match="no interval for s"):
         method_table(replace(scene, region={"c": (0, 1)}))
 

@@ -129,3 +129,23 @@ def test_what_is_no_number_in_the_table_has_its_reason_below_it() -> None:
     text = str(compare(replace(scene, system=exact, region={"x": (-2, 1)}), orders=(0,)))
     assert "no slope of order 0: the errors are within the reference's own" in text
     assert "nan of order" not in text
+
+
+@pytest.mark.parametrize("correction", [None, 1])
+def test_errors_do_not_depend_on_when_the_clock_began(correction) -> None:
+    system = SlowFastSystem(slow={x: -x + y**2 / 5}, fast={y: x - y + x * y / 3}, epsilon=eps)
+    start = {"x": 1, "y": 1.3 if correction is None else 0.2}
+    asked = Scene(system, {"x": (-5, 5)}, start, (0, 2), 0.01, (0.02, 0.01), 1e-6)
+    here, later = (
+        compare(replace(asked, span=(t, t + 2)), orders=(0, 1), correction=correction) for t in (0, 7)
+    )
+    for order in (0, 1):
+        assert later.errors[order] == pytest.approx(here.errors[order], rel=1e-3)
+        assert later.slopes[order] == pytest.approx(order + 1, abs=0.3)
+
+
+def test_a_layer_longer_than_half_of_the_span_is_refused_whenever_the_clock_began() -> None:
+    asked = models.load("michaelis_menten")
+    for begin in (0, 7):
+        with pytest.raises(DeclarationError, match="more than half of the span"):
+            compare(replace(asked, span=(begin, begin + 0.5)), correction=1, epsilons=(0.1, 0.05))

@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp import charts, models
+from gsp.comparison import comparison, survey
 from gsp.comparison.failures import failure_map
 from gsp.comparison.survey import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_name, series_name
 from gsp.errors import DeclarationError, GspError
@@ -114,6 +115,26 @@ def test_rows_say_what_was_measured(van_der_pol, tmp_path):
         assert len(list(csv.reader(file))) > len(rows) / 2
     assert "reduced flow 3" in str(van_der_pol)
     assert van_der_pol.runs > 1000
+
+
+def test_every_run_is_counted_and_its_errors_are_relative(monkeypatch):
+    asked = []
+    for module in (comparison, survey):
+
+        def counted(flow, *, _run=module.trajectory_of, **options):
+            asked.append(options["atol"] / options["rtol"])
+            return _run(flow, **options)
+
+        monkeypatch.setattr(module, "trajectory_of", counted)
+    found = failure_map(
+        scene(-x, x - y, {"x": 1, "y": 1}, {"x": (0.5, 2)}),
+        orders=(0, 1),
+        epsilons=(0.01, 0.02),
+        tolerances=(1e-3, 1e-6),
+        positions=(0.5, 1.0, 2.0),
+    )
+    assert found.runs == len(asked)
+    assert max(asked) < 1.0
 
 
 def test_the_chart_has_both_maps(van_der_pol):

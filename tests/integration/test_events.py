@@ -148,6 +148,19 @@ def test_a_start_on_the_zero_does_not_fire(method):
     assert again.events["x"].times.size == 0
 
 
+@pytest.mark.parametrize(("units", "met"), [(-12, 0), (12, 0), (-20, 1), (20, 0)])
+def test_a_start_is_on_the_zero_within_rounding_only(units, met):
+    """x rises through 1, so it meets 1 only where it began below it by more than rounding."""
+    begin = 1.0 + units * 2.0**-52
+    run = integrate(
+        VectorField({x: sp.Integer(1)}, epsilon=None),
+        start={"x": begin},
+        span=(0, 1),
+        events=Event(x - 1, name="one"),
+    )
+    assert run.events["one"].times.size == met
+
+
 def test_what_is_not_a_number_is_no_sign():
     field = VectorField({x: sp.Integer(1)}, epsilon=None)
     watched = Event(sp.sqrt(x) - 1, name="root")

@@ -6,6 +6,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError
+from gsp.systems.flow import LARGEST
 from gsp.systems.region import check_interval, check_region
 
 
@@ -41,12 +42,19 @@ def test_a_region_cannot_be_changed() -> None:
             r"region of x reaches beyond 1e\+100 or is narrower than 1e-100. Got \(-1e\+300, 1e\+300\)",
         ),
         ({"x": (0, 1), "y": (0, 2e100)}, "Rescale y"),
+        ({"x": (0, 1), "y": (-2e100, 1)}, "Rescale y"),
+        ({"x": (0, 5e-101)}, "Rescale x"),
         ({"x": (0, 1), sp.Symbol("x"): (0, 2)}, '"x" twice'),
     ],
 )
 def test_what_is_no_region_is_refused_with_its_place(region, words: str) -> None:
     with pytest.raises(DeclarationError, match=words):
         check_region(region, ["x", "y"], required=["x"])
+
+
+def test_a_region_at_the_limits_is_taken() -> None:
+    widest, narrowest = (-LARGEST, LARGEST), (0.0, 1.0 / LARGEST)
+    assert dict(check_region({"x": widest, "y": narrowest}, ["x", "y"])) == {"x": widest, "y": narrowest}
 
 
 def test_a_misspelt_state_is_answered_with_the_nearest() -> None:
