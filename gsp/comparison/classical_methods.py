@@ -23,6 +23,7 @@ from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
+from gsp.slow.slow_track import divide
 from gsp.systems.system import SlowFastSystem
 
 STEPS = 80
@@ -131,7 +132,7 @@ def ildm(branch: Branch, x: np.ndarray, *, epsilon: float) -> Points:
         order = np.argsort(-np.abs(values), axis=1)[:, :fast]
         rows = np.swapaxes(np.take_along_axis(vectors, order[:, None, :], axis=2), 1, 2)
         # Scaled so that Q = (K, 1): the condition is then g = -epsilon K f.
-        return -np.linalg.solve(rows[:, :, model.slow :], rows[:, :, : model.slow]).real
+        return -np.real(divide(rows[:, :, model.slow :], rows[:, :, : model.slow]))
 
     return _solved(model, x, branch.points(x), slope)
 
@@ -152,7 +153,7 @@ def csp(branch: Branch, x: np.ndarray, *, epsilon: float, refinements: int) -> P
             return np.zeros((len(z), len(branch.system.y), model.slow))
         taylor = [jacobian, *model.jacobians(z, refinements)[1:]] if refinements > 1 else [jacobian]
         rows = _refined(taylor, model.slow, refinements)
-        return -np.linalg.solve(rows[:, :, model.slow :], rows[:, :, : model.slow])
+        return -divide(rows[:, :, model.slow :], rows[:, :, : model.slow])
 
     return _solved(model, x, branch.points(x), slope)
 
@@ -215,8 +216,8 @@ def _iterated(
     """Interpolants of the iterates h_0 to h_k on a grid fine enough for all of them, if it may be so fine."""
     sizes = [FIRST] * len(box)
     while True:
-        grid = nodes(box, sizes).reshape(-1, len(box))
-        y = start = branch.points(grid)
+        grid, start = _resting(branch, tuple(map(tuple, box.tolist())), tuple(sizes))
+        y = start
         finer, surfaces, resolved = sizes, [], True
         for k in range(iterates + 1):
             surface = interpolate(box, y.reshape(*sizes, -1))
@@ -229,11 +230,21 @@ def _iterated(
             surface = surface.chopped(NOISE * scale * max(sizes))
             surfaces.append(surface)
             if k < iterates:
-                slopes = surface.derivative(grid)
+                slopes = surface.slopes(sizes).reshape(*start.shape, -1)
                 y = _solved(model, grid, start, lambda z, jacobian, S=slopes: S).y
         if finer == sizes:
             return surfaces, resolved
         sizes = finer
+
+
+# As many grids as one box goes through: those of one epsilon serve the next.
+@lru_cache(maxsize=16)
+def _resting(
+    branch: Branch, box: tuple[tuple[float, float], ...], sizes: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """A grid (m, n_slow) over the box and M0 over it (m, n_fast), which are the same at every epsilon."""
+    grid = nodes(np.array(box), sizes).reshape(-1, len(box))
+    return grid, branch.points(grid)
 
 
 def _refined(jacobian: list[np.ndarray], slow: int, refinements: int) -> np.ndarray:
@@ -278,7 +289,7 @@ def _rate(a: list[np.ndarray], keep: int) -> list[np.ndarray]:
 
 
 def _inverse(a: list[np.ndarray]) -> list[np.ndarray]:
-    first = np.linalg.inv(a[0])
+    first = divide(a[0], np.broadcast_to(np.eye(a[0].shape[-1]), a[0].shape))
     result = [first]
     for k in range(1, len(a)):
         result.append(-first @ sum((a[i] @ result[k - i] for i in range(1, k + 1)), start=np.zeros(())))
@@ -291,19 +302,27 @@ def _solved(
     y: np.ndarray,
     slope: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> Points:
-    """g = epsilon S f for y by Newton's method with S held fixed in each step's derivative."""
+    """g = epsilon S f for y by Newton's method with S held fixed in each step's derivative.
+
+    NaN where that ends without a root, as where a matrix is singular on the way.
+    """
     slow, epsilon = model.slow, model.epsilon
     y = y.copy()
+    lost = np.zeros(len(y), dtype=bool)
     for _ in range(STEPS):
         z = np.hstack([x, y])
         f, g = model.rates(z)
         jacobian = model.jacobians(z)[0]
+        lost |= ~np.isfinite(jacobian).all(axis=(1, 2))
+        jacobian[lost] = np.eye(z.shape[1])
         S = slope(z, jacobian)
         defect = g - epsilon * np.einsum("mij,mj->mi", S, f)
         matrix = epsilon * (jacobian[:, slow:, slow:] - S @ jacobian[:, :slow, slow:])
-        step = np.linalg.solve(matrix, defect[:, :, None])[:, :, 0]
-        y = y - step
-        size = np.abs(step).max(axis=1) / (1.0 + np.abs(y).max(axis=1))
+        step = divide(matrix, defect[:, :, None])[:, :, 0]
+        lost |= ~np.isfinite(step).all(axis=1)
+        # What is lost stays where it is.
+        y = y - np.where(lost[:, None], 0.0, step)
+        size = np.where(lost, np.nan, np.abs(step).max(axis=1) / (1.0 + np.abs(y).max(axis=1)))
         if not (size > CONVERGED).any():
             break
     bad = ~(size < 1e-9)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-# Points evaluated at once: bounds the memory of the partial sums.
-CHUNK = 4096
+# Numbers that are held at once in sums over many points.
+CHUNK = 2**22
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +32,17 @@ class ChebyshevSurface:
         """Derivatives (m, k, d) at `x` (m, d)."""
         return np.stack([self._sum(c, x) for c in self._derivatives], axis=2)
 
+    def slopes(self, sizes: Sequence[int]) -> np.ndarray:
+        """Derivatives (n_1, ..., n_d, k, d) at the nodes of a grid of `sizes`, no axis of it shorter than ours."""
+        result = []
+        for c in self._derivatives:
+            for axis, size in enumerate(sizes):
+                longer = np.zeros((size, *np.delete(c.shape, axis)))
+                longer[: c.shape[axis]] = np.moveaxis(c, axis, 0)
+                c = np.moveaxis(_to_values(longer), 0, axis)
+            result.append(c)
+        return np.stack(result, axis=-1)
+
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
         scale = 2.0 / (self.box[:, 1] - self.box[:, 0])
@@ -46,8 +57,11 @@ class ChebyshevSurface:
     def _sum(self, coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
         k = coefficients.shape[-1]
         result = np.empty((len(x), k))
-        for begin in range(0, len(x), CHUNK):
-            part = x[begin : begin + CHUNK]
+        # For a point the polynomials of one axis, and what is left of the coefficients after the first.
+        each = max(*coefficients.shape, coefficients.size // len(coefficients))
+        many = max(1, CHUNK // each)
+        for begin in range(0, len(x), many):
+            part = x[begin : begin + many]
             unit = (2.0 * part - self.box.sum(axis=1)) / (self.box[:, 1] - self.box[:, 0])
             total = np.broadcast_to(coefficients, (1, *coefficients.shape))
             for axis in range(len(self.box)):
@@ -57,7 +71,7 @@ class ChebyshevSurface:
                     total = (basis @ coefficients.reshape(n, -1)).reshape(len(part), *coefficients.shape[1:])
                 else:
                     total = np.einsum("mj,mj...->m...", basis, total)
-            result[begin : begin + CHUNK] = total
+            result[begin : begin + many] = total
         return result
 
     def tails(self) -> np.ndarray:
@@ -86,7 +100,7 @@ def interpolate(box: np.ndarray, values: np.ndarray) -> ChebyshevSurface:
     """The interpolant of `values` (n_1, ..., n_d, k) at `nodes(box, (n_1, ..., n_d))`."""
     c = values
     for axis in range(len(box)):
-        c = np.moveaxis(np.tensordot(_to_coefficients(values.shape[axis]), c, axes=(1, axis)), 0, axis)
+        c = np.moveaxis(_to_coefficients(np.moveaxis(c, axis, 0)), 0, axis)
     return ChebyshevSurface(box, np.ascontiguousarray(c))
 
 
@@ -106,13 +120,22 @@ def _points(n: int) -> np.ndarray:
     return np.sin(0.5 * np.pi * np.arange(1 - n, n, 2) / (n - 1))
 
 
-@lru_cache(maxsize=64)
-def _to_coefficients(n: int) -> np.ndarray:
-    """Matrix from values at the n points to coefficients, a discrete cosine transform."""
-    m = n - 1
+def _to_coefficients(values: np.ndarray) -> np.ndarray:
+    """Coefficients (n, ...) of values (n, ...) at the n points: a discrete cosine transform."""
+    m = len(values) - 1
     # Points run from low to high, theta from pi to 0.
-    theta = np.pi * (m - np.arange(n)) / m
-    matrix = (2.0 / m) * np.cos(np.outer(np.arange(n), theta))
-    matrix[:, [0, -1]] *= 0.5
-    matrix[[0, -1]] *= 0.5
-    return matrix
+    series = np.fft.rfft(_even(values[::-1]), axis=0).real / m
+    series[[0, -1]] *= 0.5
+    return series
+
+
+def _to_values(coefficients: np.ndarray) -> np.ndarray:
+    """Values (n, ...) at the n points of coefficients (n, ...): the transform back."""
+    inner = 0.5 * coefficients
+    inner[[0, -1]] *= 2.0
+    return np.fft.rfft(_even(inner), axis=0).real[::-1]
+
+
+def _even(half: np.ndarray) -> np.ndarray:
+    """The even sequence (2 n - 2, ...) whose half is (n, ...)."""
+    return np.concatenate([half, half[-2:0:-1]])

@@ -273,7 +273,7 @@ def divide(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
     finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     sign, logarithm = np.linalg.slogdet(np.where(finite[:, None, None], matrices, 0.0))
     regular = finite & (sign != 0) & np.isfinite(logarithm)
-    result = np.full((len(matrices), *right.shape[1:]), np.nan)
+    result = np.full((len(matrices), *right.shape[1:]), np.nan, dtype=np.result_type(matrices, right))
     if regular.any():
         result[regular] = np.linalg.solve(matrices[regular], right[regular])
     return result

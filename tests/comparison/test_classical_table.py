@@ -18,6 +18,7 @@ from gsp.comparison.classical_methods import FraserRoussel, csp, fraser_roussel,
 from gsp.comparison.classical_table import MethodTable, method_table
 from gsp.comparison.comparison import slope
 from gsp.comparison.references import reference_at
+from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.scenes.scene import Scene
@@ -245,6 +246,44 @@ def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(
     assert "81 segments, estimated error" in table.endings["solved", 0.005]
     assert "the 81 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
     assert table["Fraser-Roussel 3"].evaluations < 10
+
+
+def test_the_critical_manifold_is_followed_once_for_all_epsilons(monkeypatch) -> None:
+    branch, x = SHEETS["van_der_pol"]
+    assert not branch.is_explicit
+    followed: list[int] = []
+    points = Branch.points
+
+    def counted(self, x, **given):
+        followed.append(len(x))
+        return points(self, x, **given)
+
+    monkeypatch.setattr(Branch, "points", counted)
+    # A box that no other test has.
+    x = x + 1e-3
+    assert FraserRoussel.over(branch, x, epsilon=1e-3, iterates=1).resolved
+    on_grids = sum(followed)
+    assert FraserRoussel.over(branch, x, epsilon=2e-3, iterates=1).resolved
+    assert sum(followed) == on_grids > 0
+
+
+def test_where_a_matrix_is_singular_on_the_way_there_is_no_value_and_elsewhere_there_is() -> None:
+    # With one refinement the matrix of Newton's first step is 1 - (epsilon x)^-1 up to a factor.
+    u, w = sp.symbols("u w")
+    system = SlowFastSystem(slow={u: -u * w}, fast={w: u - w}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0]
+    places = np.array([[1.0], [2.0]])
+    both = csp(branch, places, epsilon=0.5, refinements=1).y
+    alone = csp(branch, places[:1], epsilon=0.5, refinements=1).y
+    assert np.isnan(both[1]).all()
+    assert both[0] == alone[0]
+    assert np.isfinite(alone).all()
+
+
+def test_a_table_with_singular_matrices_in_it_is_made() -> None:
+    table = method_table(load(Path(__file__).parents[1] / "systems" / "morris_lecar.toml"), orders=(0, 1))
+    assert np.isnan(table["CSP 2"].errors[0])
+    assert np.isfinite(table["CSP 2"].errors[-1])
 
 
 def test_the_reference_is_the_route_with_the_smaller_error_and_the_other_one_is_shown() -> None:

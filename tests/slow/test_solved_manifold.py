@@ -1,5 +1,6 @@
 """The slow manifold solved: reference values, invariance, two routes to one answer, and failures with their place."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -415,6 +416,32 @@ def test_chebyshev_interpolants_are_exact_for_polynomials_and_nested() -> None:
     assert np.array_equal(nodes(box, (9, 9))[::2], grid)
     chopped = interpolate(box, values[..., :1]).chopped(1e-9)
     assert chopped.coefficients.shape == (5, 4, 1)
+
+
+def test_slopes_on_a_grid_are_those_at_its_nodes() -> None:
+    box = np.array([[0.0, 2.0], [-1.0, 3.0]])
+    grid = nodes(box, (9, 17))
+    surface = interpolate(box, np.stack([np.sin(grid[..., 0] * grid[..., 1]), grid[..., 1] ** 3], axis=-1))
+    for sizes in ((9, 17), (17, 33)):
+        points = nodes(box, sizes).reshape(-1, 2)
+        at_points = surface.derivative(points).reshape(*sizes, 2, 2)
+        np.testing.assert_allclose(surface.slopes(sizes), at_points, rtol=0, atol=1e-12)
+
+
+def test_a_long_axis_takes_memory_in_proportion_to_its_points() -> None:
+    box, n = np.array([[0.0, 1.0]]), 2**14 + 1
+    x = nodes(box, (n,)).reshape(-1, 1)
+    tracemalloc.start()
+    try:
+        surface = interpolate(box, 1 / (1 + 4e6 * (x - 0.5) ** 2))
+        between = surface(x[:-1] + 0.3 * np.diff(x, axis=0))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # A matrix of n rows and columns would be 2.1e9 bytes.
+    assert peak < 2e8
+    expected = 1 / (1 + 4e6 * (x[:-1] + 0.3 * np.diff(x, axis=0) - 0.5) ** 2)
+    np.testing.assert_allclose(between, expected, rtol=0, atol=1e-6)
 
 
 # -- work that is bounded, and none that is lost -----------------------------------------------------------
