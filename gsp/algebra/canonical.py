@@ -16,7 +16,9 @@ import sympy as sp
 _ORDER = cmp_to_key(sp.Basic.compare)
 _ODD = frozenset({sp.sin, sp.tan, sp.sinh, sp.tanh})
 _EVEN = frozenset({sp.cos, sp.cosh})
+_ONE_ARGUMENT = sp.exp.nargs
 _SINGLE = frozenset({sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh})
+_SMOOTH = _SINGLE | {sp.exp}
 
 Expr = Any
 
@@ -71,15 +73,34 @@ def function_of(function: Callable[..., Expr], arguments: Sequence[Expr]) -> Exp
     >>> function_of(sp.tanh, [s - a])
     -tanh(a - s)
     """
+    if function is sp.Pow:
+        base, exponent = arguments
+        if (
+            type(base) is sp.Add
+            and exponent.is_Integer
+            and exponent.p not in (0, 1)
+            and _is_plain(base, _SMOOTH)
+        ):
+            # A sum is asked only whether it is infinite or a complex number.
+            value = sp.Expr.__new__(sp.Pow, base, exponent)
+            value.is_commutative = True
+            return value
     if function is sp.exp and _is_plain(arguments[0]):
-        return sp.exp(arguments[0], evaluate=False)
+        return _applied(sp.exp, arguments[0])
     if (function in _ODD or function in _EVEN) and _is_plain(arguments[0]):
         (argument,) = arguments
         if not _is_minus(argument):
-            return function(argument, evaluate=False)
-        value = function(-argument, evaluate=False)
+            return _applied(function, argument)
+        value = _applied(function, -argument)
         return value if function in _EVEN else -value
     return function(*arguments)
+
+
+def _applied(function: Any, argument: Expr) -> Expr:
+    """`function(argument, evaluate=False)`, whose number of arguments SymPy would count and put into a set again."""
+    value = sp.Expr.__new__(function, argument)
+    value.nargs = _ONE_ARGUMENT
+    return value
 
 
 def new_parts(expression: sp.Basic, seen: set[sp.Basic]) -> set[sp.Basic]:
@@ -88,8 +109,11 @@ def new_parts(expression: sp.Basic, seen: set[sp.Basic]) -> set[sp.Basic]:
     waiting = [expression]
     while waiting:
         part = waiting.pop()
-        if part not in seen and part not in new:
-            new.add(part)
+        if part in seen:
+            continue
+        known = len(new)
+        new.add(part)
+        if len(new) > known:
             waiting += part.args
     return new
 
@@ -135,8 +159,8 @@ def _base(factor: Expr) -> Expr | None:
     return None
 
 
-def _is_plain(expression: Expr) -> bool:
-    """Whether it is built of symbols and rational numbers by sums, products and whole powers, and no number itself."""
+def _is_plain(expression: Expr, functions: frozenset[Expr] = frozenset()) -> bool:
+    """Whether symbols and rational numbers make it by sums, products, whole powers and `functions`; no number."""
     waiting, has_symbol = [expression], False
     while waiting:
         part = waiting.pop()
@@ -149,7 +173,7 @@ def _is_plain(expression: Expr) -> bool:
             if not part.args[1].is_Integer:
                 return False
             waiting.append(part.args[0])
-        elif kind is sp.Add or kind is sp.Mul:
+        elif kind is sp.Add or kind is sp.Mul or kind in functions:
             waiting += part.args
         elif not part.is_Rational:
             return False

@@ -182,10 +182,7 @@ class _Parser:
     def expression(self, minimum: int) -> Node:
         """Operators that bind at least as tightly as `minimum`; runs of + and of * are built in one call."""
         left = self.operand()
-        while (token := self.tokens[self.index]).kind == "operator":
-            binding = _BINDING.get(token.text, 0)
-            if binding < max(minimum, _SUM):
-                break
+        while (binding := _BINDING.get((token := self.tokens[self.index]).text, 0)) >= minimum:
             if binding == _POWER:
                 self.index += 1
                 self.enter(token.position)
@@ -198,18 +195,12 @@ class _Parser:
         return left
 
     def operand(self) -> Node:
-        token = self.token
-        negative = False
-        while sign := self.accept("+", "-"):
-            negative ^= sign.text == "-"
-        if self.token is not token:
-            node = self.expression(_POWER)
-            return self.nodes.negated(node) if negative else node
+        token = self.tokens[self.index]
         self.index += 1
-        if token.kind == "number":
-            return self.number(token)
         if token.kind == "name":
             return self.name(token)
+        if token.kind == "number":
+            return self.number(token)
         if token.text == "(":
             self.enter(token.position)
             node = self.expression(_SUM)
@@ -217,6 +208,12 @@ class _Parser:
             self.depth -= 1
             return node
         self.index -= 1
+        if token.text in ("+", "-"):
+            negative = False
+            while sign := self.accept("+", "-"):
+                negative ^= sign.text == "-"
+            node = self.expression(_POWER)
+            return self.nodes.negated(node) if negative else node
         if token.kind == "end":
             self.fail("the expression ends too early", token.position, "Complete it.")
         self.fail(
@@ -238,7 +235,7 @@ class _Parser:
         return self.nodes.number(value, token)
 
     def name(self, token: Token) -> Node:
-        follows = self.token.kind == "operator" and self.token.text == "("
+        follows = self.tokens[self.index].text == "("
         if token.text in self.arguments and not follows:
             return self.arguments[token.text]
         if token.text in self.definitions:

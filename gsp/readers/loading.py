@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from gsp.errors import DeclarationError, ModelFileError
@@ -40,10 +42,11 @@ def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
     """What `load` returns, and notes on what was understood of a foreign model, [] for TOML."""
     file = _path(path, "load")
     try:
-        if file.suffix.lower() not in FORMATS:
-            return scene_of(read_document(file), file), []
-        found, scene = _imported(file)
-        return scene, found.notes
+        with _collector_at_rest():
+            if file.suffix.lower() not in FORMATS:
+                return scene_of(read_document(file), file), []
+            found, scene = _imported(file)
+            return scene, found.notes
     except (ModelFileError, DeclarationError) as error:
         # Words of the file stand in the message, and the message may go to a terminal.
         raise ModelFileError.of(error, file.name) from None
@@ -62,10 +65,23 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
                 "Give such a file.",
                 got=f"{file.suffix[:20]!r}",
             )
-        found, _ = _imported(file, small)
+        with _collector_at_rest():
+            found, _ = _imported(file, small)
     except (ModelFileError, DeclarationError) as error:
         raise ModelFileError.of(error, file.name) from None
     return found
+
+
+@contextmanager
+def _collector_at_rest() -> Iterator[None]:
+    """No look for cycles while a file is read, whose expressions are kept and which is too short to leave much else."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _path(path: str | os.PathLike[str], verb: str) -> Path:

@@ -31,6 +31,9 @@ class Token(NamedTuple):
     position: int
 
 
+_token = Token._make
+
+
 def tokenise(text: str, functions: Iterable[str]) -> list[Token]:
     """The words of `text`, the last of kind "end"; `functions` are named in errors.
 
@@ -49,12 +52,12 @@ def tokenise(text: str, functions: Iterable[str]) -> list[Token]:
                 f"Use numbers, names, + - * / ^, parentheses and the functions {', '.join(sorted(functions))}.",
             )
         kind = match.lastgroup or ""
-        tokens.append(Token(kind, match[kind], match.start(kind)))
+        start, position = match.span(kind)
+        tokens.append(_token((kind, text[start:position], start)))
         if kind == "end":
             break
         if len(tokens) > TOKENS:
-            fail_at(text, f"the expression has more than {TOKENS} symbols", match.start(kind), "Split it.")
-        position = match.end()
+            fail_at(text, f"the expression has more than {TOKENS} symbols", start, "Split it.")
     return tokens
 
 

@@ -78,6 +78,7 @@ PARAMETERS = 2000
 TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
 DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
+_NO_KEYS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
 LADDER = (2, 1, sp.Rational(1, 2), sp.Rational(1, 4))
 """Default ladder relative to epsilon: around the value asked about, and short enough to fit a slope."""
 
@@ -147,7 +148,7 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
 def parsed(text: str) -> dict:
     """The tables of TOML, decimals exact; raises `ModelFileError` for what is none."""
     for number, line in enumerate(text.splitlines(), 1):
-        if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", line)):
+        if line.count(".") > DOTS and any(piece.count(".") > DOTS for piece in re.split("[={,]", _keys(line))):
             raise ModelFileError(
                 f"line {number} has more than {DOTS} dots in a row of words.", "Break the line.", limit=DOTS
             )
@@ -159,6 +160,11 @@ def parsed(text: str) -> dict:
         ) from None
     except (ValueError, ArithmeticError) as error:
         raise ModelFileError(f"the file is not valid TOML: {error!s:.300}.", "Correct that line.") from None
+
+
+def _keys(line: str) -> str:
+    """`line` without its strings and its comment, which hold no keys; as it is where a string may go over lines."""
+    return line if '"""' in line or "'''" in line else _NO_KEYS.sub(" ", line)
 
 
 # What every scene says, with a line to write.

@@ -228,6 +228,12 @@ def _check_at_values(
         used = [symbol for symbol in values if symbol in free]
         if not used:
             continue
+        if (
+            isinstance(piece, sp.Pow)
+            and piece.args[1] == -1
+            and _keeps_a_term(piece.args[0], values, symbols_of)
+        ):
+            continue
         at = {symbol: values[symbol] for symbol in used}
         if isinstance(piece, sp.exp):
             # SymPy makes z**c of exp(c*log(z)) as soon as c is a number.
@@ -255,6 +261,21 @@ def _check_at_values(
                 refuse(piece, "is not real and finite", "Keep its arguments in its domain.")
             if abs(number) > LARGEST:
                 refuse(piece, f"lies beyond {LARGEST:g}", "Rescale the variables.")
+
+
+def _keeps_a_term(
+    expression: sp.Expr, values: Values, symbols_of: Mapping[sp.Basic, frozenset[sp.Basic]]
+) -> bool:
+    """Whether it is a sum with a power of a state that no other term has, so that no parameters make a number of it."""
+    if not isinstance(expression, sp.Add):
+        return False
+    for term in expression.args:
+        rest = term.as_coeff_Mul()[1]
+        symbol = rest.args[0] if isinstance(rest, sp.Pow) and rest.args[1].is_Integer else rest
+        is_state = isinstance(symbol, sp.Symbol) and symbol not in values
+        if is_state and sum(symbol in symbols_of[other] for other in expression.args) == 1:
+            return True
+    return False
 
 
 def _hidden_powers(argument: sp.Expr) -> Iterator[tuple[sp.Expr, sp.Expr]]:

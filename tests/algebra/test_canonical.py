@@ -75,16 +75,40 @@ def test_functions_are_those_of_sympy(function: type[sp.Function]) -> None:
         assert same(product_of([argument, other]), argument * other)
 
 
+def test_powers_of_sums_are_those_of_sympy() -> None:
+    parts, chance = [u for u in pool() if u.is_commutative], random.Random(13)
+    bases = [*parts, *(sp.Add(*chance.sample(parts, k % 4 + 2)) for k in range(150))]
+    bases += [sp.oo * A + S, sp.I * A + S, sp.I + 2, sp.sqrt(2) + 1, 1 + sp.exp(-(A - S) / 3)]
+    for base in bases:
+        for exponent in (-2, -1, 0, 1, 2, sp.Rational(1, 2), A):
+            value = function_of(sp.Pow, [base, sp.sympify(exponent)])
+            expected = sp.Pow(base, exponent)
+            assert same(value, expected), (base, exponent)
+            assert value.is_commutative == expected.is_commutative
+
+
+def test_functions_have_what_sympy_gives_them() -> None:
+    for function in (sp.tanh, sp.exp, sp.sin):
+        value, expected = function_of(function, [A - S]), function(A - S)
+        assert value == expected
+        assert value.nargs == expected.nargs
+        assert value.is_commutative
+
+
 def test_what_has_one_answer_is_not_asked_of_sympy(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     for kind in (sp.Add, sp.Mul):
         monkeypatch.setattr(kind, "flatten", classmethod(lambda cls, parts: asked.append(cls)))
     for kind in (sp.tanh, sp.exp):
         monkeypatch.setattr(kind, "eval", classmethod(lambda cls, argument: asked.append(cls)))
+    monkeypatch.setattr(sp.Add, "_eval_power", lambda base, exponent: asked.append(base))
     difference = sum_of([Z, X, sp.Integer(5)])
     power = sp.exp(Z, evaluate=False)
     value = product_of([function_of(sp.tanh, [difference]), X, function_of(sp.exp, [Z])])
+    total = sum_of([power, sp.Integer(1)])
+    quotient = function_of(sp.Pow, [total, sp.Integer(-1)])
     assert asked == []
+    assert quotient.args == (total, -1)
     assert set(value.args) == {sp.tanh(difference, evaluate=False), X, power}
 
 

@@ -518,6 +518,10 @@ BOMBS = {
     "dotted header": "[" + "a." * 120_000 + "a]",
     "dotted key in a table": 'a = {b = "", ' + "a." * 120_000 + "a = 1}",
     "dotted key without value": "a." * 120_000,
+    "dotted key behind a string": 'a = {b = "", c = "x.y",' + "a." * 120_000 + 'a = "1"}',
+    "dotted key behind lines": 'a = ["""\n""", {' + "a." * 120_000 + 'a = "1"}]',
+    "dotted key behind other lines": "a = ['''\n''', {" + "a." * 120_000 + "a = '1'}]",
+    "dotted key of strings": '"a".' * 60_000 + '"a" = 1',
     "many dotted keys": "\n".join("a." * 40 + f"b{i} = 1" for i in range(2900)),
     "header and keys": "[" + "a." * 39 + "a]\n" + "\n".join(f"b{i}=1" for i in range(28_000)),
     "parentheses": MICHAELIS_MENTEN.replace("(s + kappa)*c", "(" * 200_000),
@@ -532,6 +536,16 @@ def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     # Unguarded, these take minutes or the memory of the machine.
     with calls_within(MOST_CALLS), pytest.raises(ModelFileError):
         load(path)
+
+
+def test_decimals_and_dots_of_comments_are_no_dotted_key(tmp_path: Path) -> None:
+    rate = " + ".join(f"0.{k + 1}*s" for k in range(60))
+    text = MICHAELIS_MENTEN.replace("(s + kappa)*c", f"({rate})*c")
+    assert text != MICHAELIS_MENTEN
+    scene = load(write(tmp_path, "# " + "." * 70 + "\n" + text))
+    s, c = sp.symbols("s c")
+    total = sum(sp.Rational(f"0.{k + 1}") for k in range(60))
+    assert scene.system.fast[c].coeff(s, 1).coeff(c, 1) == -total
 
 
 @given(st.text(max_size=80))

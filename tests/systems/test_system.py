@@ -103,6 +103,18 @@ REFUSED = {
         lambda: standard(f=x / a, parameters={a: 0}),
         "1/a is zero to a power that is not always positive. Got a = 0",
     ),
+    "a division by terms that cancel at the parameters": (
+        lambda: standard(f=1 / (x + a * x), parameters={a: -1}),
+        r"1/\(a\*x \+ x\) is zero to a power that is not always positive. Got a = -1",
+    ),
+    "a division by terms that vanish at the parameters": (
+        lambda: standard(f=1 / (a * x + b * y**2), parameters={a: 0, b: 0}),
+        r"is zero to a power that is not always positive. Got a = 0, b = 0",
+    ),
+    "a division by functions that cancel at the parameters": (
+        lambda: standard(f=1 / (1 - sp.exp(a * x)), parameters={a: 0}),
+        r"is zero to a power that is not always positive. Got a = 0",
+    ),
     "zero to a state": (
         lambda: standard(f=a**x, parameters={a: 0}),
         r"a\*\*x is zero to a power that is not always positive",
@@ -317,3 +329,16 @@ def test_errors_survive_pickling() -> None:
     with pytest.raises(DeclarationError) as caught:
         standard(epsilon=None)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_a_sum_with_a_term_of_its_own_is_not_worked_out_at_the_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    worked_out = []
+    xreplace = sp.Basic.xreplace
+    monkeypatch.setattr(sp.Add, "xreplace", lambda self, rule: worked_out.append(self) or xreplace(self, rule))
+    kept, tangled = 1 / (a * (1 + y / 2) + x), 1 / (a * x + x * y + b)
+    SlowFastSystem(slow={x: kept}, fast={y: -y}, epsilon=epsilon, parameters={a: 2})
+    assert worked_out == []
+    SlowFastSystem(slow={x: tangled}, fast={y: -y}, epsilon=epsilon, parameters={a: 2, b: 1})
+    assert worked_out == [1 / tangled]
