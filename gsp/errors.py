@@ -55,6 +55,12 @@ class GspError(ValueError):
             fields["value"] = None
         return type(self), self.args, fields
 
+    @classmethod
+    def none_of(cls, known: Iterable[object], value: object, fact: str, listing: str) -> Self:
+        """The error for a `value` that is none of the `known`, which are told after the words of `listing`."""
+        names = [str(name) for name in known]
+        return cls(fact, f"{listing} {', '.join(names) or 'none'}.", value=value, known=names)
+
     @property
     def reason(self) -> Reason:
         """Why what was asked for is not there."""
@@ -284,9 +290,7 @@ def unknown_name(name: object, names: Iterable[str]) -> UnknownNameError:
         return UnknownNameError(
             f"there is no {name!r} here, and no other name: nothing was asked for.", value=name
         )
-    return UnknownNameError(
-        f"there is no {name!r} here.", f"The names are {', '.join(known)}.", value=name, known=known
-    )
+    return UnknownNameError.none_of(known, name, f"there is no {name!r} here.", "The names are")
 
 
 def one_line(error: BaseException | Warning | str, most: int | None = None) -> str:

@@ -103,12 +103,7 @@ class Simulation(Drawn, Tabular):
         known = [*self.names, *(s.name for s in flow.observables if s.name not in self.names)]
         for name in names:
             if name not in known:
-                raise GspError(
-                    f"{name!r} is no state and no observable.",
-                    f"Those are {', '.join(known)}.",
-                    value=name,
-                    known=known,
-                )
+                raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
         owners = self._owners(times)
         result = np.empty((len(names), len(times)))
         for i in np.unique(owners):

@@ -21,7 +21,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
-from gsp.systems.flow import Point, named
+from gsp.systems.flow import Point, check_given, named
 from gsp.systems.region import Interval, check_interval
 from gsp.systems.system import SlowFastSystem
 
@@ -189,15 +189,8 @@ def layer_problem(
         if name not in allowed:
             known = [s.name for s in parameters]
             fact = "a parameter that is not free" if name in known else "no state and no free parameter"
-            raise DeclarationError(
-                f'start names "{name}", which is {fact}.',
-                f"It takes {', '.join(allowed)}.",
-                value=name,
-                known=allowed,
-            )
-    missing = [s.name for s in system.states if s.name not in values]
-    if missing:
-        raise DeclarationError(f"start gives no value for {', '.join(missing)}.", "Give every state a value.")
+            raise DeclarationError.none_of(allowed, name, f'start names "{name}", which is {fact}.', "It takes")
+    check_given(values, [s.name for s in system.states], what="start")
     everything = {**parameters, **{s: values[s.name] for s in system.states}}
     everything |= {s: values[s.name] for s in free if s.name in values}
     fixed = {s: v for s, v in everything.items() if s not in free and s not in system.y}
@@ -216,11 +209,8 @@ def check_bounds(bounds: Bounds | None, problem: LayerProblem) -> dict[str, Inte
     for key, interval in bounds.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if name not in names:
-            raise DeclarationError(
-                f'bounds names "{name}", which does not vary here.',
-                f"What varies is {', '.join(names)}.",
-                value=name,
-                known=names,
+            raise DeclarationError.none_of(
+                names, name, f'bounds names "{name}", which does not vary here.', "What varies is"
             )
         result[name] = check_interval(
             interval, what=f"bounds of {name}", remedy="Give (low, high) with low < high."

@@ -84,12 +84,7 @@ class CompositeSolution(Card, Tabular):
             values = compile_flow(system).observables(states, parameter_vector(system, self.epsilon))
             return values[:, observables.index(name)]
         known = [*self.names, *observables]
-        raise GspError(
-            f"{name!r} is no state and no observable.",
-            f"Those are {', '.join(known)}.",
-            value=name,
-            known=known,
-        )
+        raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
 
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,); raises `GspError` outside the span."""

@@ -31,7 +31,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.fibres.layer_orbit import REFINEMENTS, Landing, land
 from gsp.systems.declaration import exact
-from gsp.systems.flow import Point, check_epsilon, named
+from gsp.systems.flow import Point, check_epsilon, check_given, named
 from gsp.systems.system import SlowFastSystem
 
 # The exact route multiplies exponential polynomials out; beyond this order their number of terms costs more
@@ -175,19 +175,11 @@ class Problem:
         extra = [s.name for s in reconstruction]
         for name in given:
             if name not in states and name not in extra:
-                raise DeclarationError(
-                    f'start names "{name}", which is no state.',
-                    f"The states are {', '.join([*states, *extra])}.",
-                    value=name,
-                    known=[*states, *extra],
+                raise DeclarationError.none_of(
+                    [*states, *extra], name, f'start names "{name}", which is no state.', "The states are"
                 )
-        missing = [name for name in states if name not in given]
-        if missing:
-            raise DeclarationError(
-                f"start gives no value for {', '.join(missing)}.",
-                "A fibre passes through a point of the full state space: give every state a value.",
-                got=given,
-            )
+        remedy = "A fibre passes through a point of the full state space: give every state a value."
+        check_given(given, states, what="start", remedy=remedy)
         values = {name: given[name] for name in states} | {name: given.get(name, 0.0) for name in extra}
         observables = dict(system.observables)
         rates = tuple(sp.sympify(r, strict=True).xreplace(observables) for r in reconstruction.values())

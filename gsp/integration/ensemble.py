@@ -99,12 +99,7 @@ class Ensemble(Drawn, Tabular):
         observables = [symbol.name for symbol in self.flow.observables]
         if name not in observables:
             known = [*states, *observables]
-            raise GspError(
-                f"{name!r} is no state and no observable.",
-                f"Those are {', '.join(known)}.",
-                value=name,
-                known=known,
-            )
+            raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
         # Copies: compiled code takes writable contiguous arrays only.
         kept = np.array(self.y.transpose(0, 2, 1), order="C")
         out = np.empty((*kept.shape[:2], len(observables)))

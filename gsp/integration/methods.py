@@ -157,8 +157,8 @@ def check_method(method: Method | str | None) -> Method | None:
         return Method(method)
     except (ValueError, TypeError):
         names = [member.value for member in Method]
-        raise DeclarationError(
-            f"{shown(method)} is no method.", f"The methods are {', '.join(names)}.", value=method, known=names
+        raise DeclarationError.none_of(
+            names, method, f"{shown(method)} is no method.", "The methods are"
         ) from None
 
 

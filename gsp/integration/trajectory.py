@@ -105,12 +105,7 @@ class Trajectory(Drawn, Tabular):
         if name in observables:
             return frozen(self._observed[:, observables.index(name)].copy())
         known = [*(symbol.name for symbol in self.flow.states), *observables]
-        raise GspError(
-            f"{name!r} is no state and no observable.",
-            f"Those are {', '.join(known)}.",
-            value=name,
-            known=known,
-        )
+        raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
 
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), from the method's dense output.

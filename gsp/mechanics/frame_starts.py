@@ -12,7 +12,7 @@ from gsp.mechanics.algebra import numbers
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.splitting.splitting import Splitting
-from gsp.systems.flow import Point, Values, named
+from gsp.systems.flow import Point, Values, check_given, named
 from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
 
@@ -44,11 +44,7 @@ def frame_values(
                 known=[*raw, *quasi, *places],
             )
     needed = [s.name for s in field.states if s.name in places]
-    absent = [name for name in needed if name not in given]
-    if absent:
-        raise DeclarationError(
-            f"start gives no value for {', '.join(absent)}.", "Give every position.", got=given
-        )
+    check_given(given, needed, what="start", remedy="Give every position.")
     position = {name: given.get(name, 0.0) for name in places}
     complete = all(name in given for name in quasi)
     mixed = [name for name in raw if name in given and name not in quasi]

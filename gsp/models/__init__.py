@@ -95,11 +95,8 @@ def lagrangian_system(name: str) -> LagrangianSystem:
     if name in _FREE:
         return getattr(importlib.import_module(f"gsp.models.{_FREE[name]}"), name)()
     if name not in _MECHANICAL:
-        raise GspError(
-            f'there is no mechanical system "{name}".',
-            f"The systems are {', '.join(mechanical())}.",
-            value=name,
-            known=mechanical(),
+        raise GspError.none_of(
+            mechanical(), name, f'there is no mechanical system "{name}".', "The systems are"
         )
     return friction_system(name).system
 
@@ -113,11 +110,8 @@ def friction_system(name: str) -> FrictionSystem:
     (-xdot*sin(phi) + ydot*cos(phi),)
     """
     if name not in _MECHANICAL:
-        raise GspError(
-            f'there is no system with friction "{name}".',
-            f"The systems are {', '.join(_MECHANICAL)}.",
-            value=name,
-            known=_MECHANICAL,
+        raise GspError.none_of(
+            _MECHANICAL, name, f'there is no system with friction "{name}".', "The systems are"
         )
     module = importlib.import_module(f"gsp.models.{_SCENES[name][0]}")
     return getattr(module, f"{name}_with_friction")()

@@ -16,7 +16,7 @@ from gsp.results.card import Card
 from gsp.scenes.view import View, checked_views
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
-from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, named
+from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, check_given, named
 from gsp.systems.region import Interval, check_interval, check_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -230,11 +230,11 @@ def _start(
     given = named(extra, what="reconstruction_start")
     for name in given:
         if name not in drivers:
-            raise DeclarationError(
+            raise DeclarationError.none_of(
+                drivers,
+                name,
                 f'reconstruction_start names "{name}", which is no reconstruction variable.',
-                f"There are {', '.join(drivers) or 'none'}.",
-                value=name,
-                known=drivers,
+                "There are",
             )
     given |= named(start, what="start")
     for name in given:
@@ -246,11 +246,7 @@ def _start(
                 value=name,
                 known=[*states, *drivers],
             )
-    missing = [name for name in states if name not in given]
-    if missing:
-        raise DeclarationError(
-            f"start gives no value for {', '.join(missing)}.", "Give every state a value.", got=given
-        )
+    check_given(given, states, what="start")
     return {name: given[name] for name in states}, {name: given.get(name, 0.0) for name in drivers}
 
 
@@ -266,11 +262,8 @@ def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]
         given = named(start, what=f"the start {name}")
         for state in given:
             if state not in known:
-                raise DeclarationError(
-                    f'the start {name} names "{state}", which is no state.',
-                    f"The states are {', '.join(known)}.",
-                    value=state,
-                    known=known,
+                raise DeclarationError.none_of(
+                    known, state, f'the start {name} names "{state}", which is no state.', "The states are"
                 )
         checked[name] = MappingProxyType(given)
     return checked
@@ -281,11 +274,8 @@ def _units(units: Mapping, known: list[str]) -> dict[str, str]:
         raise DeclarationError("units maps names to text.", got=shown(units), value=units)
     for name, unit in units.items():
         if name not in known:
-            raise DeclarationError(
-                f"units names {shown(name)}, which is nothing here.",
-                f"There are {', '.join(known)}.",
-                value=name,
-                known=known,
+            raise DeclarationError.none_of(
+                known, name, f"units names {shown(name)}, which is nothing here.", "There are"
             )
         check_text(unit, what=f"the unit of {name}")
         if not unit.strip() or len(unit) > LONGEST_UNIT or not unit.isprintable():
@@ -318,11 +308,11 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
         field_ = VectorField(rates, epsilon=epsilon, parameters=system.parameters, name=name)
         for symbol in field_.states:
             if symbol not in known:
-                raise DeclarationError(
+                raise DeclarationError.none_of(
+                    known,
+                    symbol,
                     f'the claim "{name}" gives a rate to {symbol}, which is no state.',
-                    f"The states are {', '.join(map(str, known))}.",
-                    value=symbol,
-                    known=map(str, known),
+                    "The states are",
                 )
         checked[name] = field_.equations
     return checked
@@ -361,10 +351,10 @@ def _path(path: Iterable[str] | None, known: list[str]) -> tuple[str, str] | Non
         raise DeclarationError("path is a pair of different names.", remedy, got=f"{names!r}", value=names)
     for name in names:
         if name not in known:
-            raise DeclarationError(
+            raise DeclarationError.none_of(
+                known,
+                name,
                 f'path names "{name}", which is no state, observable or reconstruction variable.',
-                f"There are {', '.join(known)}.",
-                value=name,
-                known=known,
+                "There are",
             )
     return names[0], names[1]

@@ -27,11 +27,8 @@ def ask_again(
     states = [state.name for state in scene.system.states]
     for name in region or {}:
         if name not in states:
-            raise DeclarationError(
-                f'the region is given for "{name}", which is no state.',
-                f"The states are {', '.join(states)}.",
-                value=name,
-                known=states,
+            raise DeclarationError.none_of(
+                states, name, f'the region is given for "{name}", which is no state.', "The states are"
             )
     ladder = scene.epsilons
     if epsilon is not None and scene.epsilon:

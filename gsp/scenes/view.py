@@ -66,11 +66,11 @@ def _checked(name: str, view: object, known: list[str]) -> View:
         )
     for quantity in view.names:
         if quantity not in known:
-            raise DeclarationError(
+            raise DeclarationError.none_of(
+                known,
+                quantity,
                 f"the view {name} shows {shown(quantity)}, which is no state, observable or reconstruction variable.",
-                f"There are {', '.join(known)}.",
-                value=quantity,
-                known=known,
+                "There are",
             )
     if len(set(view.names)) < len(view.names):
         raise DeclarationError(
@@ -93,11 +93,11 @@ def _checked(name: str, view: object, known: list[str]) -> View:
     ranges = {}
     for quantity, interval in view.ranges.items():
         if quantity not in view.names:
-            raise DeclarationError(
+            raise DeclarationError.none_of(
+                view.names,
+                quantity,
                 f"the view {name} has a range of {shown(quantity)}, which it does not show.",
-                f"It shows {', '.join(view.names)}.",
-                value=quantity,
-                known=view.names,
+                "It shows",
             )
         ranges[quantity] = check_interval(
             interval,

@@ -88,11 +88,8 @@ def mixed_mode(
     check_noun(flow, Flow, verb="mixed_mode")
     names = [s.name for s in flow.states]
     if not isinstance(name, str) or name not in names:
-        raise DeclarationError(
-            f"name is {shown(name)}, which is no state's.",
-            f"The states are {', '.join(names)}.",
-            value=name,
-            known=names,
+        raise DeclarationError.none_of(
+            names, name, f"name is {shown(name)}, which is no state's.", "The states are"
         )
     check_number(settle, what="settle", be="a share of the span, from 0 to below 1", least=0.0, below=1.0)
     begun, ended = check_span(span)

@@ -47,9 +47,7 @@ def read_plan_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 def _arguments(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for key in document:
         if key not in KEYS:
-            raise ModelFileError(
-                f"{key} is no key of a plan.", f"The keys are {', '.join(KEYS)}.", value=key, known=KEYS
-            )
+            raise ModelFileError.none_of(KEYS, key, f"{key} is no key of a plan.", "The keys are")
     task = document.get("task")
     if not isinstance(task, str) or task not in VERBS:
         raise ModelFileError(f"task is a verb: {', '.join(VERBS)}.", got=shown(task), value=task, known=VERBS)

@@ -46,11 +46,8 @@ class Subject:
         known = self.names
         for name in axes:
             if name not in known:
-                raise DeclarationError(
-                    f"{name} is no number of the model.",
-                    f"Its numbers are {', '.join(known)}.",
-                    value=name,
-                    known=known,
+                raise DeclarationError.none_of(
+                    known, name, f"{name} is no number of the model.", "Its numbers are"
                 )
             if name in options:
                 raise DeclarationError(f"{name} is an axis and an option.", "Give it once.")

@@ -315,11 +315,8 @@ def updated_parameters(parameters: Values, values: Mapping[str, float]) -> dict[
     result = dict(parameters)
     for name, value in values.items():
         if name not in names:
-            raise DeclarationError(
-                f'there is no parameter "{name}".',
-                f"The parameters are {', '.join(names) or 'none'}.",
-                value=name,
-                known=names,
+            raise DeclarationError.none_of(
+                names, name, f'there is no parameter "{name}".', "The parameters are"
             )
         result[names[name]] = exact(value)
     return result
@@ -348,11 +345,11 @@ def reconstruction_of(field: Any, reconstruction: Mapping | None) -> dict[sp.Sym
             raise error.under(f"the reconstruction of {symbol}") from None
         unknown = sorted(s.name for s in rate.free_symbols if s.name not in known)
         if unknown:
-            raise DeclarationError(
+            raise DeclarationError.none_of(
+                known,
+                unknown[0],
                 f"the reconstruction of {symbol} contains {unknown[0]}, which is no state, observable or "
                 "parameter.",
-                f"There are {', '.join(known)}.",
-                value=unknown[0],
-                known=known,
+                "There are",
             )
     return rates

@@ -121,18 +121,20 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     names = [state.name for state in states]
     for name in given:
         if name not in names:
-            raise DeclarationError(
-                f'{what} names "{name}", which is no state.',
-                f"The states are {', '.join(names)}.",
-                value=name,
-                known=names,
+            raise DeclarationError.none_of(
+                names, name, f'{what} names "{name}", which is no state.', "The states are"
             )
+    check_given(given, names, what=what)
+    return tuple(given[name] for name in names)
+
+
+def check_given(
+    given: Mapping, names: Iterable[str], *, what: str, remedy: str = "Give every state a value."
+) -> None:
+    """Raises `DeclarationError` unless `given` has every one of `names`."""
     missing = [name for name in names if name not in given]
     if missing:
-        raise DeclarationError(
-            f"{what} gives no value for {', '.join(missing)}.", "Give every state a value.", got=given
-        )
-    return tuple(given[name] for name in names)
+        raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", remedy, got=given)
 
 
 def plain(point: Point, names: Collection[str]) -> list[float] | None:
@@ -242,9 +244,7 @@ def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.nd
         given = {key.name if isinstance(key, sp.Symbol) else key: value for key, value in values.items()}
         for name in given:
             if name not in names:
-                raise DeclarationError(
-                    f'{what} names "{name}".', f"It takes {', '.join(names)}.", value=name, known=names
-                )
+                raise DeclarationError.none_of(names, name, f'{what} names "{name}".', "It takes")
         missing = [name for name in names if name not in given]
         if missing:
             raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", "Give each a number.")

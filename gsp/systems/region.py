@@ -48,11 +48,8 @@ def check_region(
     for key, bounds in region.items():
         name = key.name if isinstance(key, sp.Symbol) else key
         if name not in names:
-            raise DeclarationError(
-                f'region bounds "{name}", which is no state.',
-                f"The states are {', '.join(names)}.",
-                value=name,
-                known=names,
+            raise DeclarationError.none_of(
+                names, name, f'region bounds "{name}", which is no state.', "The states are"
             )
         if name in given:
             raise DeclarationError(f'region bounds "{name}" twice.', "Give one interval.")

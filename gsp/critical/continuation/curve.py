@@ -89,11 +89,8 @@ class NamedPoints:
     def __getitem__(self, name: str) -> np.ndarray:
         """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
         if name not in self.names:
-            raise DeclarationError(
-                f'the {self.what} has no column "{name}".',
-                f"It has {', '.join(self.names)}.",
-                value=name,
-                known=self.names,
+            raise DeclarationError.none_of(
+                self.names, name, f'the {self.what} has no column "{name}".', "It has"
             )
         return self.points[:, self.names.index(name)]
 

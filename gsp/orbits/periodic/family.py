@@ -83,9 +83,7 @@ class OrbitFamily(Drawn, Tabular):
         """Values (m,) of a parameter or of epsilon; raises `DeclarationError` for an unknown one."""
         known = list(self.orbits[0].constants)
         if name not in known:
-            raise DeclarationError(
-                f"the family has no parameter {name!r}.", f"It has {', '.join(known)}.", value=name, known=known
-            )
+            raise DeclarationError.none_of(known, name, f"the family has no parameter {name!r}.", "It has")
         return np.array([orbit.constants[name] for orbit in self.orbits])
 
     @cached_property
@@ -123,9 +121,7 @@ class OrbitFamily(Drawn, Tabular):
     def _state(self, name: str) -> str:
         known = [symbol.name for symbol in self.flow.states]
         if name not in known:
-            raise DeclarationError(
-                f"{name!r} is no state.", f"The states are {', '.join(known)}.", value=name, known=known
-            )
+            raise DeclarationError.none_of(known, name, f"{name!r} is no state.", "The states are")
         return name
 
     @property

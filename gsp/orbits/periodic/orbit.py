@@ -110,12 +110,7 @@ class PeriodicOrbit(Drawn, Tabular):
             found = compile_flow(self.flow).observables(points.T, self._constants)
             return found[:, observables.index(name)]
         known = [*states, *observables]
-        raise GspError(
-            f"{name!r} is no state and no observable.",
-            f"Those are {', '.join(known)}.",
-            value=name,
-            known=known,
-        )
+        raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
 
     def crossings(self, key: str | sp.Symbol, level: float = 0.0) -> np.ndarray:
         """Phases (k,) at which a state or an observable passes `level`, in order; they come in pairs, up and down."""
@@ -230,11 +225,8 @@ def check_name(flow: Flow, parameter: sp.Symbol | str, *, epsilon: bool = False)
     if epsilon and flow.epsilon is not None:
         names[flow.epsilon.name] = flow.epsilon
     if not isinstance(name, str) or name not in names:
-        raise DeclarationError(
-            f"there is no parameter {shown(name)}.",
-            f"The parameters are {', '.join(names) or 'none'}.",
-            value=name,
-            known=names,
+        raise DeclarationError.none_of(
+            names, name, f"there is no parameter {shown(name)}.", "The parameters are"
         )
     return names[name]
 

@@ -86,9 +86,7 @@ def canard_point(
     known = [symbol.name for symbol in field.symbols]
     for name in target or {}:
         if name not in known:
-            raise DeclarationError(
-                f'near names "{name}".', f"It takes {', '.join(known)}.", value=name, known=known
-            )
+            raise DeclarationError.none_of(known, name, f'near names "{name}".', "It takes")
     candidates = _candidates(field, declared, target)
     if target is None:
         good = [c for c in candidates if not c.fault]
