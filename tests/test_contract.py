@@ -18,7 +18,7 @@ import sympy as sp
 import gsp
 from gsp import models
 from gsp.errors import GspError
-from gsp.orbits.canard_orbits import Canard
+from gsp.orbits.canard_orbits.canard import Canard
 from tests import example_systems as systems
 
 epsilon, x, y, z, a = sp.symbols("epsilon x y z a")

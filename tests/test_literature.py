@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from gsp import load
 from gsp.analysis.fold_surroundings import surroundings
-from gsp.critical.continuation import SpecialKind
+from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BudgetError, Status
 from gsp.scenes.study import study_of
 from gsp.slow.series import expand

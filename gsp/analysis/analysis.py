@@ -19,7 +19,8 @@ from gsp.analysis.pictured_runs import ladder_of, landing_runs, phenomenon_of, r
 from gsp.choice.choice import Choice, choose
 from gsp.comparison.comparison import Comparison, compare
 from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
-from gsp.critical.continuation import CriticalCurve, CriticalSheet
+from gsp.critical.continuation.curve import CriticalCurve
+from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.errors import (
     NO_REASON,
     BranchError,

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from gsp.charts.style import BLUE, INK, PALE, SERIES, VERMILION, chart, legend, mathematics, name_axes
-from gsp.orbits.canard_orbits import CanardKind, CanardOrbits
+from gsp.orbits.canard_orbits.canard import CanardKind
+from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 
 # Canards that get a label and a colour of their own, from the outermost inwards.
 LABELLED = 6

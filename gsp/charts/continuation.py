@@ -11,7 +11,9 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gsp.charts.style import AMBER, BLUE, GREEN, INK, PURPLE, VERMILION, chart, legend, mathematics, name_axes
-from gsp.critical.continuation import CriticalCurve, CriticalSheet, SpecialKind
+from gsp.critical.continuation.curve import CriticalCurve
+from gsp.critical.continuation.sheet import CriticalSheet
+from gsp.critical.continuation.special_points import SpecialKind
 
 # Colour and line by stability: attracting, repelling, saddle.
 STABILITY = {"attracting": (BLUE, "-"), "repelling": (VERMILION, "--"), "saddle": (PURPLE, "-.")}

@@ -25,10 +25,9 @@ from gsp.charts.style import (
     name_axes,
 )
 from gsp.errors import DeclarationError
-from gsp.orbits.periodic import CycleKind, OrbitFamily
-from gsp.orbits.periodic.family import stability_runs
-from gsp.singular.singularities import CanardValue
+from gsp.orbits.periodic.family import CycleKind, OrbitFamily, stability_runs
 from gsp.singular.singularities.canard_points import CanardError
+from gsp.singular.singularities.canards import CanardValue
 from gsp.systems.system import SlowFastSystem
 
 # Small to large, all the way from the Hopf point to relaxation.

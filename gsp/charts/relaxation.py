@@ -26,7 +26,7 @@ from gsp.charts.style import (
 )
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
-from gsp.orbits.periodic import PeriodicOrbit
+from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
 from gsp.singular.relaxation import SingularOrbit, SlowPiece
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from gsp.charts.sampling import dense_run
 from gsp.charts.style import INK, SERIES, chart, legend, mathematics
 from gsp.integration.trajectory import Trajectory
-from gsp.orbits.periodic import PeriodicOrbit
+from gsp.orbits.periodic.orbit import PeriodicOrbit
 
 # Points of a closed orbit, as dense as its mesh.
 POINTS = 1500

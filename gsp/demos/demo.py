@@ -13,7 +13,7 @@ import numpy as np
 
 from gsp import models
 from gsp.analysis.fold_surroundings import surroundings
-from gsp.critical.continuation import SpecialKind
+from gsp.critical.continuation.special_points import SpecialKind
 from gsp.demos.page import render
 from gsp.demos.program import program_of
 from gsp.errors import DeclarationError, GspError, printable

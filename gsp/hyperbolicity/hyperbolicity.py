@@ -17,7 +17,7 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.exclusion import Exclusion, exclude
-from gsp.hyperbolicity.losses import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
 from gsp.hyperbolicity.samples import Kind, is_worse, judged_samples, kind_of, sampled
 from gsp.results.card import Card

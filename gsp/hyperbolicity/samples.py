@@ -12,9 +12,11 @@ from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
 from gsp.hyperbolicity.exclusion import Exclusion
-from gsp.hyperbolicity.losses import Loss, ends_on_grid, examine, sheet_ends, singular_points
-from gsp.hyperbolicity.losses.examination import Examination
+from gsp.hyperbolicity.losses.ends import ends_on_grid, sheet_ends
+from gsp.hyperbolicity.losses.examination import Examination, examine
+from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
+from gsp.hyperbolicity.losses.whole_branch import singular_points
 from gsp.systems.flow import LARGEST
 from gsp.systems.region import Interval
 

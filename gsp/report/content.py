@@ -15,7 +15,7 @@ from gsp.analysis.fold_surroundings import FoldOutlook
 from gsp.choice.choice import Choice
 from gsp.comparison.survey import Claim
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
-from gsp.hyperbolicity.losses import Loss
+from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.integration.trajectory import Trajectory
 from gsp.results.plain import plain
 

@@ -14,7 +14,7 @@ from gsp.comparison.failures import FailureMap
 from gsp.comparison.survey import HORIZON
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, words
-from gsp.singular.singularities import FoldedSingularity
+from gsp.singular.singularities.folded import FoldedSingularity
 
 
 def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:

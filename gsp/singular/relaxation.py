@@ -29,8 +29,8 @@ from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.singular.passage import FoldPassage, PassageError, fold_passage
-from gsp.singular.passage.folds import omega0
+from gsp.singular.passage.failure import PassageError
+from gsp.singular.passage.folds import FoldPassage, fold_passage, omega0
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point, check_epsilon, complete, named

@@ -17,7 +17,7 @@ import sympy as sp
 from gsp.critical.branch import Branch
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.hyperbolicity.losses import LossKind
+from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.sampled_manifold import SampledManifold, defect_of

@@ -18,10 +18,10 @@ from gsp.comparison.survey import EXPLICIT, demands_of, reduced_name
 from gsp.errors import Status
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.integration.trajectory import trajectory_of
-from gsp.orbits.periodic import periodic_orbit
+from gsp.orbits.periodic.finding import periodic_orbit
 from gsp.proofs.certificate import ProofVerdict
 from gsp.scenes.study import Study
-from gsp.singular.singularities import canard_value
+from gsp.singular.singularities.canards import canard_value
 from gsp.slow_tubes.certify import certify
 from gsp.sweeps.tasks import Record
 from gsp.systems.flow import check_orders

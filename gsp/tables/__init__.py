@@ -11,14 +11,17 @@ from gsp.comparison.classical_table import MethodTable
 from gsp.comparison.comparison import Comparison
 from gsp.comparison.failures import FailureMap
 from gsp.comparison.work_curves import WorkPrecision
-from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
+from gsp.critical.continuation.curve import CriticalCurve
+from gsp.critical.continuation.fold_curve import FoldCurve
+from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
-from gsp.orbits.canard_orbits import CanardOrbits
-from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
+from gsp.orbits.periodic.family import OrbitFamily
+from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.passage import FoldPassage
+from gsp.singular.passage.folds import FoldPassage
 from gsp.singular.relaxation import SingularOrbit
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints

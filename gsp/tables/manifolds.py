@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.critical.continuation import CriticalCurve, CriticalSheet, FoldCurve
+from gsp.critical.continuation.curve import CriticalCurve
+from gsp.critical.continuation.fold_curve import FoldCurve
+from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
 from gsp.systems.system import SlowFastSystem

@@ -10,8 +10,9 @@ from gsp.choice.simulation import Simulation
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
-from gsp.orbits.canard_orbits import CanardOrbits
-from gsp.orbits.periodic import OrbitFamily, PeriodicOrbit
+from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
+from gsp.orbits.periodic.family import OrbitFamily
+from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.systems.flow import Flow
 from gsp.tables.table import Column, Names, Table, complexes, names_of, numbers, texts
 

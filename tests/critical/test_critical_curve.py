@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from gsp.critical import continuation
-from gsp.critical.continuation import continue_critical, switch_branch
+from gsp.critical.continuation.critical_curve import continue_critical, switch_branch
 from gsp.critical.continuation.curve import REMEDIES
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BranchError, DeclarationError, EndKind, Status

@@ -12,7 +12,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError, DeclarationError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.hyperbolicity.losses import Locator
+from gsp.hyperbolicity.losses.locator import Locator
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
 

@@ -15,8 +15,8 @@ from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.hyperbolicity.losses import Loss, LossKind
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.scenes.study import study_of
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField

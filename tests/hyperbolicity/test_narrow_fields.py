@@ -10,7 +10,7 @@ from gsp.algebra import factorisation
 from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
-from gsp.hyperbolicity.losses import LossKind
+from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.hyperbolicity.losses.poles import denominators
 from gsp.systems.system import SlowFastSystem
 

@@ -7,8 +7,11 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.orbits.canard_orbits import CanardKind, CanardOrbitError, FamilyEnd, SheetEnd
+from gsp.orbits.canard_orbits.canard import CanardKind
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
+from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
+from gsp.orbits.canard_orbits.following import FamilyEnd
+from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError
 
 x, z, y, epsilon = sp.symbols("x z y epsilon")

@@ -9,7 +9,7 @@ import sympy as sp
 import gsp
 from gsp import charts
 from gsp.errors import DeclarationError, Status
-from gsp.orbits.periodic import CycleKind
+from gsp.orbits.periodic.family import CycleKind
 
 x, y, z, w, a, mu, eps = sp.symbols("x y z w a mu epsilon")
 SQUARE = x**2 + y**2

@@ -10,12 +10,12 @@ import sympy as sp
 import gsp
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.orbits.periodic import OrbitError
 from gsp.orbits.periodic.collocation import Cycle, OrbitProblem, gauss
 from gsp.orbits.periodic.finding import ISOLATED, isolation_of
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import interval_errors
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
+from gsp.orbits.periodic.settling import OrbitError
 
 x, y, z, eps = sp.symbols("x y z epsilon")
 # The unit circle, run through unevenly: theta' = 1 + cos(theta)/2, and r = 1 + rho with rho' = -2 rho to first order.

@@ -18,7 +18,7 @@ import sympy as sp
 
 import gsp
 from gsp.analysis.fold_surroundings import uninterrupted
-from gsp.critical.continuation import continue_critical
+from gsp.critical.continuation.critical_curve import continue_critical
 from gsp.errors import Status
 from gsp.integration.crossings import Search
 from gsp.integration.events import Event

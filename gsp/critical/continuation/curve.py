@@ -16,6 +16,8 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.region import Interval
 
+# The name that endings of continuations had before there was one vocabulary.
+Ending = Status
 # What to do about an ending that reads otherwise for runs.
 REMEDIES = {
     Status.STEP_TOO_SMALL: "the curve has an end, a corner or a pole here, or g is not smooth; start on its other side",

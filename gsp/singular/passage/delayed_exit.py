@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.continuation import SpecialKind
+from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import Status
 from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError

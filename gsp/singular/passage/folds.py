@@ -30,7 +30,7 @@ import flint
 import numpy as np
 
 from gsp.algebra.laurent import laurent
-from gsp.critical.continuation import SpecialPoint
+from gsp.critical.continuation.special_points import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.singularity import identity, singular_near
 from gsp.lowering.compiled_flow import compile_flow

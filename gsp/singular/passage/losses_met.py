@@ -26,7 +26,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.laurent import laurent
-from gsp.critical.continuation import SpecialKind
+from gsp.critical.continuation.special_points import SpecialKind
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import GspError
 from gsp.lowering.compiled_flow import compile_flow

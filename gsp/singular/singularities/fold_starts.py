@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import sympy as sp
 
-from gsp.hyperbolicity.losses import gauss_newton
+from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
 

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint, arb, rational_point, real_points
-from gsp.hyperbolicity.losses import gauss_newton
+from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 
 # Digits to which a point without a formula is refined at first, and below which a value there counts as zero.
