@@ -132,7 +132,7 @@ def ildm(branch: Branch, x: np.ndarray, *, epsilon: float) -> Points:
         order = np.argsort(-np.abs(values), axis=1)[:, :fast]
         rows = np.swapaxes(np.take_along_axis(vectors, order[:, None, :], axis=2), 1, 2)
         # Scaled so that Q = (K, 1): the condition is then g = -epsilon K f.
-        return -np.real(divide(rows[:, :, model.slow :], rows[:, :, : model.slow]))
+        return -np.real(_quotient(rows[:, :, model.slow :], rows[:, :, : model.slow]))
 
     return _solved(model, x, branch.points(x), slope)
 
@@ -153,7 +153,7 @@ def csp(branch: Branch, x: np.ndarray, *, epsilon: float, refinements: int) -> P
             return np.zeros((len(z), len(branch.system.y), model.slow))
         taylor = [jacobian, *model.jacobians(z, refinements)[1:]] if refinements > 1 else [jacobian]
         rows = _refined(taylor, model.slow, refinements)
-        return -divide(rows[:, :, model.slow :], rows[:, :, : model.slow])
+        return -_quotient(rows[:, :, model.slow :], rows[:, :, : model.slow])
 
     return _solved(model, x, branch.points(x), slope)
 
@@ -289,11 +289,19 @@ def _rate(a: list[np.ndarray], keep: int) -> list[np.ndarray]:
 
 
 def _inverse(a: list[np.ndarray]) -> list[np.ndarray]:
-    first = divide(a[0], np.broadcast_to(np.eye(a[0].shape[-1]), a[0].shape))
+    first = _quotient(a[0], np.broadcast_to(np.eye(a[0].shape[-1]), a[0].shape))
     result = [first]
     for k in range(1, len(a)):
         result.append(-first @ sum((a[i] @ result[k - i] for i in range(1, k + 1)), start=np.zeros(())))
     return result
+
+
+def _quotient(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """A^-1 B for stacks of matrices, NaN where A is singular; which few are, so that each is looked at only then."""
+    try:
+        return np.linalg.solve(matrices, right)
+    except np.linalg.LinAlgError:
+        return divide(matrices, right)
 
 
 def _solved(
@@ -318,7 +326,7 @@ def _solved(
         S = slope(z, jacobian)
         defect = g - epsilon * np.einsum("mij,mj->mi", S, f)
         matrix = epsilon * (jacobian[:, slow:, slow:] - S @ jacobian[:, :slow, slow:])
-        step = divide(matrix, defect[:, :, None])[:, :, 0]
+        step = _quotient(matrix, defect[:, :, None])[:, :, 0]
         lost |= ~np.isfinite(step).all(axis=1)
         # What is lost stays where it is.
         y = y - np.where(lost[:, None], 0.0, step)

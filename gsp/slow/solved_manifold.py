@@ -30,6 +30,9 @@ SMALLEST_TOLERANCE = 1e-14
 # Points an axis at first and at most, by the number of slow variables.
 FIRST_SIZE = {1: 17, 2: 9, 3: 9}
 LARGEST_SIZE = {1: 1025, 2: 129, 3: 33}
+# Where as many points as may be solved for leave this share of M0 itself unresolved, no segment is solved: M_epsilon is
+# M0 to leading order.
+HOPELESS = 1e-2
 # Points at which the residual is looked at.
 CHECKS = 300
 # The residual over the gap is the error to leading order: on random systems it fell short of it by up to 1.11.
@@ -51,8 +54,9 @@ def solve_manifold(
     At Chebyshev points of the box orbit segments of the full flow are solved; the degree of the interpolant is
     raised until its coefficients are below `tolerance`, relative to the size of y or 1; no grid of more than
     `max_points` is solved for, and when that does not do `status` is TOO_MANY_POINTS and the error estimate says what
-    is left. Segments may leave the region as far as M0 stays normally hyperbolic there. Intervals for fast variables
-    choose the sheet of an implicit branch that has none fixed.
+    is left; where so many do not resolve M0 itself, no segment is solved. Segments may leave the region as far as M0
+    stays normally hyperbolic there. Intervals for fast variables choose the sheet of an implicit branch that has none
+    fixed.
 
     A fold in the region, an orbit that ends, a Newton iteration that fails and the like are told by `status` and
     `message`. Raises `DeclarationError` for arguments that are not well formed and `BranchError` when the branch
@@ -153,6 +157,9 @@ class _Work:
     def run(self) -> SampledManifold:
         """Raise the degree until the coefficients have fallen below the tolerance."""
         d = len(self.intervals)
+        hopeless = self._hopeless()
+        if hopeless:
+            return self._result(Status.TOO_MANY_POINTS, hopeless, None)
         centre = self.intervals.mean(axis=1)[None, :]
         eigenvalues = self.verdict.eigenvalues(centre)[0]
         solver = SegmentSolver(
@@ -177,13 +184,12 @@ class _Work:
             growing = rough & (np.array(sizes) < LARGEST_SIZE[d])
             if not growing.any():
                 break
-            doubled = [2 * n - 1 if grows else n for n, grows in zip(sizes, growing)]
-            if self.most is not None and math.prod(doubled) > self.most:
+            doubled = _doubled(sizes, growing)
+            if not self._allowed(doubled):
                 self.short = True
-                names = ", ".join(s.name for s, bad in zip(self.system.x, growing) if bad)
                 self.notes.append(
-                    f"the {self.most} points allowed do not resolve the surface along {names}, the next grid has "
-                    f"{math.prod(doubled)}"
+                    f"the {self.most} points allowed do not resolve the surface along {self._axes(growing)}, the next "
+                    f"grid has {math.prod(doubled)}"
                 )
                 break
             sizes = doubled
@@ -198,11 +204,40 @@ class _Work:
                 f"{self._place(grid.reshape(-1, d)[worst])}: the field is not smooth there or an orbit is too long"
             )
         elif rough.any() and not self.short:
-            names = ", ".join(s.name for s, bad in zip(self.system.x, rough) if bad)
             self.notes.append(
-                f"{LARGEST_SIZE[d]} points along {names} do not resolve the surface; shrink the region"
+                f"{LARGEST_SIZE[d]} points along {self._axes(rough)} do not resolve the surface; shrink the region"
             )
         return self._checked(surface.chopped(0.01 * self.tolerance * scale), grid, values)
+
+    def _hopeless(self) -> str:
+        """Why the points allowed cannot do, as M0 alone tells; empty where they may, or M0 has no point somewhere."""
+        d = len(self.intervals)
+        sizes = [FIRST_SIZE[d]] * d
+        while True:
+            try:
+                y = self.branch.points(nodes(self.intervals, sizes).reshape(-1, d))
+            except BranchError:
+                # Told with its place where a segment is to be solved there.
+                return ""
+            left = interpolate(self.intervals, y.reshape(*sizes, -1)).tails() / max(1.0, float(np.abs(y).max()))
+            rough = left > HOPELESS
+            if not rough.any():
+                return ""
+            finer = _doubled(sizes, rough)
+            if max(finer) > LARGEST_SIZE[d] or not self._allowed(finer):
+                most = LARGEST_SIZE[d] ** d if self.most is None else min(self.most, LARGEST_SIZE[d] ** d)
+                return (
+                    f"the {most} points allowed do not resolve even the critical manifold along {self._axes(rough)}: "
+                    f"on {math.prod(sizes)} of them {left.max():.1g} of its size is left, the next grid has "
+                    f"{math.prod(finer)}; no segment was solved. Shrink the region."
+                )
+            sizes = finer
+
+    def _allowed(self, sizes: list[int]) -> bool:
+        return self.most is None or math.prod(sizes) <= self.most
+
+    def _axes(self, chosen: np.ndarray) -> str:
+        return ", ".join(s.name for s, one in zip(self.system.x, chosen) if one)
 
     def _solve(self, solver: SegmentSolver, grid, values, todo) -> tuple[Status, str] | None:
         """Fill in the values at the nodes `todo`; (status, message) when a segment fails."""
@@ -312,6 +347,11 @@ class _Work:
 
     def _state(self, z: np.ndarray) -> str:
         return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z))
+
+
+def _doubled(sizes: list[int], growing: np.ndarray) -> list[int]:
+    """The sizes of the next grid, which holds the points of this one."""
+    return [2 * n - 1 if grows else n for n, grows in zip(sizes, growing)]
 
 
 def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:

@@ -231,8 +231,8 @@ def toggle_switch() -> Scene:
 
 
 def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(monkeypatch) -> None:
-    # The region is wide: neither 81 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
-    monkeypatch.setattr(classical_table, "MOST_POINTS", 81)
+    # The region is wide: neither 153 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
+    monkeypatch.setattr(classical_table, "MOST_POINTS", 153)
     made: list[float] = []
     over = FraserRoussel.over
 
@@ -244,7 +244,7 @@ def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(
     table = method_table(toggle_switch(), epsilons=(0.01, 0.005), refinements=(), orders=(0, 1))
     assert made == [0.01, 0.005]
     assert "81 segments, estimated error" in table.endings["solved", 0.005]
-    assert "the 81 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
+    assert "the 153 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
     assert table["Fraser-Roussel 3"].evaluations < 10
 
 

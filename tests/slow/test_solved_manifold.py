@@ -469,6 +469,28 @@ def test_the_points_allowed_bound_the_grid_and_the_ending_says_what_is_left() ->
         solve_manifold(branch, region=region, epsilon=0.05, max_points=16)
 
 
+def test_no_segment_is_solved_where_the_points_allowed_do_not_resolve_the_critical_manifold(
+    monkeypatch,
+) -> None:
+    def solved(*_):
+        raise AssertionError("a segment was solved")
+
+    monkeypatch.setattr(orbit_segments.SegmentSolver, "solve", solved)
+    region = {"p1": (2, 50), "p2": (2, 50), "p3": (2, 50)}
+    manifold = solve_manifold(repressilator(), region=region, epsilon=0.02, max_points=1100)
+    assert manifold.status is Status.TOO_MANY_POINTS
+    assert len(manifold.nodes) == 0
+    assert (
+        "the 1100 points allowed do not resolve even the critical manifold along p1, p2, p3" in manifold.message
+    )
+    assert "the next grid has 4913; no segment was solved. Shrink the region." in manifold.message
+    # Without a bound it is the finest grid there is.
+    waves = SlowFastSystem(slow={x: -x, y: -y}, fast={z: sp.cos(400 * x * y) - z}, epsilon=epsilon)
+    manifold = solve_manifold(branch_of(waves), region={"x": (0, 1), "y": (0, 1)}, epsilon=0.02)
+    assert manifold.status is Status.TOO_MANY_POINTS
+    assert "the 16641 points allowed do not resolve even the critical manifold along x, y" in manifold.message
+
+
 def test_a_guess_is_improved_where_elements_end_and_nowhere_else(monkeypatch) -> None:
     improved, ends = [], []
     climb = orbit_segments.climb
