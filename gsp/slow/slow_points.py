@@ -72,7 +72,8 @@ class SlowPoints(Card, Tabular):
         scale = 1.0 + np.linalg.norm(np.atleast_2d(self.y), axis=1)
         short = int((error > 10 * self.tolerance * scale).sum())
         if short:
-            text += f"; {short} do not meet the tolerance {self.tolerance:g}: solve_manifold goes further"
+            verb = "does" if short == 1 else "do"
+            text += f"; {short} {verb} not meet the tolerance {self.tolerance:g}: solve_manifold goes further"
         return text
 
     def _place(self, x: np.ndarray) -> str:

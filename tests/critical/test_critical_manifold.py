@@ -405,3 +405,11 @@ def test_a_long_equation_is_shown_by_its_beginning_and_its_length() -> None:
     assert len(repr(branch)) < 300
     root = sp.sqrt(sum(sp.sin(k * x) ** 2 for k in range(1, 60)))
     assert re.search(r"sqrt.* \.\.\. \(\d+ characters\)$", str(Branch(branch.system, (y - root,), {y: root})))
+
+
+def test_a_point_where_the_slope_is_infinite_is_no_fold() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - sp.sqrt(y) - y - y**5}, epsilon=epsilon)
+    # The sheet ends there like a square, with an infinite slope, and does not turn back.
+    with pytest.raises(BranchError, match="no branch of the critical manifold is real near the start"):
+        solve_critical(system).nearest({"x": 0, "y": 0})

@@ -163,6 +163,14 @@ def test_a_hopf_point_of_the_layer_problem_is_located() -> None:
     assert abs(loss.eigenvalue.real) < 1e-8
 
 
+def test_a_gap_of_nothing_at_all_is_no_hyperbolic_equilibrium() -> None:
+    x, y, z, epsilon = sp.symbols("x y z epsilon")
+    centre = SlowFastSystem(slow={x: -x}, fast={y: z, z: x - y}, epsilon=epsilon)
+    verdict = classify(solve_critical(centre).branches[0], region={"x": (0, 1)})
+    assert (verdict.kind, verdict.gap, verdict.holds) == (Kind.LOST, 0.0, False)
+    assert [c.name for c in verdict.conditions if not c.holds] == ["hyperbolic equilibria"]
+
+
 def test_a_neutral_saddle_is_no_loss() -> None:
     # Trace 0, determinant -1 for all x: a saddle, not a Hopf point.
     assert judge({y: z, z: y + x}).kind is Kind.SADDLE

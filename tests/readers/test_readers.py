@@ -1,6 +1,7 @@
 """Model files: what a user writes is read exactly, what a stranger writes cannot do harm."""
 
 import contextlib
+import math
 import os
 import sys
 from pathlib import Path
@@ -118,6 +119,24 @@ def write(folder: Path, text: str, name: str = "model.toml") -> Path:
 
 
 # The grammar
+
+
+VALUES = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "exp")},
+    **{name: getattr(math, name) for name in ("sinh", "cosh", "tanh", "asinh", "atanh", "log")},
+    **{"acosh": lambda z: math.acosh(1 + z), "ln": math.log, "abs": abs, "sign": lambda z: math.copysign(1, z)},
+    **{"min": lambda z: min(z, 0.5), "max": lambda z: max(z, 0.5)},
+}
+
+
+@pytest.mark.parametrize("name", expressions.FUNCTIONS)
+def test_every_function_has_its_value_and_takes_no_argument_more_or_less(name: str) -> None:
+    given = {"acosh": ["1 + x"], "min": ["x", "0.5"], "max": ["x", "0.5"]}.get(name, ["x"])
+    found = parse(f"{name}({', '.join(given)})")
+    assert float(found.subs(sp.Symbol("x"), sp.Rational(3, 10))) == pytest.approx(VALUES[name](0.3), rel=1e-14)
+    for wrong in ([*given, "1"], given[1:]):
+        with pytest.raises(ModelFileError):
+            parse(f"{name}({', '.join(wrong)})")
 
 
 @pytest.mark.parametrize(

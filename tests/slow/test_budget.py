@@ -8,6 +8,7 @@ from gsp.algebra import ring
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BudgetError
 from gsp.scenes.study import study_of
+from gsp.slow.expansion import Expansion
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem
 from tests.random_systems import random_scene
@@ -78,3 +79,26 @@ def test_random_systems_of_two_kinds_of_functions_expand_or_are_refused_by_name(
     except BudgetError as error:
         outcome = str(error)
     assert "was reached through order" in outcome
+
+
+def test_where_a_budget_ended_is_known_and_the_orders_before_it_are_there(monkeypatch):
+    system = SlowFastSystem(
+        slow={s: -s + c * k}, fast={c: s - (s + k) * c - c**3}, parameters={k: 1}, epsilon=epsilon
+    )
+    (branch,) = solve_critical(system).branches
+    free = Expansion(branch)
+    chart, rows, _ = free.through(2)
+    assert free.end == (None, "")
+    monkeypatch.setattr(ring, "BUDGET", expand(branch, order=2).chart.ring.spent)
+    bounded = Expansion(branch)
+    for order in (3, 4):
+        with pytest.raises(BudgetError, match=f"through order {order} was reached through order 2"):
+            bounded.through(order)
+        assert bounded.end[0] == 2
+        assert "terms" in bounded.end[1]
+    for order in (2, 1, 0):
+        other, own, _ = bounded.through(order)
+        for row, known in zip(own, rows):
+            assert [str(other.ring.to_sympy(e)) for e in row] == [
+                str(chart.ring.to_sympy(e)) for e in known[: order + 1]
+            ]

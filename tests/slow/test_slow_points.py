@@ -181,6 +181,10 @@ def test_points_beside_a_fold_say_that_they_are_bad() -> None:
     assert bad.all()
     assert found.error[1] < 1e-6
     assert "y = -0.66" in found.message
+    assert "1 does not meet the tolerance 1e-13: solve_manifold goes further" in found.message
+    both = zero_derivative(branch, [-0.66, -0.655], epsilon=0.05, tolerance=1e-6)
+    assert "2 do not meet the tolerance 1e-06" in both.message
+    assert "meet" not in zero_derivative(branch, [0.5], epsilon=0.05, tolerance=1e-6).message
 
 
 def test_a_field_that_is_not_finite_is_named_with_its_place() -> None:

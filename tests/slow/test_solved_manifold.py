@@ -16,7 +16,7 @@ from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.study import study
-from gsp.slow import orbit_segments
+from gsp.slow import orbit_segments, slow_track
 from gsp.slow.chebyshev import interpolate, nodes
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
@@ -546,3 +546,31 @@ def test_a_segment_does_not_begin_beyond_a_pole_of_the_branch() -> None:
     other = coarse.solve(places, branch.points(places))
     apart = np.linalg.norm(other.y - segments.y, axis=1)
     assert (apart <= 2 * (other.error + segments.error)).all()
+
+
+def test_the_degree_of_a_surface_does_not_depend_on_the_units_of_the_fast_variable():
+    found = []
+    for unit in (1, 4096, 2**20):
+        rate = unit * (16 / (x + 2) - y / unit) + epsilon * unit * sp.sin(3 * x)
+        branch = branch_of(SlowFastSystem(slow={x: -x}, fast={y: rate}, epsilon=epsilon))
+        manifold = solve_manifold(branch, region={"x": (0, 1)}, epsilon=0.01, tolerance=1e-9)
+        assert manifold.status is Status.SUCCESS
+        at = np.linspace(0, 1, 5)
+        found.append((manifold.surface.coefficients.shape, manifold.evaluate(at) / unit))
+    for shape, values in found[1:]:
+        assert shape == found[0][0]
+        assert values == pytest.approx(found[0][1], rel=1e-9)
+
+
+def test_a_step_of_the_slow_flow_is_exact_to_the_fourth_order():
+    # On y = x + x^2 the flow x' = x - y = -x^2 from 1 is 1/(1 + t).
+    system = SlowFastSystem(slow={x: x - y}, fast={y: x + x**2 - y}, epsilon=epsilon)
+    flow = slow_track._SlowFlow(branch_of(system), 0.01)
+    errors = []
+    for h in (0.05, 0.025):
+        end, height, good = flow.step(np.array([[1.0]]), np.array([[2.0]]), np.array([h]))
+        assert good.all()
+        assert height[0, 0] == pytest.approx(end[0, 0] + end[0, 0] ** 2, rel=1e-10)
+        errors.append(abs(end[0, 0] - 1 / (1 + h)))
+    assert errors[1] < 1e-9
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(5, abs=0.4)

@@ -55,6 +55,17 @@ def test_the_sleighs_slow_momentum_is_found_from_its_raw_variables() -> None:
     assert_recombines(result)
 
 
+def test_one_first_integral_and_several_are_told_in_words() -> None:
+    b, c = sp.symbols("b c")
+    one = split(field({a: -(a - b) / eps, b: (a - b) / eps - b}))
+    assert "so p is a linear first integral of the layer problem" in one.explain()
+    assert repr(one) == "Splitting(slow: p = a + b; fast: a)"
+    two = split(field({a: -(a - b) / eps, b: (a - b) / eps - b, c: 2 * (a - b) / eps}))
+    assert "so p1, p2 are linear first integrals of the layer problem" in two.explain()
+    assert "Conserved: p2 = 2*a + c, for p2' = 0." in two.explain()
+    assert repr(two) == "Splitting(slow: p1 = a + b, p2 = 2*a + c; fast: a)"
+
+
 def test_a_standard_form_is_only_relabelled() -> None:
     result = split(field({y: (x - y**3) / eps, x: y - x}))
     assert dict(result.coordinates) == {x: x, y: y}
