@@ -1,6 +1,7 @@
 """Programs in the place of polynomials: the same values and derivatives, shared parts, and work that is counted."""
 
 import pickle
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -18,9 +19,13 @@ x, y, a = sp.symbols("x y a")
 HERE = {x: sp.Rational(3, 7), y: sp.Rational(2, 5), a: sp.Rational(5, 3)}
 
 
+def values(expressions: Iterable[sp.Expr]) -> np.ndarray:
+    f = compile_function(list(expressions), arguments=list(HERE), epsilon=None, parameters=[])
+    return f(np.array([float(v) for v in HERE.values()]), [np.nan])
+
+
 def value(expression: sp.Expr) -> float:
-    f = compile_function([expression], arguments=list(HERE), epsilon=None, parameters=[])
-    return float(f(np.array([float(v) for v in HERE.values()]), [np.nan])[0])
+    return float(values([expression])[0])
 
 
 @pytest.mark.parametrize(
@@ -89,15 +94,14 @@ def test_factors_of_a_line_take_steps_in_proportion_to_it_and_solve() -> None:
         solution = factors.solve([ring.one] * count)
         steps.append(ring.spent)
     assert steps[1] < 2.1 * steps[0]
-    found = np.array([value(ring.to_sympy(gate)) for gate in solution])
-    at = {place: value(ring.to_sympy(gate)) for place, gate in entries.items()}
+    found = values(map(ring.to_sympy, solution))
     matrix = np.zeros((n, n))
-    for place, entry in at.items():
+    for place, entry in zip(entries, values(map(ring.to_sympy, entries.values()))):
         matrix[place] = entry
     np.testing.assert_allclose(found, np.linalg.solve(matrix, np.ones(n)), rtol=1e-12)
     # d log det along x, from the pivots.
     slopes = derived(ring, factors.pivots, {ring.generator(x).index: ring.one})
-    rate = sum(value(ring.to_sympy(s)) / value(ring.to_sympy(p)) for s, p in zip(slopes, factors.pivots))
+    rate = (values(map(ring.to_sympy, slopes)) / values(map(ring.to_sympy, factors.pivots))).sum()
     changed = np.diag(np.full(n, 2 * float(HERE[x]))) + np.diag((np.arange(n - 1) + 1) / 50, 1)
     assert rate == pytest.approx(np.trace(np.linalg.solve(matrix, changed)), rel=1e-12)
 

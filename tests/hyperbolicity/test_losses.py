@@ -147,6 +147,8 @@ CASES = {
     ),
     "centre": Case({x: -x}, {y: z, z: x - y}, {"x": 0, "y": 0, "z": 0}, UNIT, LossKind.CENTRE),
 }  # fmt: skip
+# The first of each kind of loss.
+ONE_OF_EACH = {case.kind: name for name, case in reversed(CASES.items())}.values()
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -157,11 +159,10 @@ def test_a_loss_has_its_name(name) -> None:
     assert loss.test
 
 
-@pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("name", CASES)
-def test_a_linear_disguise_changes_neither_name_nor_invariants(name, seed) -> None:
+@pytest.mark.parametrize("name", sampled(CASES, always=ONE_OF_EACH))
+def test_a_linear_disguise_changes_neither_name_nor_invariants(name) -> None:
     plain = only(judged(name), CASES[name].kind)
-    hidden, S, _ = disguised(CASES[name], seed)
+    hidden, S, _ = disguised(CASES[name], 1)
     loss = only(judge(hidden), hidden.kind)
     place = {s.name: plain.point[s.name] for s in CASES[name].slow}
     moved = np.array(S.tolist(), dtype=float) @ list(place.values())
@@ -509,7 +510,7 @@ def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
         assert verdict.looked_at[0].kind is LossKind.NEUTRAL_SADDLE
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", sampled(SCENES, always=("chaplygin_sleigh", "koper", "fitzhugh_nagumo")))
 def test_a_built_in_scene_raises_no_alarm(name) -> None:
     study = study_of(models.load(name))
     verdict = classify(study.branch, region=study.region)

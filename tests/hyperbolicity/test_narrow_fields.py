@@ -13,6 +13,7 @@ from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.hyperbolicity.losses.poles import denominators
 from gsp.systems.system import SlowFastSystem
+from tests.cases import crossed
 
 x, y, a, w, eps = sp.symbols("x y a w epsilon")
 Q = sp.Rational
@@ -33,9 +34,10 @@ def judge(factor, region, values=None):
     return classify(branch, region=region)
 
 
-@pytest.mark.parametrize("region", [(0, 1), (0.5, 1), (-2, 2)])
-@pytest.mark.parametrize("width", [1e-2, 1e-3])
-@pytest.mark.parametrize("name", ["Gauss", "Gauss in decimals", "cosh", "Cauchy"])
+@pytest.mark.parametrize(
+    ("name", "width", "region"),
+    crossed(["Gauss", "Gauss in decimals", "cosh", "Cauchy"], [1e-2, 1e-3], [(0, 1), (0.5, 1), (-2, 2)]),
+)
 def test_a_narrow_dip_is_attracting_and_holds(name, width, region) -> None:
     found = judge(DIPS[name], {"x": region}, {a: 0.3, w: width})
     assert found.kind is Kind.ATTRACTING, found

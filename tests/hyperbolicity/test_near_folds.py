@@ -19,6 +19,7 @@ from gsp.hyperbolicity.losses.shrinking import largest_sub_region
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
+from tests.cases import crossed
 
 x, y, u, v, w, k, eps = sp.symbols("x y u v w k epsilon")
 Q = sp.Rational
@@ -38,9 +39,9 @@ def gap_of_van_der_pol(distance: float) -> float:
     return 2 * d + d**2
 
 
-@pytest.mark.parametrize("bounds", [{}, {"x": (0.999, 2.2)}])
-@pytest.mark.parametrize("width", [1.0, 1.866, 1e-3])
-@pytest.mark.parametrize("distance", [2e-3, 1e-4, 1e-7])
+@pytest.mark.parametrize(
+    ("distance", "width", "bounds"), crossed([2e-3, 1e-4, 1e-7], [1.0, 1.866, 1e-3], [{}, {"x": (0.999, 2.2)}])
+)
 def test_the_gap_next_to_a_fold_is_its_own(distance, width, bounds) -> None:
     region = {"y": (-2 / 3 + distance, -2 / 3 + distance + width), **bounds}
     found = classify(sheet(VAN_DER_POL, FAR), region=region)

@@ -13,6 +13,7 @@ from gsp.integration.ensemble import integrate_many
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
 from gsp.systems.system import VectorField
+from tests.cases import crossed
 from tests.integration.test_stiff_accuracy import PROBLEMS, STIFF
 
 x, y, z, u = sp.symbols("x y z u")
@@ -32,8 +33,7 @@ def worst(found: np.ndarray, exact: np.ndarray, rtol: float, floor: float | np.n
     return float((np.abs(found - exact) / (rtol * np.maximum(np.abs(exact), floor))).max())
 
 
-@pytest.mark.parametrize("method", STIFF)
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(("name", "method"), crossed(PROBLEMS, STIFF))
 def test_values_at_the_times_asked_for_are_within_ten_tolerances_or_the_steps_error(name, method):
     problem = PROBLEMS[name]
     field = VectorField(problem.rates, epsilon=None)

@@ -12,6 +12,7 @@ from gsp.slow.series import expand
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 from tests import example_systems as systems
+from tests.cases import crossed
 
 eps = systems.epsilon
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
@@ -39,8 +40,7 @@ def error(series, system, start, order: int, epsilon: float) -> float:
     return max(float(np.abs(run[s] - full[s]).max()) for s in system.x)
 
 
-@pytest.mark.parametrize("name", list(CASES))
-@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize(("name", "order"), crossed(CASES, [0, 1, 2]))
 def test_the_flow_of_order_n_is_in_error_by_epsilon_to_the_n_plus_one(name: str, order: int) -> None:
     system, start = CASES[name]
     series = expand(solve_critical(system).nearest(start), order=4)

@@ -18,6 +18,7 @@ from gsp.errors import Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
 from gsp.systems.system import VectorField
+from tests.cases import crossed
 
 x, y, z, u, v = sp.symbols("x y z u v")
 STIFF = [Method.RODAS5P, Method.RADAU5, Method.RADAU9, Method.RADAU13]
@@ -148,8 +149,7 @@ def errors_of(problem: Problem, method: Method, rtol: float) -> tuple[float, flo
     return worst[0], worst[1]
 
 
-@pytest.mark.parametrize("method", STIFF)
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(("name", "method"), crossed(PROBLEMS, STIFF))
 def test_ends_of_runs_of_stiff_problems_are_within_ten_tolerances(name: str, method: Method) -> None:
     errors = {rtol: errors_of(PROBLEMS[name], method, rtol) for rtol in TOLERANCES}
     assert max(end for end, _ in errors.values()) < 10, errors

@@ -15,6 +15,7 @@ from gsp.integration.ensemble import integrate_many
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem
+from tests.cases import crossed
 
 x, y, z, w, eps = sp.symbols("x y z w epsilon")
 ONE = sp.Integer(1)
@@ -75,8 +76,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("case", "order"), crossed(CASES, [0, 1, 2]))
 def test_every_member_ends_as_its_run_alone(case, order):
     system, near, starts, span, expected = CASES[case]
     flow = reduced(system, near, order)
