@@ -23,6 +23,7 @@ from gsp.lowering import compiled_function
 from gsp.lowering.remembering import remembered
 from gsp.lowering.tape import write_tape
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.cases import sampled
 
 x, y, z, a, epsilon = sp.symbols("x y z a epsilon")
 ONE = sp.Integer(1)
@@ -145,16 +146,20 @@ def after(order):
 alone = {}
 for i in range(len(twins)):
     alone |= after([i])
-orders = [list(range(len(twins))), list(range(len(twins)))[::-1], *json.loads(sys.argv[1])]
+orders = json.loads(sys.argv[1])
 print(json.dumps([alone, *map(after, orders)]))
 """
+ORDERS = {
+    "both ways": [list(range(19)), list(range(19))[::-1]],
+    "shuffled": [np.random.default_rng(seed).permutation(19).tolist() for seed in range(2)],
+}
 
 
 @pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="fresh processes are made by fork")
-def test_no_answer_depends_on_what_ran_before():
-    shuffled = [np.random.default_rng(seed).permutation(19).tolist() for seed in range(2)]
+@pytest.mark.parametrize("orders", sampled(ORDERS, always=["both ways"]))
+def test_no_answer_depends_on_what_ran_before(orders):
     done = subprocess.run(
-        [sys.executable, "-c", SERVER, json.dumps(shuffled)],
+        [sys.executable, "-c", SERVER, json.dumps(ORDERS[orders])],
         capture_output=True, text=True, cwd=Path(__file__).parent.parent.parent,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

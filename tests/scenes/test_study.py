@@ -25,6 +25,7 @@ from gsp.scenes.study import study_of
 from gsp.slow.expansion import Expansion
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.cases import sampled
 
 x, y, z, eps = sp.symbols("x y z epsilon")
 
@@ -138,7 +139,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> Counter:
     return found
 
 
-@pytest.mark.parametrize("name", ["chaplygin_sleigh", "van_der_pol"])
+@pytest.mark.parametrize("name", sampled(["chaplygin_sleigh", "van_der_pol"], always=["chaplygin_sleigh"]))
 def test_a_whole_report_computes_every_stage_once(name: str, counts: Counter, tmp_path) -> None:
     result = CliRunner().invoke(gsp.cli.cli, ["report", name, "-o", str(tmp_path), "--order", "2"])
     assert result.exit_code == 0, result.output

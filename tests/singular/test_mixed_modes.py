@@ -42,7 +42,7 @@ def test_the_count_agrees_with_another_integrator():
         lambda _, u: [(-10 * u[1] - u[0] ** 3 + 3 * u[0] + 7) / 0.05, u[0] - 2 * u[1] + u[2], u[1] - u[2]],
         (0, 60),
         [-1.5, 0.5, 0.5],
-        method="Radau",
+        method="LSODA",
         rtol=1e-9,
         atol=1e-11,
         dense_output=True,
