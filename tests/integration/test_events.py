@@ -312,7 +312,8 @@ def test_a_name_that_no_event_has_is_told_what_there_is() -> None:
 
 @METHODS
 @pytest.mark.parametrize("last", [10, -10])
-def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last):
+@pytest.mark.parametrize("unit", [sp.Integer(1), sp.Rational(1, 2**30), sp.Integer(2**30)])
+def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last, unit):
     events = [
         Event(x, terminal=True, name="first"),
         Event(x, terminal=True, name="second"),
@@ -321,7 +322,13 @@ def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last):
         Event(y + 2, name="never"),
         Event(x + sp.Rational(1, 10**9), name="just behind"),
     ]
-    run = integrate(OSCILLATOR, start={"x": 1, "y": 0}, span=(0, last), events=events, method=method)
+    run = integrate(
+        VectorField({x: y / unit, y: -x / unit}, epsilon=None),
+        start={"x": 1, "y": 0},
+        span=(0, last * unit),
+        events=events,
+        method=method,
+    )
     assert run.status is Status.EVENT_REACHED
     for name in ("first", "second", "third"):
         assert run.events[name].times.tolist() == [run.t[-1]]

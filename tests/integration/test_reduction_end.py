@@ -60,6 +60,19 @@ def test_van_der_pol_reaches_its_fold_at_the_exact_time_and_place(rtol, method):
     assert trajectory.message.endswith("integrate the full system across the fold")
 
 
+@pytest.mark.parametrize("power", [-40, 40])
+def test_how_a_run_ends_does_not_depend_on_the_unit_of_the_fast_rate(power):
+    unit = sp.Integer(2) ** power
+    scaled = SlowFastSystem(slow={y: -x}, fast={x: unit * (y - x**3 / 3 + x)}, epsilon=eps)
+    plain, other = (run(system, ON_VAN_DER_POL) for system in (VAN_DER_POL, scaled))
+    assert (other.status, other.message) == (plain.status, plain.message)
+    assert other.t[-1] == pytest.approx(plain.t[-1], rel=1e-12)
+    crossed = SlowFastSystem(slow={x: ONE}, fast={y: unit * (x - 1) * y}, epsilon=eps)
+    lost = run(crossed, {"x": 0, "y": 0}, span=(0, 3))
+    assert lost.status is Status.HYPERBOLICITY_LOST
+    assert lost.t[-1] == pytest.approx(1.0, rel=1e-9)
+
+
 def test_a_run_into_a_fold_is_exact_up_to_it():
     trajectory = run(VAN_DER_POL, ON_VAN_DER_POL, rtol=1e-10, atol=1e-12)
     end = trajectory.t[-1]
