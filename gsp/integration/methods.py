@@ -125,9 +125,7 @@ def solver_of(method: Method, rtol: float) -> Solver:
 
 def taylor_order(rtol: float) -> int:
     """The order of a Taylor series at a tolerance."""
-    if rtol >= _TAYLOR_ORDERS[0][0]:
-        return _TAYLOR_ORDERS[0][1]
-    return _TAYLOR_ORDERS[1][1] if rtol >= _TAYLOR_ORDERS[1][0] else _TAYLOR_ORDERS[2][1]
+    return next(order for least, order in _TAYLOR_ORDERS if rtol >= least)
 
 
 def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarray:

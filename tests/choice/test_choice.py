@@ -11,7 +11,7 @@ import sympy as sp
 from gsp import models
 from gsp.choice import candidates
 from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
-from gsp.choice.choice import choose, select
+from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import foresee, foresee_surface, layer_left
 from gsp.choice.prediction import Failure
 from gsp.comparison.comparison import on_manifold
@@ -355,6 +355,14 @@ def test_a_fold_ahead_makes_every_reduced_flow_invalid_before_it() -> None:
     for c in choice.candidates[:-1]:
         assert not c.valid
         assert c.holds_until < 1.5 - np.log(2)
+    # Where it is last to be trusted is told: at that time, and at the run's own end where that comes before.
+    outlook = foresee(asked, range(4))
+    run = outlook.prediction.runs[choice.partial.order]
+    place = _end_of(choice.partial, outlook)["y"]
+    assert place == pytest.approx(float(run.sample(choice.partial.holds_until)["y"][0]), rel=1e-9)
+    assert f"t = {choice.partial.holds_until:.4g}, y = {place:.4g}" in choice.verdict.accuracy
+    beyond = _end_of(replace(choice.partial, holds_until=5.0), outlook)
+    assert beyond == {"y": pytest.approx(float(run["y"][-1]), rel=1e-12)}
 
 
 def test_leaving_the_region_and_a_long_layer_are_reasons() -> None:

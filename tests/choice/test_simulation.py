@@ -175,6 +175,22 @@ def test_outside_the_region_the_full_system_runs() -> None:
     assert run["x"][-1] == pytest.approx(3)
 
 
+def test_a_simulation_does_not_depend_on_when_the_clock_began() -> None:
+    asked = replace(models.load("van_der_pol"), span=(0, 3), tolerance=1e-3)
+    scenes = [replace(asked, span=(begin, begin + 3)) for begin in (0, 7)]
+    here, later = (simulate(scene, choice=choose(scene, solve=False)) for scene in scenes)
+    assert len(here.switches) > 2
+    assert [p.label for p in later.pieces] == [p.label for p in here.pieces]
+    for own, other in zip(here.pieces, later.pieces):
+        assert (other.begin - 7, other.end - 7) == pytest.approx((own.begin, own.end), abs=1e-4)
+    for own, other in zip(here.switches, later.switches):
+        assert other.time - 7 == pytest.approx(own.time, abs=1e-4)
+    assert later.layer == pytest.approx(here.layer, rel=1e-6)
+    assert later.reduced_share == pytest.approx(here.reduced_share, abs=1e-3)
+    times = np.linspace(0, 3, 200)
+    assert later.sample(times + 7)["y"] == pytest.approx(here.sample(times)["y"], abs=1e-3)
+
+
 def test_what_cannot_be_reduced_is_run_in_full() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: y - x}, epsilon=eps)
     scene = Scene(system, {"x": (-5, 5)}, {"x": 1, "y": 0.5}, (0, 0.05), 0.01, (0.02, 0.01), 1e-5)

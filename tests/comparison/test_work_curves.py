@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,6 +48,19 @@ def test_the_floor_of_a_reduced_model_falls_with_its_power_of_epsilon():
     }
     fitted = np.log(np.divide(floors[0.02], floors[0.005])) / math.log(4.0)
     assert fitted == pytest.approx([1, 2, 3], abs=0.15)
+
+
+def test_curves_do_not_depend_on_when_the_clock_began():
+    asked = models.load("michaelis_menten")
+    length = asked.span[1] - asked.span[0]
+    chosen = {"rtols": (1e-6,), "orders": (0, 1), "methods": (Method.RADAU9,), "peers": ()}
+    here, later = (work_precision(replace(asked, span=(t, t + length)), **chosen) for t in (0, 7))
+    assert [c.label for c in later.curves] == [c.label for c in here.curves]
+    for own, other in zip(here.curves, later.curves):
+        assert len(own.points) == len(other.points) > 0
+        for one, two in zip(own.points, other.points):
+            assert two.error == pytest.approx(one.error, rel=0.1)
+            assert two.steps == pytest.approx(one.steps, abs=2)
 
 
 def test_every_method_and_every_peer_agree(michaelis_menten):
