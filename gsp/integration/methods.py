@@ -94,7 +94,7 @@ _SOLVERS = {
         rodas5p,
         rodas5p_tableau.DENSE_ROWS,
         attrgetter("rosenbrock_program"),
-        grid.CHECKS,
+        grid.CHECKS_STEEP,
         ROSENBROCK_LOOPS,
     ),
     **{

@@ -39,9 +39,9 @@ def read(
     reached = 0
     for method, ends, values, between in parts:
         before = reached
-        reached = kernels.read_grid(ends, values, between, grid, before, out)
         solver = solver_of(method, rtol)
-        if solver.check != kernels.TRUSTS:
+        reached, looks = kernels.read_grid(solver.check, rtol, atol, ends, values, between, grid, before, out)
+        if looks:
             new = slice(before, reached)
             spent = _land(compiled, p, solver, ends, values, between, grid[new], out[new], rtol=rtol, atol=atol)
             for i in range(len(record.counters)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import re
 from collections.abc import Sequence
 from functools import cache
 
@@ -13,10 +14,10 @@ from numba.core.codegen import get_host_cpu_features
 from numba.core.compiler_lock import global_compiler_lock
 
 Engine = llvm.ExecutionEngine
-# Longer code is selected instruction by instruction. In a block of so many lines LLVM's schedules take a tenth of a
-# second, in one of 10,000 two seconds and a half, of which 0.1 s is left; what was selected so takes up to three times
-# as long to run, a few microseconds.
-LONGEST_SCHEDULED = 2500
+# Code with a longer block is selected instruction by instruction. In a block of 2200 lines LLVM's schedules take a
+# tenth of a second, in one of 10,000 two seconds and a half, of which 0.1 s is left; what was selected so takes up to
+# three times as long to run: a few microseconds of a field, and twice the time of every step.
+LONGEST_SCHEDULED = 4000
 
 
 def processor() -> tuple[str, str]:
@@ -34,8 +35,9 @@ def _host() -> tuple[str, str]:
 
 
 def effort(text: str) -> int:
-    """LLVM's level of code generation for a module without loops."""
-    return 1 if text.count("\n") <= LONGEST_SCHEDULED else 0
+    """LLVM's level of code generation for a module."""
+    blocks = re.split(r"^\S+:$", text, flags=re.MULTILINE)
+    return 1 if max(block.count("\n") for block in blocks) <= LONGEST_SCHEDULED else 0
 
 
 @global_compiler_lock

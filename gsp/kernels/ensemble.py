@@ -34,9 +34,9 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
             before += 1
         return before
     ends = times[: new + 1]
-    reached = read_grid(ends, states[: new + 1], dense, grid, before, kept)
-    doubts = np.empty(grid.shape[0] if check != TRUSTS else 0, np.int64)
-    if check != TRUSTS and doubt_grid(
+    reached, looks = read_grid(check, rtol, atol, ends, states[: new + 1], dense, grid, before, kept)
+    doubts = np.empty(grid.shape[0] if looks else 0, np.int64)
+    if looks and doubt_grid(
         check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts, counters
     ):
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])

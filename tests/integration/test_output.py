@@ -98,6 +98,20 @@ def test_where_the_dense_output_is_in_doubt_a_step_ends_on_the_time():
     assert many.member(0).stats == run.stats
 
 
+def test_a_step_whose_polynomial_ends_in_a_small_term_is_not_looked_at():
+    """Robertson's reaction is slow along all of its output: a look at each step costs a Jacobian and a decomposition."""
+    rates = {x: -x / 25 + 10**4 * y * z, y: x / 25 - 10**4 * y * z - 3 * 10**7 * y**2, z: 3 * 10**7 * y**2}
+    options = {"start": {"x": 1, "y": 0, "z": 0}, "span": (0, 1e4), "rtol": 1e-3, "atol": 1e-9}
+    field, times = VectorField(rates, epsilon=None), np.geomspace(1e-2, 1e4, 100)
+    free = integrate(field, method=Method.RODAS5P, **options)
+    read = integrate(field, method=Method.RODAS5P, at=times, **options)
+    holding = np.unique(np.searchsorted(free.t, times))
+    assert len(holding) > 20
+    assert read.stats.jacobian_calls - free.stats.jacobian_calls <= len(holding) // 4
+    exact = integrate(field, at=times, **options | {"rtol": 1e-12, "atol": 1e-16}).y
+    assert worst(read.y, exact, 1e-3, np.abs(exact)) < 1
+
+
 @EVERY
 def test_the_methods_without_doubt_are_read_off_the_dense_output(method):
     field = VectorField(NOT_STIFF["pendulum"][0], epsilon=None)

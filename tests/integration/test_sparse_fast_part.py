@@ -158,9 +158,12 @@ def test_a_determinant_too_small_for_a_double_is_no_loss() -> None:
     assert 0.0 < abs(refused.value.value) < refused.value.limit
 
 
-def test_long_code_is_selected_instruction_by_instruction() -> None:
-    assert engine.effort("\n" * engine.LONGEST_SCHEDULED) == 1
-    assert engine.effort("\n" * (engine.LONGEST_SCHEDULED + 1)) == 0
+def test_long_blocks_are_selected_instruction_by_instruction() -> None:
+    block = "  store double 0.0, double* %0\n" * (engine.LONGEST_SCHEDULED - 1)
+    assert engine.effort("entry:\n" + block) == 1
+    assert engine.effort("entry:\n" + 2 * block) == 0
+    # What schedules take grows with the square of a block, and with the number of blocks.
+    assert engine.effort("entry:\n" + block + "loop:\n" + block + "\".6.endif\":\n" + block) == 1
 
 
 def test_long_code_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:

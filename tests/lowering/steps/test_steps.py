@@ -15,10 +15,11 @@ from gsp.integration.trajectory import integrate
 from gsp.kernels import dop853_tableau, ledger, rodas5p_tableau
 from gsp.kernels.addresses import address_of
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.engine import build
+from gsp.kernels.engine import LONGEST_SCHEDULED, build, effort
 from gsp.kernels.rodas5p import rodas5p
 from gsp.lowering.compiled_flow import EXPLICIT_LOOPS, ROSENBROCK_LOOPS, compile_flow
 from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.flow_code import is_worth_writing
 from gsp.lowering.steps.values import DOUBLE, SIGNATURE, load, store
@@ -173,6 +174,15 @@ def test_one_explicit_code_serves_all_flows_of_a_size_and_loops_the_large_ones()
     assert large.explicit is None
     program = program_of(large, Method.DOP853, 1e-8)
     assert (program[ledger.LOOPS] != 0, program[ledger.CODE]) == (True, 0)
+
+
+def test_collocation_steps_of_twenty_states_are_scheduled():
+    """Their code is long, and each of its blocks is not. Unscheduled they take twice as long, and run for ever."""
+    z = sp.symbols("z0:20")
+    field = VectorField({a: b * a - a**3 + sp.cos(b) for a, b in zip(z, (*z[1:], z[0]))}, epsilon=None)
+    text = Collocation(compile_flow(field).expressions, 7).text()
+    assert text.count("\n") > LONGEST_SCHEDULED
+    assert effort(text) == 1
 
 
 def test_one_full_jacobian_is_left_to_the_loops_and_a_sparse_one_of_any_size_is_not():
