@@ -99,7 +99,7 @@ def test_where_the_dense_output_is_in_doubt_a_step_ends_on_the_time():
 
 
 def test_a_step_whose_polynomial_ends_in_a_small_term_is_not_looked_at():
-    """Robertson's reaction is slow along all of its output: a look at each step costs a Jacobian and a decomposition."""
+    """Robertson's reaction is slow along its output: a look at each step costs a Jacobian and a decomposition."""
     rates = {x: -x / 25 + 10**4 * y * z, y: x / 25 - 10**4 * y * z - 3 * 10**7 * y**2, z: 3 * 10**7 * y**2}
     options = {"start": {"x": 1, "y": 0, "z": 0}, "span": (0, 1e4), "rtol": 1e-3, "atol": 1e-9}
     field, times = VectorField(rates, epsilon=None), np.geomspace(1e-2, 1e4, 100)

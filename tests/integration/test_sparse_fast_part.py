@@ -163,7 +163,7 @@ def test_long_blocks_are_selected_instruction_by_instruction() -> None:
     assert engine.effort("entry:\n" + block) == 1
     assert engine.effort("entry:\n" + 2 * block) == 0
     # What schedules take grows with the square of a block, and with the number of blocks.
-    assert engine.effort("entry:\n" + block + "loop:\n" + block + "\".6.endif\":\n" + block) == 1
+    assert engine.effort("entry:\n" + block + "loop:\n" + block + '".6.endif":\n' + block) == 1
 
 
 def test_long_code_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
