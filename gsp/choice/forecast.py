@@ -9,15 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.choice.prediction import AHEAD, CLEARER, SMALLEST_RTOL, Prediction, predict
-from gsp.errors import HyperbolicityError
+from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.surface_flow import SurfaceFlow, flow_on
+from gsp.integration.surface_flow import LARGEST_SIZE, SurfaceFlow, flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.slow.solved_manifold import solve_manifold
@@ -176,9 +177,16 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
         low, high = float(guide[s.name].min()), float(guide[s.name].max())
         margin = MARGIN * ((high - low) or 1.0)
         region[s.name] = (low - margin, high + margin)
-    manifold = solve_manifold(
-        branch, region=region, epsilon=scene.epsilon, tolerance=max(EXACTER * scene.tolerance, SMALLEST_RTOL)
-    )
+    tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)
+    # What would be too large to run on is not solved for, which may take a thousand times as long.
+    size = resting_coefficients(branch, region=region, tolerance=tolerance, enough=LARGEST_SIZE)
+    if size > LARGEST_SIZE:
+        raise DeclarationError(
+            f"the interpolant of the critical manifold alone has {size} coefficients, more than {LARGEST_SIZE}.",
+            "Loosen the tolerance.",
+            limit=LARGEST_SIZE,
+        )
+    manifold = solve_manifold(branch, region=region, epsilon=scene.epsilon, tolerance=tolerance)
     if manifold.surface is None:
         raise HyperbolicityError(manifold.message)
     flow = flow_on(manifold)

@@ -19,6 +19,7 @@ from gsp.errors import BranchError, DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
+from gsp.slow.grids_at_rest import CHOPPED, FIRST_SIZE, LARGEST_SIZE, ROUGH, coarse_rest, doubled
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.sampled_manifold import SampledManifold, defect_of
 from gsp.slow.slow_track import divide
@@ -27,12 +28,6 @@ from gsp.systems.flow import check_epsilon
 from gsp.systems.region import Interval, check_region
 
 SMALLEST_TOLERANCE = 1e-14
-# Points an axis at first and at most, by the number of slow variables.
-FIRST_SIZE = {1: 17, 2: 9, 3: 9}
-LARGEST_SIZE = {1: 1025, 2: 129, 3: 33}
-# Where as many points as may be solved for leave this share of M0 itself unresolved, no segment is solved: M_epsilon is
-# M0 to leading order.
-HOPELESS = 1e-2
 # Points at which the residual is looked at.
 CHECKS = 300
 # The residual over the gap is the error to leading order: on random systems it fell short of it by up to 1.11.
@@ -180,19 +175,19 @@ class _Work:
             surface = interpolate(self.intervals, values)
             scale = max(1.0, float(np.abs(values).max()))
             # What the ends of the segments leave is not smooth, and no degree resolves it.
-            rough = surface.tails() > max(0.1 * self.tolerance * scale, self.selection)
+            rough = surface.tails() > max(ROUGH * self.tolerance * scale, self.selection)
             growing = rough & (np.array(sizes) < LARGEST_SIZE[d])
             if not growing.any():
                 break
-            doubled = _doubled(sizes, growing)
-            if not self._allowed(doubled):
+            finer_sizes = doubled(sizes, growing)
+            if not self._allowed(finer_sizes):
                 self.short = True
                 self.notes.append(
                     f"the {self.most} points allowed do not resolve the surface along {self._axes(growing)}, the next "
-                    f"grid has {math.prod(doubled)}"
+                    f"grid has {math.prod(finer_sizes)}"
                 )
                 break
-            sizes = doubled
+            sizes = finer_sizes
             places = tuple(slice(None, None, 2 if grows else 1) for grows in growing)
             finer, errors = np.full((*sizes, len(self.system.y)), np.nan), np.full(sizes, np.inf)
             finer[places], errors[places] = values, self.errors
@@ -207,31 +202,20 @@ class _Work:
             self.notes.append(
                 f"{LARGEST_SIZE[d]} points along {self._axes(rough)} do not resolve the surface; shrink the region"
             )
-        return self._checked(surface.chopped(0.01 * self.tolerance * scale), grid, values)
+        return self._checked(surface.chopped(CHOPPED * self.tolerance * scale), grid, values)
 
     def _hopeless(self) -> str:
         """Why the points allowed cannot do, as M0 alone tells; empty where they may, or M0 has no point somewhere."""
-        d = len(self.intervals)
-        sizes = [FIRST_SIZE[d]] * d
-        while True:
-            try:
-                y = self.branch.points(nodes(self.intervals, sizes).reshape(-1, d))
-            except BranchError:
-                # Told with its place where a segment is to be solved there.
-                return ""
-            left = interpolate(self.intervals, y.reshape(*sizes, -1)).tails() / max(1.0, float(np.abs(y).max()))
-            rough = left > HOPELESS
-            if not rough.any():
-                return ""
-            finer = _doubled(sizes, rough)
-            if max(finer) > LARGEST_SIZE[d] or not self._allowed(finer):
-                most = LARGEST_SIZE[d] ** d if self.most is None else min(self.most, LARGEST_SIZE[d] ** d)
-                return (
-                    f"the {most} points allowed do not resolve even the critical manifold along {self._axes(rough)}: "
-                    f"on {math.prod(sizes)} of them {left.max():.1g} of its size is left, the next grid has "
-                    f"{math.prod(finer)}; no segment was solved. Shrink the region."
-                )
-            sizes = finer
+        coarse = coarse_rest(self.branch, self.intervals, self._allowed)
+        if coarse is None:
+            return ""
+        most = LARGEST_SIZE[len(self.intervals)] ** len(self.intervals)
+        most = most if self.most is None else min(self.most, most)
+        return (
+            f"the {most} points allowed do not resolve even the critical manifold along {self._axes(coarse.rough)}: on "
+            f"{math.prod(coarse.sizes)} of them {coarse.left:.1g} of its size is left, the next grid has "
+            f"{math.prod(doubled(coarse.sizes, coarse.rough))}; no segment was solved. Shrink the region."
+        )
 
     def _allowed(self, sizes: list[int]) -> bool:
         return self.most is None or math.prod(sizes) <= self.most
@@ -347,11 +331,6 @@ class _Work:
 
     def _state(self, z: np.ndarray) -> str:
         return ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(self.system.states, z))
-
-
-def _doubled(sizes: list[int], growing: np.ndarray) -> list[int]:
-    """The sizes of the next grid, which holds the points of this one."""
-    return [2 * n - 1 if grows else n for n, grows in zip(sizes, growing)]
 
 
 def _sheet(branch: Branch, box: Mapping[str, Interval]) -> Branch:

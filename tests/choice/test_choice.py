@@ -3,18 +3,20 @@
 import json
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
-from gsp.choice import candidates
+from gsp import load, models
+from gsp.choice import candidates, forecast
 from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import foresee, foresee_surface, layer_left
 from gsp.choice.prediction import Failure
 from gsp.comparison.comparison import on_manifold
+from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.methods import choose_method
 from gsp.integration.surface_flow import flow_on
@@ -22,6 +24,7 @@ from gsp.integration.trajectory import Trajectory, integrate
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
+from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 from tests.cases import sampled
@@ -502,3 +505,28 @@ def test_a_power_of_a_hundred_is_no_matter_of_the_depth_of_the_stack() -> None:
         scene(-x + growing, x - y, region={"x": (0.1, 0.4)}, start={"x": 0.2, "y": 0.2}), orders=(1, 2)
     )
     assert [c.order for c in choice.candidates[:2]] == [1, 2]
+
+
+def test_what_would_be_too_large_to_run_on_is_not_solved_for(monkeypatch) -> None:
+    scene = load(Path(__file__).parents[1] / "systems" / "repressilator.toml")
+
+    def solved(*_, **__):
+        raise AssertionError("a manifold was solved for")
+
+    monkeypatch.setattr(forecast, "solve_manifold", solved)
+    candidate = choose(scene).candidates[-2]
+    assert candidate.kind is ModelKind.SOLVED
+    assert not candidate.valid
+    assert candidate.why_not.startswith(
+        "the interpolant of the critical manifold alone has 2187 coefficients, more than 400."
+    )
+
+
+def test_the_coefficients_of_the_critical_manifold_are_those_that_its_interpolant_keeps() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    branch = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: x**3 - x - y}, epsilon=epsilon)).branches[0]
+    region = {"x": (0.0, 2.0)}
+    assert resting_coefficients(branch, region=region, tolerance=1e-8, enough=400) == 4
+    assert solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-8).surface.coefficients.size >= 4
+    # Counted on the first grid already, when that is enough.
+    assert resting_coefficients(branch, region=region, tolerance=1e-8, enough=3) == 4
