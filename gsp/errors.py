@@ -41,7 +41,7 @@ class GspError(ValueError):
         self.known = tuple(str(name) for name in known)
         self.value = value if value is not None or got is _NOTHING else got
         self.limit, self.point = limit, point
-        self.remedy = remedy + nearest(getattr(value, "name", value), self.known)
+        self.remedy = (remedy + nearest(getattr(value, "name", value), self.known)).lstrip()
         self.fact = fact.removesuffix(".")
         shown = "" if got is _NOTHING else f"Got {got}."
         super().__init__(" ".join(part for part in (fact, shown, self.remedy) if part))

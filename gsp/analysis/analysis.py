@@ -266,8 +266,8 @@ def _require_hyperbolic(hyperbolicity: Hyperbolicity) -> None:
     part = hyperbolicity.sub_region
     shrink = f"The conditions hold {part}. " if part is not None else ""
     raise HyperbolicityError(
-        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}. {shrink}"
-        "Shrink the region to one side of it; nothing can be reduced across."
+        f"the branch {hyperbolicity.branch} is not normally hyperbolic over the region: {where}.",
+        f"{shrink}Shrink the region to one side of it; nothing can be reduced across.",
     )
 
 

@@ -89,7 +89,8 @@ class CriticalManifold(Card):
                 raise BranchError(
                     f"the start is nearest to the piece {piece} = 0 of the critical manifold, which is no graph of "
                     f"{', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
-                    f"nearest branch is {distance:.3g} away. {_hidden_time_scale(system)}"
+                    f"nearest branch is {distance:.3g} away.",
+                    _hidden_time_scale(system),
                 )
 
     def __repr__(self) -> str:
@@ -151,7 +152,8 @@ def solve_critical(system: SlowFastSystem) -> CriticalManifold:
         if found.unsolved:
             raise BranchError(
                 f"the critical manifold {{{_shown(found.unsolved)}}} is no graph of {unknown} over the slow "
-                f"variables {', '.join(map(str, system.x))}. {_hidden_time_scale(system)}"
+                f"variables {', '.join(map(str, system.x))}.",
+                _hidden_time_scale(system),
             )
         shown = _shown(found.vanished) if found.vanished else ", ".join(f"{g} = 0" for g in system.g)
         raise BranchError(

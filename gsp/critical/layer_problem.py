@@ -169,7 +169,8 @@ def find_symbol(
     known = ", ".join(names) or "none"
     raise DeclarationError(
         f"{what} is one of {known}.",
-        f"Got {shown(name)}. Take a symbol of the system {system.name or repr(system)}.",
+        f"Take a symbol of the system {system.name or repr(system)}.",
+        got=shown(name),
         value=name,
         known=names,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.exports.formats import FORMATS, IMPLICIT
 from gsp.exports.reduced_model import reduced_model
 from gsp.scenes.scene import Scene
@@ -24,5 +24,5 @@ def export(scene: Scene | Study, *, order: int = 1, to: str = "python") -> str:
     """
     study = study_of(scene, verb="export")
     if not isinstance(to, str) or to not in FORMATS:
-        raise DeclarationError(f"to is one of {', '.join(FORMATS)}. Got {shown(to)}.{nearest(to, FORMATS)}")
+        raise DeclarationError(f"to is one of {', '.join(FORMATS)}.", got=shown(to), value=to, known=FORMATS)
     return FORMATS[to](reduced_model(study, order, to=to, implicit=to in IMPLICIT))

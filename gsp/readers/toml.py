@@ -128,9 +128,10 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
         with file.open("rb") as stream:
             data = stream.read(BYTES + 1)
     except FileNotFoundError:
-        # A bare name stands in front of the message already.
-        got = "" if str(file) == file.name else f" Got {str(file)[:200]}."
-        raise ModelFileError(f"there is no such file.{got} Check the path.") from None
+        if str(file) == file.name:
+            # A bare name stands in front of the message already.
+            raise ModelFileError("there is no such file.", "Check the path.") from None
+        raise ModelFileError("there is no such file.", "Check the path.", got=str(file)[:200]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelFileError(f"the file cannot be read ({reason}).", "Check its permissions.") from None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gsp.errors import DeclarationError, nearest
+from gsp.errors import DeclarationError
 from gsp.sweeps.plan import Variable
 from gsp.systems.arguments import shown
 
@@ -69,9 +69,8 @@ def check_options(name: str, options: Mapping[str, object]) -> None:
     known = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
     for option in options:
         if option not in known:
-            has = f"Its options are {', '.join(known)}." if known else "It has none."
-            raise DeclarationError(
-                f"{shown(option)} is no option of {name}. {has}" + nearest(str(option), known)
+            raise DeclarationError.none_of(
+                known, option, f"{shown(option)} is no option of {name}.", "Its options are"
             )
 
 
@@ -109,7 +108,9 @@ def variables_of(
     """
     if not isinstance(record, Mapping) or not record:
         raise DeclarationError(
-            f"a task gives a mapping of names to numbers, one at least. {task} gave {shown(record)}."
+            "a task gives a mapping of names to numbers, one at least.",
+            got=f"{shown(record)} from {task}",
+            value=record,
         )
     verb = verb_of(task) if task in VERBS else None
     labels = {} if verb is None else verb.labels(study, **options)
@@ -117,7 +118,9 @@ def variables_of(
     found = {}
     for name, value in record.items():
         if not isinstance(name, str) or not name.isidentifier():
-            raise DeclarationError(f"a task names what it records with plain words. {task} gave {shown(name)}.")
+            raise DeclarationError(
+                "a task names what it records with plain words.", got=f"{shown(name)} from {task}", value=name
+            )
         if name in codes:
             found[name] = Variable(name, meanings=codes[name])
             continue
@@ -155,7 +158,7 @@ def encoded(record: Record, variable: Variable) -> np.ndarray:
     numbers = as_numbers(name, value)
     if numbers.shape != variable.shape:
         raise DeclarationError(
-            f"a task records the same shape at every point. {name} has the shape {numbers.shape}, and "
-            f"{variable.shape} at the first point."
+            "a task records the same shape at every point.",
+            got=f"the shape {numbers.shape} of {name}, and {variable.shape} at the first point",
         )
     return numbers

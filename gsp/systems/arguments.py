@@ -103,13 +103,13 @@ def check_noun(value: Any, kinds: type | tuple[type, ...], *, verb: str) -> None
     got = shown(value)
     if isinstance(value, type):
         got += ", not an instance of it" if issubclass(value, wanted) else ""
-    raise DeclarationError(f"{verb} takes {listed}. Got {got}.{_remedy(value, names, verb)}")
+    raise DeclarationError(f"{verb} takes {listed}.", _remedy(value, names, verb), got=got, value=value)
 
 
 def _remedy(value: object, wanted: list[str], verb: str) -> str:
     """The verbs that lead from `value` to what is wanted, the fewest; else where such a noun comes from."""
     sources = (_SOURCES.get(name, "") for name in wanted)
-    source = next((f" {text}" for text in sources if text and f"{verb}(" not in text), "")
+    source = next((text for text in sources if text and f"{verb}(" not in text), "")
     if isinstance(value, type) or not type(value).__module__.startswith("gsp."):
         return source
     kinds = [base.__name__ for base in type(value).__mro__]
@@ -118,7 +118,7 @@ def _remedy(value: object, wanted: list[str], verb: str) -> str:
     while ahead:
         here, text = ahead.popleft()
         if here in wanted:
-            return f" Use {verb}({text}, ...)."
+            return f"Use {verb}({text}, ...)."
         for there, step in _STEPS.get(here, {}).items():
             if there not in seen:
                 seen.add(there)

@@ -20,7 +20,7 @@ from llvmlite import ir
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A
 from gsp.lowering.steps.arithmetic import intrinsic
 from gsp.lowering.steps.state_vectors import Parts, StateVectors
-from gsp.lowering.steps.values import SIGNATURE, constant, load, store
+from gsp.lowering.steps.values import SIGNATURE, begin, constant, load, store
 
 # More states take loops: what a step does beside the field then costs no more than the field.
 MOST_STATES = 12
@@ -34,14 +34,6 @@ def write_explicit(n: int) -> str:
     _write_step(module, n)
     _write_between(module, n)
     return str(module)
-
-
-def _begin(module: ir.Module, name: str) -> tuple[Any, list[Any]]:
-    """A builder at the start of a new function, and the function's arguments; its arrays do not overlap."""
-    function = ir.Function(module, SIGNATURE, name)
-    for array in function.args[1:]:
-        array.add_attribute("noalias")
-    return ir.IRBuilder(function.append_basic_block()), list(function.args)
 
 
 class _Stages:
@@ -66,7 +58,7 @@ class _Stages:
 
 
 def _write_step(module: ir.Module, n: int) -> None:
-    builder, (h, block, p, out) = _begin(module, "step")
+    builder, (h, block, p, out) = begin(module, "step")
     field = load(builder, block, 2 * n + 2)
     stages = _Stages(builder, n, field, h, p)
     vectors = stages.vectors
@@ -110,7 +102,7 @@ def _norm(vectors: StateVectors, a: Parts) -> Any:
 
 
 def _write_between(module: ir.Module, n: int) -> None:
-    builder, (h, record, p, out) = _begin(module, "between")
+    builder, (h, record, p, out) = begin(module, "between")
     stages = _Stages(builder, n, load(builder, record, 2 * n + 2), h, p)
     vectors = stages.vectors
     y_new, rate = vectors.load(record), vectors.load(record, n)

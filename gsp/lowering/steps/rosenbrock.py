@@ -21,7 +21,7 @@ from gsp.lowering.steps.arithmetic import RealArithmetic, intrinsic
 from gsp.lowering.steps.flow_code import FlowCode
 from gsp.lowering.steps.state_vectors import StateVectors
 from gsp.lowering.steps.straight_line import factorise, solve
-from gsp.lowering.steps.values import DOUBLE, SIGNATURE, address, load, store
+from gsp.lowering.steps.values import DOUBLE, address, begin, load, store
 
 # With more operations than these in a field and a solution both are called once a stage; else they are written into it,
 # and all is in registers: 75 ns a step of van der Pol's oscillator in place of 135. A ring of 100 neurons gains 5 %.
@@ -46,16 +46,8 @@ def block_size(flow: FlowCode) -> int:
     return 2 * len(flow.states) + len(flow.jacobian)
 
 
-def _begin(module: ir.Module, name: str) -> tuple[Any, list[Any]]:
-    """A builder at the start of a new function, and the function's arguments; its arrays do not overlap."""
-    function = ir.Function(module, SIGNATURE, name)
-    for array in function.args[1:]:
-        array.add_attribute("noalias")
-    return ir.IRBuilder(function.append_basic_block()), list(function.args)
-
-
 def _write_linearise(module: ir.Module, flow: FlowCode) -> ir.Function:
-    builder, (_, z, p, out) = _begin(module, "linearise")
+    builder, (_, z, p, out) = begin(module, "linearise")
     y = [load(builder, z, i) for i in range(len(flow.states))]
     rates, entries = flow.linearisation(builder, y, flow.constants(builder, p))
     for i, value in enumerate((*y, *rates, *entries.values())):
@@ -66,7 +58,7 @@ def _write_linearise(module: ir.Module, flow: FlowCode) -> ir.Function:
 
 def _write_field(module: ir.Module, flow: FlowCode) -> ir.Function:
     """out = the rates at z."""
-    builder, (_, z, p, out) = _begin(module, "field")
+    builder, (_, z, p, out) = begin(module, "field")
     y = [load(builder, z, i) for i in range(len(flow.states))]
     for i, rate in enumerate(flow.field(builder, y, flow.constants(builder, p))):
         store(builder, rate, out, i)
@@ -76,7 +68,7 @@ def _write_field(module: ir.Module, flow: FlowCode) -> ir.Function:
 
 def _write_decompose(module: ir.Module, flow: FlowCode) -> ir.Function:
     """out = factors of t - J for the entries z of J, then 1 if they can be used."""
-    builder, (shift, z, _, out) = _begin(module, "decompose")
+    builder, (shift, z, _, out) = begin(module, "decompose")
     real = RealArithmetic(builder)
     entries = {place: real.negative(load(builder, z, i)) for i, place in enumerate(flow.jacobian)}
     for i in range(len(flow.states)):
@@ -91,7 +83,7 @@ def _write_decompose(module: ir.Module, flow: FlowCode) -> ir.Function:
 
 def _write_solve(module: ir.Module, flow: FlowCode) -> ir.Function:
     """out = the solution for the right-hand side out, with the factors z."""
-    builder, (_, z, _, out) = _begin(module, "solve")
+    builder, (_, z, _, out) = begin(module, "solve")
     factors = {place: load(builder, z, i) for i, place in enumerate(flow.elimination.places)}
     b = [load(builder, out, i) for i in range(len(flow.states))]
     for i, value in enumerate(solve(RealArithmetic(builder), factors, flow.elimination, b)):
@@ -108,7 +100,7 @@ def _write_step(
     decompose: ir.Function,
     solve: ir.Function,
 ) -> None:
-    builder, (h, block, p, out) = _begin(module, "step")
+    builder, (h, block, p, out) = begin(module, "step")
     n, size = len(flow.states), block_size(flow)
     real = RealArithmetic(builder)
     vectors = StateVectors(builder, n)

@@ -111,10 +111,9 @@ def settled_lap(
             if run.status is Status.STEP_TOO_SMALL:
                 how += ". It blows up there, or jumps within the rounding of time, as relaxation oscillations do at an "
                 how += "epsilon of about 1e-14 and below; then raise epsilon"
+            other = "integrate forward" if backward else "backward=True for a repelling cycle"
             raise OrbitError(
-                f"{how}. Got {_shown(last)} after {run.stats.steps} steps. "
-                "Start elsewhere"
-                + (", or integrate forward." if backward else ", or backward=True for a repelling cycle.")
+                f"{how}.", f"Start elsewhere, or {other}.", got=f"{_shown(last)} after {run.stats.steps} steps"
             )
         if progress is not None:
             progress(steps / max_steps)

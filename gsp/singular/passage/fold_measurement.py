@@ -264,11 +264,8 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
         if contraction >= FORGOTTEN * epsilon:
             return z, time, contraction
     if not path:
-        raise PassageError(
-            "no attracting sheet leads to the fold at "
-            + ", ".join(f"{name} = {value:.6g}" for name, value in passage.point.items())
-            + ". Give a start."
-        )
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in passage.point.items())
+        raise PassageError(f"no attracting sheet leads to the fold at {place}.", "Give a start.")
     # The sheet ends before: the start is where it attracts most, away from both of its ends.
     _, z, time, contraction = min(path, key=lambda place: place[0])
     return z, time, contraction
