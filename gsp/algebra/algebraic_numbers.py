@@ -193,9 +193,7 @@ def real_points(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]) -> 
             f"the equations {', '.join(f'{e} = 0' for e in equations)} have solutions that are not isolated "
             f"in {', '.join(map(str, symbols))}."
         )
-    if _more_solutions_than(
-        [polynomial.LM(order="grevlex").exponents for polynomial in basis.polys], SOLUTION_LIMIT
-    ):
+    if _too_many_solutions([polynomial.LM(order="grevlex").exponents for polynomial in basis.polys]):
         return None
     eliminants = [_eliminant(basis.exprs, [*extra, *symbols], s) for s in symbols]
     squarefree = [sp.Mul(*[factor for factor, _ in sp.factor_list(p)[1]]) for p in eliminants]
@@ -207,16 +205,16 @@ def real_points(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]) -> 
     return None
 
 
-def _more_solutions_than(leading: Sequence[tuple[int, ...]], limit: int) -> bool:
-    """Whether more than `limit` monomials are divisible by none of the leading ones of a Groebner basis."""
+def _too_many_solutions(leading: Sequence[tuple[int, ...]]) -> bool:
+    """Whether more than `SOLUTION_LIMIT` monomials are divisible by none of the leading ones of a Groebner basis."""
     size = len(leading[0])
     level = {(0,) * size}
     count = 0
-    while level and count <= limit:
+    while level and count <= SOLUTION_LIMIT:
         level = {m for m in level if not any(all(a <= b for a, b in zip(lead, m)) for lead in leading)}
         count += len(level)
         level = {tuple(e + (i == j) for j, e in enumerate(m)) for m in level for i in range(size)}
-    return count > limit
+    return count > SOLUTION_LIMIT
 
 
 def _forms(symbols: Sequence[sp.Symbol]) -> Iterator[sp.Expr]:

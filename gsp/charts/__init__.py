@@ -16,7 +16,6 @@ from gsp.analysis.attempts import attempt
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
-from gsp.charts.ensembles import spread
 from gsp.charts.explosion import canard_cycles, canard_explosion
 from gsp.charts.failures import failure_map, failures_along, failures_by_tolerance
 from gsp.charts.manifolds import distance, manifold
@@ -25,7 +24,7 @@ from gsp.charts.orbits import convergence, path, phase_portrait, time_series
 from gsp.charts.passage import delayed_exit, fold_passage
 from gsp.charts.proofs import has_boxes, proof
 from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
-from gsp.charts.runs import periodic_orbit, trajectory
+from gsp.charts.runs import periodic_orbit, spread, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, drawn, png, save

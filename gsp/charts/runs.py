@@ -1,4 +1,4 @@
-"""Charts of single runs: the states of a trajectory over time, and a closed orbit over one period."""
+"""Charts of runs: the states of a trajectory over time, a closed orbit over one period, an ensemble's members."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.sampling import dense_run
-from gsp.charts.style import INK, SERIES, chart, legend, mathematics
+from gsp.charts.style import BLUE, INK, SERIES, chart, legend, mathematics
+from gsp.errors import DeclarationError
+from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 
 # Points of a closed orbit, as dense as its mesh.
 POINTS = 1500
 STYLES = ("-", "--", ":", "-.")
+# Members drawn one by one, spread evenly over their indices.
+DRAWN = 24
+# Opaque, so that the legend shows the colours that are seen.
+BANDS = ((5, 95, "#DBEAF4"), (25, 75, "#A8CDE5"))
 
 
 @chart()
@@ -30,6 +36,35 @@ def periodic_orbit(orbit: PeriodicOrbit, axes: Axes) -> None:
     dense = np.interp(phases, np.linspace(0.0, 1.0, len(orbit.phases)), orbit.phases)
     _lines(axes, orbit.period * dense, {s.name: orbit.values(s.name, dense) for s in orbit.flow.states})
     axes.set_xlabel("$t$, over one period")
+
+
+@chart()
+def spread(ensemble: Ensemble, axes: Axes, *, name: str) -> None:
+    """A state or an observable over time: median, the middle half and nine tenths of the members, and some of them.
+
+    At each time the members count that reached it. Raises `DeclarationError` when fewer than two times were reached.
+    """
+    values = ensemble[name]
+    reached = ~np.isnan(values).all(axis=0)
+    t, values = ensemble.t[reached], values[:, reached]
+    if t.size < 2:
+        raise DeclarationError(
+            "a spread over time needs two times or more that a member reached.",
+            "Integrate with at=[...].",
+            got=t.size,
+        )
+    for low, high, colour in BANDS:
+        bottom, top = np.nanpercentile(values, [low, high], axis=0)
+        axes.fill_between(t, bottom, top, color=colour, lw=0, label=f"{low} to {high} %", zorder=1)
+    chosen = np.unique(np.linspace(0, len(ensemble) - 1, DRAWN).round().astype(int))
+    for k, i in enumerate(chosen):
+        label = f"{chosen.size} of {len(ensemble)} members" if k == 0 else None
+        axes.plot(t, values[i], color=INK, lw=0.4, alpha=0.55, label=label, zorder=2)
+    axes.plot(t, np.nanmedian(values, axis=0), color=BLUE, lw=1.8, label="median", zorder=3)
+    axes.set_xlabel("slow time $t$")
+    axes.set_ylabel(mathematics(name))
+    axes.set_xlim(min(t[0], t[-1]), max(t[0], t[-1]))
+    legend(axes, columns=4)
 
 
 def _lines(axes: Axes, t: np.ndarray, states: dict[str, np.ndarray]) -> None:

@@ -191,7 +191,7 @@ def predict(
     series: SeriesManifold,
     starts: Mapping[int, Mapping[str, float]],
     *,
-    flows: Mapping[int, ReducedFlow] | None = None,
+    flows: Mapping[int, ReducedFlow] | None,
     orders: Sequence[int],
     span: Interval,
     epsilon: float,

@@ -6,6 +6,7 @@ Nothing heavy is imported here, so that listing the scenes is quick.
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gsp.errors import GspError, nearest
@@ -73,8 +74,9 @@ def load(name: str) -> Scene:
     >>> load("linear")
     Scene(linear: SlowFastSystem in y, x; epsilon=0.05, span=(0.0, 3.0), tolerance=1e-06)
     """
-    module = importlib.import_module(f"gsp.models.{_entry(name)[0]}")
-    return getattr(module, name)()
+    module, line = _entry(name)
+    scene: Scene = getattr(importlib.import_module(f"gsp.models.{module}"), name)()
+    return replace(scene, name=name, title=line)
 
 
 def mechanical() -> tuple[str, ...]:

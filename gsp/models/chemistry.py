@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
@@ -34,8 +33,6 @@ def michaelis_menten() -> Scene:
         epsilon=0.05,
         epsilons=(0.1, 0.05, 0.025, 0.0125),
         tolerance=1e-6,
-        name="michaelis_menten",
-        title=title("michaelis_menten"),
         source='L. A. Segel and M. Slemrod, "The quasi-steady-state assumption", SIAM Review 31 (1989) 446-477',
         description="An enzyme binds its substrate fast and releases the product slowly.",
     )
@@ -63,8 +60,6 @@ def davis_skodje() -> Scene:
         epsilon=0.1,
         epsilons=(0.2, 0.1, 0.05, 0.025),
         tolerance=1e-6,
-        name="davis_skodje",
-        title=title("davis_skodje"),
         source="M. J. Davis and R. T. Skodje, Journal of Chemical Physics 111 (1999) 859-874",
         description="A test problem for reduction methods: its slow manifold does not move with epsilon.",
     )
@@ -96,8 +91,6 @@ def lindemann() -> Scene:
         epsilon=0.05,
         epsilons=(0.1, 0.05, 0.025, 0.0125),
         tolerance=1e-6,
-        name="lindemann",
-        title=title("lindemann"),
         source=(
             "F. A. Lindemann, Transactions of the Faraday Society 17 (1922) 598-606; M. S. Calder and "
             "D. Siegel, Electronic Journal of Qualitative Theory of Differential Equations 2011, no. 8"
@@ -131,8 +124,6 @@ def koper() -> Scene:
         epsilon=0.01,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
-        name="koper",
-        title=title("koper"),
         source="M. T. M. Koper, Physica D 80 (1995) 72-94; M. Desroches et al., SIAM Review 54 (2012) 211-288",
         description="An electrochemical oscillator, on one attracting sheet of its folded critical manifold.",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
@@ -27,8 +26,6 @@ def linear() -> Scene:
         epsilon=0.05,
         epsilons=(0.1, 0.05, 0.025, 0.0125),
         tolerance=1e-6,
-        name="linear",
-        title=title("linear"),
         source="A. N. Tikhonov, Mat. Sbornik 31 (1952) 575-586, the linear case",
         description="The smallest system with two time scales; every stage has a closed form.",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
@@ -35,8 +34,6 @@ def fitzhugh_nagumo() -> Scene:
         epsilon=0.02,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
-        name="fitzhugh_nagumo",
-        title=title("fitzhugh_nagumo"),
         source=(
             "R. FitzHugh, Biophysical Journal 1 (1961) 445-466; J. Nagumo, S. Arimoto and S. Yoshizawa, "
             "Proceedings of the IRE 50 (1962) 2061-2070"

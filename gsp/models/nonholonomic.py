@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import VectorField
 
@@ -47,8 +46,6 @@ def chaplygin_sleigh() -> Scene:
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
-        name="chaplygin_sleigh",
-        title=title("chaplygin_sleigh"),
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
             "(2015), sections 3-4"

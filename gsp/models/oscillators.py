@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
@@ -35,8 +34,6 @@ def van_der_pol() -> Scene:
         epsilon=0.01,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
-        name="van_der_pol",
-        title=title("van_der_pol"),
         source=(
             "B. van der Pol, Philosophical Magazine 2 (1926) 978-992; M. Krupa and P. Szmolyan, "
             "Journal of Differential Equations 174 (2001) 312-368"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-from gsp.models import title
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 
@@ -37,8 +36,6 @@ def shishkova() -> Scene:
         epsilon=0.05,
         epsilons=(0.1, 0.05, 0.025, 0.0125),
         tolerance=1e-6,
-        name="shishkova",
-        title=title("shishkova"),
         source=(
             "M. A. Shishkova, Soviet Mathematics Doklady 14 (1973) 483-487; A. I. Neishtadt, Differential Equations "
             "23 (1987) 1385-1391"

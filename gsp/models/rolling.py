@@ -7,7 +7,6 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
-from gsp.models import title
 from gsp.scenes.scene import Scene
 
 x, y, phi, theta, psi = sp.symbols("x y phi theta psi")
@@ -56,8 +55,6 @@ def rolling_disc() -> Scene:
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
         path=("x", "y"),
-        name="rolling_disc",
-        title=title("rolling_disc"),
         source=f"{LECTURE}, Example 2.2",
         description=(
             "A vertical disc rolls on a circle for ever. With friction in place of the constraint it slips "
@@ -123,8 +120,6 @@ def rolling_ball() -> Scene:
         epsilons=(0.08, 0.04, 0.02, 0.01),
         tolerance=1e-6,
         path=("x", "y"),
-        name="rolling_ball",
-        title=title("rolling_ball"),
         source=f"{LECTURE}, Example 2.1",
         description=(
             "A ball that is thrown with a spin of its own slips on a curve, then rolls straight. The limit of "
@@ -163,8 +158,6 @@ def ball_on_turntable() -> Scene:
         epsilons=(0.04, 0.02, 0.01, 0.005),
         tolerance=1e-6,
         path=("x", "y"),
-        name="ball_on_turntable",
-        title=title("ball_on_turntable"),
         source="S. Earnshaw, Dynamics (1844); J. A. Burns, American Journal of Physics 49 (1981) 56-58",
         description=(
             "A ball on a turntable moves on a circle at 2/7 of the table's rate. With friction in place of the "
@@ -224,8 +217,6 @@ def falling_disc() -> Scene:
         epsilons=(0.008, 0.004, 0.002, 0.001),
         tolerance=1e-4,
         path=("x", "y"),
-        name="falling_disc",
-        title=title("falling_disc"),
         source="P. Appell, Traité de mécanique rationnelle II (1896); A. M. Bloch (2003), section 1.4",
         description=(
             "A coin rolls, leans, and turns into its lean: it weaves along its path. With friction in place "

@@ -7,7 +7,6 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
-from gsp.models import title
 from gsp.scenes.scene import Scene
 
 x, y, z, phi = sp.symbols("x y z phi")
@@ -51,8 +50,6 @@ def sleigh_from_lagrangian() -> Scene:
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
         path=("x", "y"),
-        name="sleigh_from_lagrangian",
-        title=title("sleigh_from_lagrangian"),
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
             "(2015), equations (10)-(18)"
@@ -97,8 +94,6 @@ def knife_edge() -> Scene:
         epsilons=(0.01, 0.005, 0.0025, 0.00125),
         tolerance=1e-6,
         path=("x", "y"),
-        name="knife_edge",
-        title=title("knife_edge"),
         source="A. M. Bloch, Nonholonomic Mechanics and Control (2003), section 1.6; Neimark and Fufaev (1972)",
         description=(
             "A blade that turns at a constant rate on a slope runs across it between two heights and never gets "
@@ -135,8 +130,6 @@ def nonholonomic_particle() -> Scene:
         epsilons=(0.04, 0.02, 0.01, 0.005),
         tolerance=1e-6,
         path=("x", "z"),
-        name="nonholonomic_particle",
-        title=title("nonholonomic_particle"),
         source="R. M. Rosenberg, Analytical Dynamics (1977); L. Bates and J. Śniatycki (1993)",
         description=(
             "A particle that may move only with ż = y ẋ runs on a catenary; friction against the slip ż - y ẋ in "

@@ -7,7 +7,6 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
-from gsp.models import title
 from gsp.scenes.scene import Scene
 
 
@@ -65,8 +64,6 @@ def car() -> Scene:
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         tolerance=1e-6,
         path=("x", "y"),
-        name="car",
-        title=title("car"),
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015), '
             "section 2; R. M. Murray and S. S. Sastry (1993)"

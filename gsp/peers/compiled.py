@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import sympy as sp
+from numba import cfunc, types
+from numba.np.numpy_support import carray
 
+from gsp.kernels.call import call
 from gsp.peers.forward import Forward
-from gsp.peers.lsoda import lsoda_callback
 from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
 from gsp.peers.translation import Language, translate
 from gsp.systems.flow import Flow
+
+_POINTER = types.CPointer(types.float64)
+_SIGNATURE = types.void(types.float64, _POINTER, _POINTER, _POINTER)
 
 
 @dataclass(frozen=True)
@@ -28,7 +34,7 @@ class NumbalsodaPeer(Peer):
         problem = Forward(flow, p, start, first, grid)
         states, times = np.array(start, dtype=float), problem.times_from_start
         constants = np.array(p, dtype=float)
-        callback = lsoda_callback(problem.field.address, size=len(states), length=len(constants))
+        callback = _lsoda_callback(problem.field.address, size=len(states), length=len(constants))
         pointer, lsoda = callback.address, numbalsoda.lsoda
 
         def solve(rtol: float, atol: float) -> PeerRun:
@@ -43,6 +49,19 @@ class NumbalsodaPeer(Peer):
             return PeerRun(found[1:].T)
 
         return solve
+
+
+def _lsoda_callback(address: int, *, size: int, length: int) -> Any:
+    """The field at `address`, of `size` states and `length` parameters, as LSODA calls it: `f(t, u, du, p)`, pointers all.
+
+    Its own `.address` is good for as long as it lives, and the field with it.
+    """
+
+    @cfunc(_SIGNATURE, error_model="numpy")
+    def rates(t, u, du, p):
+        call(address, t, carray(u, size), carray(p, length), carray(du, size))
+
+    return rates
 
 
 class _Text:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -87,7 +87,6 @@ class Covering:
     tried: int = 0
     interrupted: bool = False
     exhausted: bool = False
-    _volumes: list[float] = field(default_factory=list)
 
     @property
     def pieces(self) -> list[Piece]:

@@ -60,7 +60,7 @@ def solution_steps(
     radius = norm([b - m for b, m in zip(start, point)])
     t = 0.0
     while t < end:
-        taylor = _solution(series, point, ORDER)
+        taylor = _solution(series, point)
         steepest = max(balls.magnitude(c[ORDER - 1]) for c in taylor)
         length = (REST / steepest) ** (1.0 / (ORDER - 1)) if steepest > 0.0 else end
         box = None
@@ -72,7 +72,7 @@ def solution_steps(
             length = 0.5 * length
         if box is None:
             return
-        rest = [c[ORDER] for c in _solution(series, box, ORDER)]
+        rest = [c[ORDER] for c in _solution(series, box)]
         polynomials = tuple((*c[:ORDER], r) for c, r in zip(taylor, rest))
         over = slopes(box)
         growth = (log_norm([over[i * n : (i + 1) * n] for i in range(n)]) * arb(step)).exp()
@@ -125,10 +125,10 @@ def _horner(coefficients: Sequence[arb], at: arb) -> arb:
     return total
 
 
-def _solution(function: SeriesFunction, point: Sequence[arb], order: int) -> list[list[arb]]:
-    """Taylor coefficients (n, order + 1) in time of the solution of x' = `function`(x) through `point`."""
+def _solution(function: SeriesFunction, point: Sequence[arb]) -> list[list[arb]]:
+    """Taylor coefficients (n, ORDER + 1) in time of the solution of x' = `function`(x) through `point`."""
     coefficients = [[p] for p in point]
-    for k in range(order):
+    for k in range(ORDER):
         for c, v in zip(coefficients, function(coefficients, k + 1)):
             c.append(v[k] / (k + 1))
     return coefficients

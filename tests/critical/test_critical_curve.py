@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.critical import continuation
+import gsp
 from gsp.critical.continuation.critical_curve import continue_critical, switch_branch
 from gsp.critical.continuation.curve import REMEDIES
 from gsp.critical.continuation.special_points import SpecialKind
@@ -545,7 +545,7 @@ def test_every_ending_has_a_meaning_and_every_failure_a_remedy(ending: Status) -
 
 
 def test_endings_of_all_computations_are_one_vocabulary_in_four_kinds() -> None:
-    assert continuation.Ending is Status
+    assert gsp.Ending is Status
     kinds = {kind: [ending for ending in Status if ending.kind is kind] for kind in EndKind}
     assert all(kinds.values())
     # What was reached needs no remedy; a fold is knowledge, and a failure never counts as all there is.

@@ -265,6 +265,6 @@ def _described(problem: LayerProblem, u: np.ndarray, kind: SpecialKind, scales: 
     """The point with its coefficients. It is what its test says: no coefficient is compared with a size."""
     if kind is SpecialKind.BOGDANOV_TAKENS:
         phi, psi = fold_vectors(problem, u)
-        return special_point(problem, u, kind, row=0, right=phi, left=psi)
-    point = fold_point(problem, u, row=0, scales=scales, curvature=float("inf"))
+        return special_point(problem, u, kind, right=phi, left=psi)
+    point = fold_point(problem, u, scales=scales, curvature=float("inf"))
     return point

@@ -140,11 +140,11 @@ class _Search:
     def run(self, crossings: dict[int, object], known: tuple[SpecialPoint, ...]) -> None:
         for row, crossing in crossings.items():
             assert isinstance(crossing, Crossing)
-            self.found.append((row, branch_point(self.problem, self.points[row], crossing, row=row)))
+            self.found.append((row, branch_point(self.problem, self.points[row], crossing)))
         for point in known:
             row = int(np.argmin(np.linalg.norm((self.points - point.unknowns) / self.scales, axis=1)))
             crossing = Crossing(point.coefficients.get("discriminant", 0.0), point.directions[::-1])
-            self.found.append((row, branch_point(self.problem, point.unknowns, crossing, row=row)))
+            self.found.append((row, branch_point(self.problem, point.unknowns, crossing)))
         self.crossings = {round(row) for row, _ in self.found}
         self._folds()
         if self.problem.size > 1:
@@ -187,7 +187,7 @@ class _Search:
         if abs(self.tracer.tangent(u, self._chord(a, b))[0]) > VERTICAL:
             if self._is_new(u):
                 place = self._place(a, b, u)
-                self.found.append((place, branch_point(self.problem, u, Crossing(0.0, NONE), row=0)))
+                self.found.append((place, branch_point(self.problem, u, Crossing(0.0, NONE))))
             return
         try:
             system = singular_near(self.problem, identity, u)
@@ -229,7 +229,7 @@ class _Search:
         around = self.points[max(a - AROUND, 0) : b + AROUND + 1]
         scales = self.tracer.scales
         bent = curvature(self.problem, around, scales)
-        point = fold_point(self.problem, u, row=0, scales=scales, curvature=bent)
+        point = fold_point(self.problem, u, scales=scales, curvature=bent)
         self.found.append((self._place(a, b, u), point))
 
     def _pairs(self) -> None:
@@ -254,7 +254,7 @@ class _Search:
             return
         u = polished(tracer, self.problem, bialternate, u)
         tangent = tracer.tangent(u, self._chord(a, b)) * tracer.scales
-        point = pair_point(self.problem, u, tangent, row=0)
+        point = pair_point(self.problem, u, tangent)
         if point is not None and self._is_new(u):
             self.found.append((self._place(a, b, u), point))
 

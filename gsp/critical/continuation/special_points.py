@@ -93,16 +93,15 @@ def special_point(
     u: np.ndarray,
     kind: SpecialKind,
     *,
-    row: int,
     coefficients: Mapping[str, float] | None = None,
     right: np.ndarray = NONE,
     left: np.ndarray = NONE,
     directions: np.ndarray = NONE,
 ) -> SpecialPoint:
-    """A `SpecialPoint` with its names and eigenvalues filled in."""
+    """A `SpecialPoint` with its names and eigenvalues filled in, of row 0 until rows are numbered."""
     values = problem.eigenvalues(u[None, :])[0]
     return SpecialPoint(
-        kind, problem.point(u), row, values, coefficients or {}, right, left, directions, u
+        kind, problem.point(u), 0, values, coefficients or {}, right, left, directions, u
     )  # fmt: skip
 
 
@@ -142,9 +141,7 @@ def fold_vectors(problem: LayerProblem, u: np.ndarray) -> tuple[np.ndarray, np.n
     return null_vectors(problem.jacobian(u)[:, k:])
 
 
-def fold_point(
-    problem: LayerProblem, u: np.ndarray, *, row: int, scales: np.ndarray, curvature: float
-) -> SpecialPoint:
+def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curvature: float) -> SpecialPoint:
     """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve."""
     k, n = len(problem.free), problem.size
     phi, psi = fold_vectors(problem, u)
@@ -152,7 +149,7 @@ def fold_point(
     product = float(psi @ phi)
     double = n > 1 and (values[1] <= 1e-5 * values[-1] or abs(product) < ZERO_EIGENVALUE)
     if double:
-        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, row=row, right=phi, left=psi)
+        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, right=phi, left=psi)
     psi = psi / product
     g_yy = problem.second(u)[:, k:, k:]
     a = quadratic_coefficient(g_yy, phi, psi)
@@ -165,7 +162,7 @@ def fold_point(
         kind = SpecialKind.CUSP
         g_y = problem.jacobian(u)[:, k:]
         coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
-    return special_point(problem, u, kind, row=row, coefficients=coefficients, right=phi, left=psi)
+    return special_point(problem, u, kind, coefficients=coefficients, right=phi, left=psi)
 
 
 def curvature(problem: LayerProblem, points: np.ndarray, scales: np.ndarray) -> float:
@@ -192,7 +189,7 @@ def fold_coefficient(system: Singular, u: np.ndarray) -> float:
 # -- Hopf points -----------------------------------------------------------------------------------
 
 
-def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, row: int) -> SpecialPoint | None:
+def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray) -> SpecialPoint | None:
     """Hopf point, neutral saddle or double zero at u, where two eigenvalues have the sum zero."""
     values = problem.eigenvalues(u[None, :])[0]
     i, j = np.triu_indices(len(values), 1)
@@ -205,15 +202,13 @@ def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, row
         abs(first) <= ZERO_EIGENVALUE * largest
         or (abs(first.imag) + abs(first.real)) ** 2 <= 1e-12 * largest**2
     ):
-        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, row=row)
+        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS)
     if abs(first.imag) <= ZERO_EIGENVALUE * largest:
-        return special_point(problem, u, SpecialKind.NEUTRAL_SADDLE, row=row)
-    return hopf_point(problem, u, tangent, omega=abs(float(first.imag)), row=row)
+        return special_point(problem, u, SpecialKind.NEUTRAL_SADDLE)
+    return hopf_point(problem, u, tangent, omega=abs(float(first.imag)))
 
 
-def hopf_point(
-    problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, omega: float, row: int
-) -> SpecialPoint:
+def hopf_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, omega: float) -> SpecialPoint:
     """The Hopf point at u with its first Lyapunov coefficient (Kuznetsov 2004, (5.62))."""
     k = len(problem.free)
     second = problem.second(u)
@@ -222,7 +217,7 @@ def hopf_point(
     along = np.einsum("ijl,l->ij", second[:, k:, :], tangent / tangent[0])
     crossing = float(np.vdot(p, along @ q).real)
     coefficients = {"omega": omega, "l1": l1, "crossing": crossing}
-    return special_point(problem, u, SpecialKind.HOPF, row=row, coefficients=coefficients, right=q, left=p)
+    return special_point(problem, u, SpecialKind.HOPF, coefficients=coefficients, right=q, left=p)
 
 
 # -- branch points ---------------------------------------------------------------------------------
@@ -321,7 +316,7 @@ class BranchPoints:
         return Crossing(discriminant, np.array([first * np.sign(first @ tangent), second]))
 
 
-def branch_point(problem: LayerProblem, u: np.ndarray, crossing: Crossing, *, row: int) -> SpecialPoint:
+def branch_point(problem: LayerProblem, u: np.ndarray, crossing: Crossing) -> SpecialPoint:
     """The branch point at u, named by how its curves lie over the free variable."""
     kind, coefficients = SpecialKind.BRANCH_POINT, {}
     if len(crossing.directions):
@@ -330,5 +325,5 @@ def branch_point(problem: LayerProblem, u: np.ndarray, crossing: Crossing, *, ro
         if not vertical.all():
             kind = SpecialKind.PITCHFORK if vertical.any() else SpecialKind.TRANSCRITICAL
     return special_point(
-        problem, u, kind, row=row, coefficients=coefficients, directions=crossing.directions
+        problem, u, kind, coefficients=coefficients, directions=crossing.directions
     )  # fmt: skip
