@@ -52,7 +52,7 @@ class NumbalsodaPeer(Peer):
 
 
 def _lsoda_callback(address: int, *, size: int, length: int) -> Any:
-    """The field at `address`, of `size` states and `length` parameters, as LSODA calls it: `f(t, u, du, p)`, pointers all.
+    """The field at `address`, of `size` states and `length` parameters, as LSODA calls it: `f(t, u, du, p)`.
 
     Its own `.address` is good for as long as it lives, and the field with it.
     """
