@@ -14,7 +14,7 @@ from gsp.choice.simulation import simulate
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.trajectory import integrate
 from gsp.scenes.scene import Scene
-from gsp.systems.system import SlowFastSystem
+from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, w, eps = sp.symbols("x y w epsilon")
 
@@ -198,6 +198,15 @@ def test_what_cannot_be_reduced_is_run_in_full() -> None:
     assert [piece.kind for piece in run.pieces] == [ModelKind.FULL]
     assert not run.switches
     assert run.reduced_share == 0
+
+
+def test_a_field_without_a_standard_form_is_run_as_it_was_declared() -> None:
+    oscillator = VectorField({x: (1 + eps) * y, y: -(1 + eps) * x}, epsilon=eps)
+    scene = Scene(oscillator, {"x": (-5, 5)}, {"x": 1, "y": 0}, (0, 2), 0.01, (0.02, 0.01), 1e-5)
+    run = simulate(scene)
+    assert [piece.kind for piece in run.pieces] == [ModelKind.FULL]
+    assert run.names == ("x", "y")
+    assert run.sample([2.0])["x"] == pytest.approx(np.cos([2.02]), abs=1e-5)
 
 
 def test_a_blow_up_ends_the_simulation_with_its_status() -> None:

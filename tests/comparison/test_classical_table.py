@@ -327,11 +327,15 @@ def test_points_on_both_sides_of_a_change_of_stability_have_no_orbit_segments() 
     assert alone.y[0] == pytest.approx(reference.y[1], abs=2 * (reference.error + alone.error))
 
 
-def test_readying_a_method_takes_no_longer_than_the_table() -> None:
+def test_readying_a_method_takes_no_longer_than_the_table_and_its_points_are_in_the_region() -> None:
     begun = time.perf_counter()
-    table = method_table(models.load("michaelis_menten"), epsilons=(0.02, 0.01), refinements=(), iterates=(1,))
+    scene = models.load("michaelis_menten")
+    table = method_table(scene, epsilons=(0.02, 0.01), refinements=(), iterates=(1,))
     elapsed = time.perf_counter() - begun
     assert all(0.0 <= row.preparation < elapsed for row in table.rows if np.isfinite(row.preparation))
+    low, high = scene.region["s"]
+    assert low < table.points.min() < low + 0.1 * (high - low)
+    assert high - 0.1 * (high - low) < table.points.max() < high
 
 
 def test_more_than_three_slow_variables_take_pointwise_methods() -> None:

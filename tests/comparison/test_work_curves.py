@@ -55,7 +55,10 @@ def test_curves_do_not_depend_on_when_the_clock_began():
     length = asked.span[1] - asked.span[0]
     chosen = {"rtols": (1e-6,), "orders": (0, 1), "methods": (Method.RADAU9,), "peers": ()}
     here, later = (work_precision(replace(asked, span=(t, t + length)), **chosen) for t in (0, 7))
-    assert [c.label for c in later.curves] == [c.label for c in here.curves]
+    labels = [c.label for c in here.curves]
+    assert [c.label for c in later.curves] == labels
+    assert Method.RADAU9.value in labels
+    assert Method.RADAU5.value not in labels
     for own, other in zip(here.curves, later.curves):
         assert len(own.points) == len(other.points) > 0
         for one, two in zip(own.points, other.points):
@@ -154,6 +157,8 @@ def test_a_peer_that_fails_has_no_points():
     scene = models.load("michaelis_menten")
     found = work_precision(scene, rtols=RTOLS, orders=(), methods=(), peers=(Failing(),))
     assert found["failing"].points == ()
+    # It is tried at every tolerance, and the last one tells how the ladder ended.
+    assert found["failing"].ended == "did not reach the end at rtol 1e-08"
     assert math.isnan(found["failing"].floor)
 
 

@@ -16,6 +16,7 @@ from gsp import models
 from gsp.errors import ModelFileError
 from gsp.readers import expressions, load
 from gsp.readers.expressions import parse_expression, parse_number
+from gsp.readers.tokens import DIGITS, EXPONENT, NumberError
 from gsp.systems.system import VectorField
 
 SYMBOLS = {name: sp.Symbol(name) for name in ("x", "y", "z", "v", "E", "velocity")}
@@ -127,6 +128,26 @@ VALUES = {
     **{"acosh": lambda z: math.acosh(1 + z), "ln": math.log, "abs": abs, "sign": lambda z: math.copysign(1, z)},
     **{"min": lambda z: min(z, 0.5), "max": lambda z: max(z, 0.5)},
 }
+
+
+def test_a_number_is_exact_up_to_its_limits_of_digits_and_exponent() -> None:
+    assert parse_number("12.5e-3") == sp.Rational(1, 80)
+    assert parse_number("12.5e+3") == parse_number("12.5E3") == 12500
+    assert parse_number(".5") == sp.Rational(1, 2)
+    assert parse_number("7." + "1" * (DIGITS - 1)) * 10 ** (DIGITS - 1) == int("7" + "1" * (DIGITS - 1))
+    with pytest.raises(NumberError, match=f"a number has {DIGITS + 1} digits; {DIGITS} are allowed"):
+        parse_number("7." + "1" * DIGITS)
+    for sign in ("", "-"):
+        assert parse_number(f"1e{sign}{EXPONENT}") == sp.Integer(10) ** int(f"{sign}{EXPONENT}")
+        with pytest.raises(NumberError, match=f"beyond {EXPONENT}"):
+            parse_number(f"1e{sign}{EXPONENT + 1}")
+
+
+def test_a_sum_of_constants_that_nearly_cancels_is_kept_and_one_that_does_is_refused() -> None:
+    near = parse("x + sqrt(2) - 1.4142135623730950488016")
+    assert 8e-23 < float((near - sp.Symbol("x")).evalf(30)) < 9e-23
+    with pytest.raises(ModelFileError, match="a sum of constants cancels up to rounding"):
+        parse("x + sqrt(2) - 1.41421356237309504880168872420969807857")
 
 
 @pytest.mark.parametrize("name", expressions.FUNCTIONS)
