@@ -11,7 +11,7 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
-from gsp.hyperbolicity.exclusion import Exclusion
+from gsp.hyperbolicity.exclusion import ASIDE, Exclusion
 from gsp.hyperbolicity.losses.ends import ends_on_grid, sheet_ends
 from gsp.hyperbolicity.losses.examination import Examination, examine
 from gsp.hyperbolicity.losses.kinds import Loss
@@ -20,6 +20,8 @@ from gsp.hyperbolicity.losses.whole_branch import singular_points
 from gsp.systems.flow import LARGEST
 from gsp.systems.region import Interval
 
+# How far values on both sides of a removable zero may differ, relative to 1 + their size; towards a pole they double.
+SMOOTH = 1e-3
 # The least gap is refined to about this share of it.
 REFINED_TO = 1e-6
 
@@ -52,9 +54,37 @@ class Samples:
         )
 
 
+def off_removable_zeros(sampler: Sampler, x: np.ndarray, box: Mapping[str, Interval]) -> np.ndarray:
+    """The slow points `x` (m, n), those at which a formula is 0/0 though it goes on smoothly moved aside by `ASIDE`.
+
+    Rates of gates such as v/(1 - exp(-v)) are written so; grids hit such places.
+    """
+    if not sampler.branch.is_explicit:
+        return x
+
+    def values(at: np.ndarray) -> np.ndarray:
+        y, _ = sampler.over(at, None)
+        return np.hstack([y, sampler.rates(np.hstack([at, y]))])
+
+    lost = np.flatnonzero(~np.isfinite(values(x)).all(axis=1))
+    if not len(lost):
+        return x
+    low, high = np.array([box[s.name] for s in sampler.system.x]).T
+    inward = np.where(x[lost] < (low + high) / 2, 1.0, -1.0) * ASIDE * (high - low)
+    moved, further, across = (x[lost] + k * inward for k in (1, 2, -1))
+    here = values(moved)
+    room = SMOOTH * (1.0 + np.abs(here))
+    smooth = (np.abs(values(further) - here) <= room).all(axis=1)
+    outside = ((across < low) | (across > high)).any(axis=1)
+    smooth &= outside | (np.abs(values(across) - here) <= room).all(axis=1)
+    result = x.copy()
+    result[lost[smooth]] = moved[smooth]
+    return result
+
+
 def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     branch = sampler.branch
-    x = sampler.grid(box)
+    x = off_removable_zeros(sampler, sampler.grid(box), box)
     z, rows = points_of(sampler, x, box)
     missing = len(x) - len(np.unique(rows))
     ends = ends_on_grid(z, rows, x) if missing else []

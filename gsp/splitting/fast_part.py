@@ -122,7 +122,8 @@ def _equilibrium(start: np.ndarray, compiled, p: np.ndarray) -> tuple[np.ndarray
         if not np.isfinite(step).all():
             return z, False
         length = np.linalg.norm(step)
-        z = z - step * min(1.0, (1.0 + np.linalg.norm(z)) / max(length, 1e-300))
+        longest = 1.0 + np.linalg.norm(z)
+        z = z - (step * (longest / length) if length > longest else step)
         if length < SEARCH_TOLERANCE * (1 + np.linalg.norm(z)):
             residual = np.linalg.norm(compiled[0](z, p))
             return z, bool(residual < 1e-8 and np.linalg.norm(z) < 1e6)

@@ -196,6 +196,25 @@ def test_a_removable_zero_of_a_denominator_is_no_pole() -> None:
     assert verdict.losses == ()
 
 
+def test_a_branch_that_goes_on_where_its_formula_is_no_number_has_no_pole_there() -> None:
+    # The rates of a gate, which are 0/0 at x = -40, a point of the grid, and smooth.
+    opening = (x + 40) / 10 / (1 - sp.exp(-(x + 40) / 10))
+    gate = opening * (1 - y) - 4 * sp.exp(-(x + 65) / 18) * y
+    for region in ((-80, 0), (-40, 0), (-80, -40)):
+        verdict = judge(gate, {"x": region})
+        assert verdict.kind is Kind.ATTRACTING, region
+        assert verdict.losses == ()
+        assert condition(verdict, "graph").holds
+    # Beside it poles are found, simple and double, and the end of a root is no removable point.
+    for height in (1 / (x + 40), 1 / (x + 40) ** 2, 1 / sp.Abs(x + 40) ** sp.Rational(1, 2)):
+        verdict = judge(height + opening - y, {"x": (-80, 0)})
+        assert verdict.kind is Kind.LOST
+        assert {round(loss.point["x"], 6) for loss in verdict.losses if loss.is_pole} == {-40.0}
+    rooted = judge(sp.sqrt(x + 40) * opening - y, {"x": (-80, 0)})
+    assert rooted.kind is Kind.LOST
+    assert not condition(rooted, "graph").holds
+
+
 def test_a_loss_too_thin_for_the_samples_is_found() -> None:
     third = sp.Rational(1, 3)
     verdict = judge(-y * ((x - third) ** 2 - sp.Rational(1, 10**6)))

@@ -374,3 +374,10 @@ def test_what_drifts_by_epsilon_alone_does_not_move_at_leading_order() -> None:
 def test_only_factors_that_may_vanish_are_named() -> None:
     determinant = -3 * x**2 * sp.exp(y) * (1 + x) * sp.Pow(k, -3)
     assert set(_vanishing_factors(determinant)) == {x, 1 + x, k}
+
+
+def test_the_search_for_an_equilibrium_far_away_overflows_nothing() -> None:
+    # Goldbeter's kinase: Newton's method leaves for large y, where steps get small.
+    rate = 3 * x / (x + 1) * (1 - y) / (a + 1 - y) - 3 * y / (2 * (a + y))
+    with np.errstate(over="raise"):
+        split(field({x: -x, y: rate / eps, z: y - z}, a=0.005))

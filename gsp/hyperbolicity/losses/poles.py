@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import sympy as sp
@@ -18,6 +18,8 @@ from gsp.systems.region import Interval
 # their quotient.
 NEAR_POLE = (1e-4, 1e-7)
 GROWN = 100.0
+# The same of the branch's heights, which may go to infinity as slowly as 1/|x|^(1/3), by a factor of 10.
+HIGHER = 5.0
 # With many fast variables: how many samples further the tangent may put a zero. Before a simple zero it is one, before
 # one at which the sheet folds two.
 REACH = 2.0
@@ -49,6 +51,10 @@ def poles(
     ]
     if not sought:
         return
+
+    def heights(x: np.ndarray) -> np.ndarray:
+        return sampler.over(x, None)[0]
+
     followed = _next_to_zeros if sampler.is_large else _nearest
     divisors = [divisor for _, divisor in sought]
     for (crossing, divisor), samples in zip(sought, followed(sampler, divisors, z, starts, box, notes)):
@@ -67,7 +73,12 @@ def poles(
                 continue
             # The fast coordinates at a pole of the branch mean nothing; those of the sample show the side.
             place = np.concatenate([found, sample[nx:]]) if free else found
-            if crossing is Contact.BRANCH_POLE or _is_pole(sampler, place):
+            grows = (
+                _is_pole(heights, place[:nx], HIGHER)
+                if crossing is Contact.BRANCH_POLE
+                else _is_pole(sampler.rates, place, GROWN)
+            )
+            if grows:
                 yield place, crossing, free
 
 
@@ -133,11 +144,11 @@ def _next_to_zeros(
     return [z[row] for row in chosen.T]
 
 
-def _is_pole(sampler: Sampler, z: np.ndarray) -> bool:
-    """Whether the field grows without bound towards `z`, rather than having a removable zero of a denominator."""
+def _is_pole(values: Callable[[np.ndarray], np.ndarray], z: np.ndarray, grown: float) -> bool:
+    """Whether `values` (m, k) at (m, n) grow without bound towards `z`, where a denominator vanishes."""
     directions = np.random.default_rng(0).standard_normal((2 * len(z) + 2, len(z))) * (1.0 + np.abs(z))
-    far, near = (np.abs(sampler.rates(z + distance * directions)).max(axis=1) for distance in NEAR_POLE)
-    return bool(not np.isfinite(near).all() or (near > GROWN * far).any())
+    far, near = (np.abs(values(z + distance * directions)).max(axis=1) for distance in NEAR_POLE)
+    return bool(not np.isfinite(near).all() or (near > grown * far).any())
 
 
 def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
