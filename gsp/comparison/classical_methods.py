@@ -19,7 +19,6 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.critical.branch import Branch
-from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
@@ -32,7 +31,7 @@ CONVERGED = 4e-16
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
 # resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
 # Coefficients below NOISE, relative to the largest value, are dropped before differentiating.
-LARGEST_DIMENSION, FIRST, RESOLVED, LOSS, MOST_POINTS = 3, 9, 1e-13, 100.0, 20_000
+FIRST, RESOLVED, LOSS, MOST_POINTS = 9, 1e-13, 100.0, 20_000
 NOISE = 2e-15
 
 
@@ -158,29 +157,14 @@ def csp(branch: Branch, x: np.ndarray, *, epsilon: float, refinements: int) -> P
     return _solved(model, x, branch.points(x), slope)
 
 
-def fraser_roussel(branch: Branch, x: np.ndarray, *, epsilon: float, iterates: int) -> Points:
+@dataclass(frozen=True, eq=False)
+class FraserRoussel:
     """Functional iteration of the invariance equation: g(x, h_(k+1), epsilon) = epsilon Dh_k f(x, h_(k+1), epsilon).
 
     S. J. Fraser, Journal of Chemical Physics 88 (1988) 4732-4738; M. R. Roussel and S. J. Fraser, ibid. 93 (1990)
     1072-1081. From h_0 on M0 the k-th iterate is in error by O(epsilon^(k+1)) (Kaper and Kaper 2002). Derivatives are
-    those of Chebyshev interpolants on the box that contains the points, of one to three slow variables.
-    """
-    if x.shape[1] > LARGEST_DIMENSION:
-        raise DeclarationError(
-            "fraser_roussel takes one to three slow variables.",
-            "Use csp or the zero-derivative principle.",
-            got=f"{x.shape[1]}: {', '.join(s.name for s in branch.system.x)}",
-        )
-    if iterates == 0:
-        return quasi_steady_state(branch, x)
-    found = FraserRoussel.over(branch, x, epsilon=epsilon, iterates=iterates)
-    points = found.points(x, iterates)
-    return Points(points.y, points.evaluations + found.evaluations / len(x))
-
-
-@dataclass(frozen=True, eq=False)
-class FraserRoussel:
-    """The iterates h_0 to h_(k-1) at one epsilon as `surfaces` on one grid over a box: what no single point needs.
+    those of Chebyshev interpolants, so that the iterates h_0 to h_(k-1) at one epsilon are `surfaces` on one grid over
+    a box, of one to three slow variables.
 
     `evaluations` of the model were spent on them; `resolved` says whether `MOST_POINTS` points were enough.
     """

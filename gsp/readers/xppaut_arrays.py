@@ -16,7 +16,6 @@ from gsp.errors import ModelFileError
 # The most members of an array, and the most lines and characters of a file written out.
 MEMBERS, LINES, WRITTEN = 2000, 20_000, 1_000_000
 
-_WORD = r"[a-z][a-z0-9_]*"
 _RANGE = re.compile(r"\[\s*(-?[0-9]{1,6})\s*\.{2,3}\s*(-?[0-9]{1,6})\s*\]")
 _INDEX = re.compile(r"(?<!int)\[([^][]*)\]")
 _PLACE = re.compile(r"j(?:([-+*])([0-9]{1,6}))?")
