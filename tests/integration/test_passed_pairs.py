@@ -53,6 +53,18 @@ def test_events_beyond_the_pair_are_none(ring) -> None:
     )
 
 
+def test_events_of_the_last_step_before_the_pair_are_kept(ring) -> None:
+    options = {"start": {"s": -2.0}, "span": (0.0, 3.0), "epsilon": 0.01}
+    t = integrate(ring, **options).t
+    places = {"inside": (t[-2] + t[-1]) / 2, "first step": (t[0] + t[1]) / 2, "behind": t[-1] + 1e-6}
+    events = [Event(s - sp.Rational(float(time) - 2.0), name=name) for name, time in places.items()]
+    run = integrate(ring, events=events, **options)
+    assert run.status is Status.HYPERBOLICITY_LOST
+    assert run.events["inside"].times == pytest.approx([places["inside"]], abs=1e-9)
+    assert run.events["first step"].times == pytest.approx([places["first step"]], abs=1e-9)
+    assert run.events["behind"].times.size == 0
+
+
 def test_a_member_ends_as_its_run_alone(ring) -> None:
     found = integrate_many(ring, starts={"s": np.array([-2.0, -4.0])}, span=(0.0, 2.0), epsilon=0.01)
     alone = [integrate(ring, start={"s": a}, span=(0.0, 2.0), epsilon=0.01) for a in (-2.0, -4.0)]

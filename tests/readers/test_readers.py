@@ -17,6 +17,7 @@ from gsp.errors import ModelFileError
 from gsp.readers import expressions, load
 from gsp.readers.expressions import parse_expression, parse_number
 from gsp.readers.tokens import DIGITS, EXPONENT, NumberError
+from gsp.readers.toml import parsed
 from gsp.systems.system import VectorField
 
 SYMBOLS = {name: sp.Symbol(name) for name in ("x", "y", "z", "v", "E", "velocity")}
@@ -134,6 +135,9 @@ def test_a_number_is_exact_up_to_its_limits_of_digits_and_exponent() -> None:
     assert parse_number("12.5e-3") == sp.Rational(1, 80)
     assert parse_number("12.5e+3") == parse_number("12.5E3") == 12500
     assert parse_number(".5") == sp.Rational(1, 2)
+    for text in (".", "", "x", "1e", "-1", "1.5.2"):
+        with pytest.raises(NumberError, match="is no decimal number"):
+            parse_number(text)
     assert parse_number("7." + "1" * (DIGITS - 1)) * 10 ** (DIGITS - 1) == int("7" + "1" * (DIGITS - 1))
     with pytest.raises(NumberError, match=f"a number has {DIGITS + 1} digits; {DIGITS} are allowed"):
         parse_number("7." + "1" * DIGITS)
@@ -586,6 +590,27 @@ def test_decimals_and_dots_of_comments_are_no_dotted_key(tmp_path: Path) -> None
     s, c = sp.symbols("s c")
     total = sum(sp.Rational(f"0.{k + 1}") for k in range(60))
     assert scene.system.fast[c].coeff(s, 1).coeff(c, 1) == -total
+
+
+def test_dots_are_counted_in_keys_only_and_in_all_of_them() -> None:
+    assert len(parsed("a = [" + ", ".join(["0.5"] * 50) + "]")["a"]) == 50
+    assert parsed("a = '" + "." * 50 + "'\nb = \"" + "." * 50 + '"  # ' + "." * 50)["a"] == "." * 50
+    # What looks like a string in the second line of each stands between two strings.
+    for quote in ('"', "'"):
+        with pytest.raises(ModelFileError, match="line 2 has more than 40 dots in a row of words"):
+            parsed(f"a = {{b = {3 * quote}x\n{3 * quote}, {'c.' * 50}c = {quote}y{quote}}}")
+
+
+@pytest.mark.parametrize("before", [0, 5, 39, 40, 41, 200])
+@pytest.mark.parametrize("behind", [0, 100])
+def test_the_caret_stands_under_the_place(before: int, behind: int) -> None:
+    text = "x+" * (before // 2) + " " * (before % 2) + "?" + "+x" * (behind // 2)
+    with pytest.raises(ModelFileError, match=f"at character {before + 1}") as caught:
+        parse(text)
+    *_, excerpt, caret = str(caught.value).splitlines()
+    assert excerpt[caret.index("^")] == "?"
+    assert excerpt.count("?") == caret.count("^") == 1
+    assert len(excerpt) < 80
 
 
 @given(st.text(max_size=80))

@@ -16,7 +16,7 @@ from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.study import study
-from gsp.slow import orbit_segments, slow_track
+from gsp.slow import orbit_segments, slow_track, solved_manifold
 from gsp.slow.chebyshev import interpolate, nodes
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
@@ -574,3 +574,26 @@ def test_a_step_of_the_slow_flow_is_exact_to_the_fourth_order():
         errors.append(abs(end[0, 0] - 1 / (1 + h)))
     assert errors[1] < 1e-9
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5, abs=0.4)
+
+
+def test_a_finished_surface_is_checked_all_over_its_region_and_serves_nowhere_else(monkeypatch):
+    looked = []
+
+    def defect(branch, surface, value, points):
+        looked.append(points)
+        return solved_manifold_defect(branch, surface, value, points)
+
+    solved_manifold_defect = solved_manifold.defect_of
+    monkeypatch.setattr(solved_manifold, "defect_of", defect)
+    system = SlowFastSystem(slow={x: -x, z: -z}, fast={y: x * z - y}, epsilon=epsilon)
+    found = solve_manifold(branch_of(system), region={"x": (-1, 1), "z": (100, 101)}, epsilon=0.01)
+    (points,) = looked
+    for column, (low, high) in zip(points.T, ((-1, 1), (100, 101))):
+        assert low <= column.min() < low + 0.2 * (high - low)
+        assert high - 0.2 * (high - low) < column.max() <= high
+    # Rounding is let in, on the scale of the width.
+    for point in ((1 + 1e-12, 100.5), (-1 - 1e-12, 100.5), (0, 101 + 5e-13), (0, 100 - 5e-13)):
+        assert found.evaluate(point)[0] == pytest.approx(point[0] * point[1] / 1.0 / (1 - 2 * 0.01), rel=1e-9)
+    for point in ((1 + 1e-11, 100.5), (-1 - 1e-11, 100.5), (0, 101 + 1e-11), (0, 100 - 1e-11)):
+        with pytest.raises(GspError, match=r"the manifold covers [xz] in \["):
+            found.evaluate(point)
