@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import hashlib
 import re
+from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cache
 
@@ -18,6 +20,8 @@ Engine = llvm.ExecutionEngine
 # tenth of a second, in one of 10,000 two seconds and a half, of which 0.1 s is left; what was selected so takes up to
 # three times as long to run: a few microseconds of a field, and twice the time of every step.
 LONGEST_SCHEDULED = 4000
+# Bytes of object files that are kept to be linked again; that of a small function has one kilobyte.
+MOST_KEPT = 2**24
 
 
 def processor() -> tuple[str, str]:
@@ -40,6 +44,31 @@ def effort(text: str) -> int:
     return 1 if max(block.count("\n") for block in blocks) <= LONGEST_SCHEDULED else 0
 
 
+class ObjectFiles:
+    """Object files by what they were made of: those last used, `MOST_KEPT` bytes of them."""
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[bytes, bytes] = OrderedDict()
+        self._size = 0
+
+    def get(self, key: bytes) -> bytes | None:
+        """The file of `key`, if it is still there."""
+        found = self._known.get(key)
+        if found is not None:
+            self._known.move_to_end(key)
+        return found
+
+    def keep(self, key: bytes, file: bytes) -> None:
+        """Keep a file that is not there."""
+        self._known[key] = file
+        self._size += len(file)
+        while self._size > MOST_KEPT:
+            self._size -= len(self._known.popitem(last=False)[1])
+
+
+_files = ObjectFiles()
+
+
 @global_compiler_lock
 def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engine:
     """Machine code of an IR module that may call the functions of the C library named in `library`.
@@ -48,6 +77,7 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
     long code in a twentieth;
     `optimised` is for code with calls and scratch arrays to be taken out.
     Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
+    What was built of the same text before is only linked, in a fifth of the time of a small function.
     """
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
@@ -56,25 +86,38 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
             # Where libm is not among the process's global symbols the linker must be told.
             function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), symbol)
             llvm.add_symbol(symbol, ctypes.cast(function, ctypes.c_void_p).value)
+    name, features = processor()
+    level = 2 if optimised else effort(text)
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        opt=level, cpu=name, features=features, jit=True, codemodel="jitdefault"
+    )
+    key = hashlib.sha256("\0".join((name, features, str(level), text)).encode()).digest()
+    file = _files.get(key)
+    if file is None:
+        file = emit(text, machine, optimised)
+        _files.keep(key, file)
+    # An engine begins with a module, here an empty one that it need not compile; it copies the object file.
+    empty = llvm.parse_assembly("", context=llvm.create_context())
+    engine = llvm.create_mcjit_compiler(empty, machine)
+    engine.remove_module(empty)
+    empty.close()
+    engine.add_object_file(llvm.ObjectFileRef.from_data(file))
+    engine.finalize_object()
+    return engine
+
+
+def emit(text: str, machine: llvm.TargetMachine, optimised: bool) -> bytes:
+    """The object file of a module."""
     # In a context of its own: what is unique to a module stays in LLVM's global one for ever.
     module = llvm.parse_assembly(text, context=llvm.create_context())
-    module.triple = llvm.get_process_triple()
-    module.verify()
-    name, features = processor()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        opt=2 if optimised else effort(text),
-        cpu=name,
-        features=features,
-        jit=True,
-        codemodel="jitdefault",
-    )
-    if optimised:
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
-        builder = llvm.create_pass_builder(machine, options)
-        builder.getModulePassManager().run(module, builder)
-    engine = llvm.create_mcjit_compiler(module, machine)
-    engine.finalize_object()
-    # The machine code stands; the intermediate code is as large and is needed no more.
-    engine.remove_module(module)
-    module.close()
-    return engine
+    try:
+        module.triple = llvm.get_process_triple()
+        module.verify()
+        if optimised:
+            options = llvm.create_pipeline_tuning_options(speed_level=2)
+            builder = llvm.create_pass_builder(machine, options)
+            builder.getModulePassManager().run(module, builder)
+        module.data_layout = str(machine.target_data)
+        return machine.emit_object(module)
+    finally:
+        module.close()
