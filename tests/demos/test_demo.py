@@ -373,6 +373,25 @@ def test_a_relaxation_oscillator_is_reduced_between_its_jumps(opened) -> None:
     assert "order 0 ends at t = 0.80" in page.run("return document.getElementById('notes').innerText")
 
 
+def test_a_reduced_run_is_drawn_until_its_series_falls_no_more(opened) -> None:
+    page = opened("van_der_pol", fragment="#orders=0.1&epsilon=0.02&s.x=2.6&s.y=0.3&end=0.6")
+    runs = page.run(
+        "const x = model.quantities.indexOf('x');"
+        "return current.curves.reduced.map((run) => [run.order, run.isWhole, run.within, Array.from(run.q[x])])"
+    )
+    (_, zeroth_is_whole, *_), (_, first_is_whole, until, x) = runs
+    assert zeroth_is_whole
+    assert not first_is_whole
+    # Towards the fold at x = 1 the first correction grows, and would take the picture to x = 3.
+    drawn = [value for value in x if value is not None]
+    assert 1.0 < drawn[-1] < 1.5
+    assert max(drawn) < 2.0
+    page.measured()
+    assert f"order 1 is drawn until t = {until:.4g}"[:-2] in page.run(
+        "return document.getElementById('notes').innerText"
+    )
+
+
 def test_a_page_says_what_cannot_be_computed(opened) -> None:
     def notes(page) -> str:
         return page.run("return document.getElementById('notes').innerText")

@@ -78,6 +78,10 @@ function notes() {
       found.push(`The reduced run of order ${run.order} ends at t = ${time(where)}: ${ENDINGS[run.status] ?? run.status}.`);
     }
   }
+  for (const drawn of current.curves.reduced) {
+    if (drawn.piece > 0 || drawn.isWhole || Number.isNaN(drawn.within)) continue;
+    found.push(`The reduced run of order ${drawn.order} is drawn until t = ${time(drawn.within)}: after that the terms of its series fall no more.`);
+  }
   if (result.cut && result.pieces.length > 1) {
     found.push(`Reduced runs are drawn on the first ${result.pieces.length} slow pieces of this run only: their steps were used up.`);
   }

@@ -357,6 +357,8 @@ function makeModel(data, program) {
         near.set(nearest(part, t));
         return lift(state, out);
       },
+      // Whether the series through the run's order is within its reach at the time last asked for.
+      isWithinReach: () => order === 0 || bestOrder(c, s).reached[order],
     };
 
     function nearest(part, t) {

@@ -38,12 +38,19 @@ function sampleAll(model, result, s, stepped = null) {
   const p = model.constants(s);
   const full = sampleRun(model, result.full, p, (t, z) => stateAt(result.full, t, z) !== null);
   const reduced = [];
-  for (const piece of result.pieces) {
-    for (const run of piece.runs) {
+  for (const [piece, { runs }] of result.pieces.entries()) {
+    for (const run of runs) {
       if (run.status === "no sheet") continue;
       const count = Math.ceil(DRAWN / 3 / result.pieces.length) + 20;
       const times = Array.from({ length: count + 1 }, (_, i) => run.first + ((run.ended - run.first) * i) / count);
-      reduced.push({ order: run.order, ...sampleAt(model, times, p, (t, z) => run.at(t, z)) });
+      // The last time before the series no longer falls, from where on the run is not drawn.
+      let within = NaN;
+      const sampled = sampleAt(model, times, p, (t, z) => {
+        const drawn = run.at(t, z) && run.isWithinReach();
+        if (drawn) within = t;
+        return drawn;
+      });
+      reduced.push({ order: run.order, piece, within, isWhole: within === times[count], ...sampled });
     }
   }
   const rivals = result.rivals.map(({ name, places, run }) => {
