@@ -13,6 +13,7 @@ from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
 from gsp.orbits.canard_orbits.following import FamilyEnd
 from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError
+from tests.cases import sampled
 
 x, z, y, epsilon = sp.symbols("x z y epsilon")
 # Desroches, Krauskopf and Osinga 2008, and AUTO's demo fnc: v is fast there, and time is fast time.
@@ -108,7 +109,7 @@ def test_the_normal_form_has_its_canards_as_the_theory_counts_them(mu: str, seco
         assert found["gamma_w"].point["x"] == pytest.approx(0.005 * float(sp.Rational(mu)), abs=1e-10)
 
 
-@pytest.mark.parametrize("mu", ["1/2", "7/10", "9/10", "99/100", "2"])
+@pytest.mark.parametrize("mu", sampled(["1/2", "7/10", "9/10", "99/100", "2"], always=["1/2", "7/10", "2"]))
 def test_two_canards_where_the_weak_direction_is_not_much_weaker(mu: str) -> None:
     # With mu = 2 in the equations the node has mu = 1/2, and the two parabolas change places.
     strong, weak = max(sp.Rational(mu), sp.Integer(1)), min(sp.Rational(mu), sp.Integer(1))

@@ -16,6 +16,7 @@ from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import interval_errors
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.settling import OrbitError
+from tests.cases import sampled
 
 x, y, z, eps = sp.symbols("x y z epsilon")
 # The unit circle, run through unevenly: theta' = 1 + cos(theta)/2, and r = 1 + rho with rho' = -2 rho to first order.
@@ -344,7 +345,7 @@ def moved(rates, start, seed: int):
     return flow, dict(zip((s.name for s in new), map(float, M @ np.array(start, dtype=float) + c)))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", sampled([0, 1, 2], always=[1]))
 @pytest.mark.parametrize("name", CONSERVATIVE)
 def test_orbits_of_conservative_flows_are_not_isolated_in_any_coordinates(name: str, seed: int) -> None:
     flow, start = moved(*CONSERVATIVE[name], seed)

@@ -18,6 +18,7 @@ from gsp.proofs.programs import Program, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
 from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
+from tests.cases import sampled
 from tests.proof_files import changed, counted_products, number, written
 from tests.slow_tubes.test_slow_tubes import (
     HALF_LINE,
@@ -72,7 +73,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", sampled(CASES, always=set(CASES) - {"largest epsilon"}))
 def test_what_was_proved_is_accepted(name: str, tmp_path: Path) -> None:
     make, region, value = CASES[name]
     tube = certify(make(), region=region, epsilon=value)
