@@ -65,9 +65,11 @@ def _land(
     """Replace the rows of `out` (m, n) that are in doubt by landing on their times `grid` (m,); what that costs."""
     program, constants = solver.program(compiled), np.array(p, float)
     doubts, counters = np.empty(len(grid), np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    linear = None if solver.check == kernels.CHECKS_EXPLICIT else program
     if kernels.doubt_grid(
-        solver.check, program, constants, rtol, atol, times, states, dense, grid, 0, len(grid), doubts, counters
-    ):
+        solver.check, program, linear, constants, rtol, atol, times, states, dense, grid, 0, len(grid), doubts,
+        counters,
+    ):  # fmt: skip
         n = states.shape[1]
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n)))
         memory = np.zeros(solver.memory_size(n))

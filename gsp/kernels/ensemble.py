@@ -37,8 +37,9 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
     reached, looks = read_grid(check, rtol, atol, ends, states[: new + 1], dense, grid, before, kept)
     doubts = np.empty(grid.shape[0] if looks else 0, np.int64)
     if looks and doubt_grid(
-        check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts, counters
-    ):
+        check, program, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts,
+        counters,
+    ):  # fmt: skip
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
         land(
             program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],

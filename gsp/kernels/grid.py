@@ -143,21 +143,22 @@ def _decompose(program, pattern, t, y, p, step, pivots):
 
 
 @kernel
-def _is_good(field, pattern, p, t, step, value, slope, solves, factors, pivots, defect, rtol, atol):
-    """Whether the error of the dense output at a time looks smaller than the tolerance."""
+def _find_defect(field, p, t, step, value, slope, defect):
+    """Fill `defect` (n,) with f(u) - u' of the dense output u at a time."""
     call(field, t, value, p, defect)
     inverse = 1.0 / step
     for i in range(value.shape[0]):
         defect[i] -= slope[i] * inverse
-    if solves:
-        solve_shifted(pattern, factors, pivots, defect)
-    else:
-        for i in range(value.shape[0]):
-            defect[i] *= step / RATE
+
+
+@kernel
+def _is_good(solved, step, value, defect, rtol, atol):
+    """Whether an error looks smaller than the tolerance: `defect` itself where it was solved for, else its share."""
+    share = 1.0 if solved else step / RATE
     bad = 0
     for i in range(value.shape[0]):
         # Written so that what is not a number is bad.
-        bad += 0 if abs(defect[i]) <= atol + rtol * abs(value[i]) else 1
+        bad += 0 if abs(defect[i] * share) <= atol + rtol * abs(value[i]) else 1
     return bad == 0
 
 
@@ -198,20 +199,24 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
 
 
 @kernel
-def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters):
+def doubt_grid(
+    check, program, linear, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters
+):
     """Fill `doubts` (m,), `begun` to `reached` - 1, with the step of a time where the error looks too large, or READ.
 
     In a step with many times that is told from a few places. `check` is not TRUSTS; the rest is as `read_grid` takes
-    it. Returns how many of the grid are in doubt.
+    it. `linear` is `program` again, or None where `check` is CHECKS_EXPLICIT: then no linear algebra is compiled, which
+    takes as long as all else here. Returns how many of the grid are in doubt.
     """
     n = states.shape[1]
     sign = 1.0 if times[-1] >= times[0] else -1.0
     value = np.empty(n)
     slope = np.empty(n)
     defect = np.empty(n)
-    pattern = pattern_of(program)
-    matrix = np.empty((0, n))
-    pivots = np.empty(n, np.int64)
+    if linear is not None:
+        pattern = pattern_of(linear)
+        matrix = np.empty((0, n))
+        pivots = np.empty(n, np.int64)
     in_doubt = 0
     for q in range(begun, reached):
         doubts[q] = READ
@@ -231,21 +236,21 @@ def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun,
             j = inside
             continue
         solves = False
-        if check != CHECKS_EXPLICIT:
+        if linear is not None and check != CHECKS_EXPLICIT:
             counters[ledger.JACOBIAN_CALLS] += 1
             counters[ledger.DECOMPOSITIONS] += 1
             for i in range(n):
                 value[i] = states[k, i]
-            solves, matrix = _decompose(program, pattern, times[k], value, p, step, pivots)
+            solves, matrix = _decompose(linear, pattern, times[k], value, p, step, pivots)
         few = inside - j <= PLACES.shape[0]
         for m in range(inside - j if few else PLACES.shape[0]):
             s = (grid[j + m] - times[k]) / step if few else PLACES[m]
             _value(states, dense, k, s, value)
             _slope(states, dense, k, s, slope)
-            good = _is_good(
-                program[ledger.FIELD], pattern, p, times[k] + s * step, step, value, slope, solves, matrix, pivots,
-                defect, rtol, atol,
-            )  # fmt: skip
+            _find_defect(program[ledger.FIELD], p, times[k] + s * step, step, value, slope, defect)
+            if linear is not None and solves:
+                solve_shifted(pattern, matrix, pivots, defect)
+            good = _is_good(solves, step, value, defect, rtol, atol)
             counters[ledger.FIELD_CALLS] += 1
             if not good:
                 # One place tells of all the times of its step.

@@ -168,7 +168,8 @@ def test_a_flow_runs_on_a_generic_processor() -> None:
     assert float(found.stdout) == pytest.approx(4 + np.sin(2), rel=1e-15), found.stderr
 
 
-def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
+def compiled_by(call: str, folder: Path) -> set[str]:
+    """The kernels, `module.function`, that a process without a cache compiles for one call on van der Pol's field."""
     text = (
         "from numba.core import event\n"
         "class Names(event.Listener):\n"
@@ -177,16 +178,28 @@ def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
         "        print(f'{kernel.__module__}.{kernel.__name__}')\n"
         "    def on_end(self, event): pass\n"
         "event.register('numba:compile', Names())\n"
-        "import gsp, sympy as sp\n"
+        "import gsp, numpy as np, sympy as sp\n"
         "x, y = sp.symbols('x y')\n"
         "field = gsp.VectorField({x: y, y: (1 - x**2) * y - x}, epsilon=None)\n"
-        "gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='radau9')\n"
+        f"{call}\n"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
     found = subprocess.run(
         [sys.executable, "-c", text], env=environment, capture_output=True, text=True, timeout=300, check=True
     )
-    compiled = {name.removeprefix("gsp.kernels.") for name in found.stdout.split() if name.startswith("gsp.")}
+    return {name.removeprefix("gsp.kernels.") for name in found.stdout.split() if name.startswith("gsp.")}
+
+
+def test_times_of_an_explicit_run_compile_no_linear_algebra(tmp_path: Path) -> None:
+    call = "gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='dop853', at=np.linspace(0, 3, 99))"
+    compiled = compiled_by(call, tmp_path)
+    assert {"grid.read_grid", "grid.doubt_grid", "grid._is_good"} <= compiled
+    assert "grid._decompose" not in compiled
+    assert not any(name.startswith(("linear", "sparse")) for name in compiled)
+
+
+def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
+    compiled = compiled_by("gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='radau9')", tmp_path)
     # That a Jacobian is dense is read off the pattern; nothing is done with one.
     assert {name for name in compiled if name.startswith("sparse")} == {
         "sparse_systems.pattern_of",
