@@ -231,6 +231,7 @@ def test_it_is_read_like_a_trajectory(oscillation) -> None:
     assert not oscillation.t.flags.writeable
     assert "18 changes of model" in str(oscillation)
     assert "\n" not in repr(oscillation)
+    assert "t=0..8, " in repr(oscillation)
     with pytest.raises(GspError, match="covers"):
         oscillation.at(9.0)
     with pytest.raises(GspError, match="no state"):

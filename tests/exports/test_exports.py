@@ -199,6 +199,21 @@ def test_latex_holds_the_terms() -> None:
     assert r"\lambda = \frac{1}{2}" in text
 
 
+def test_latex_leaves_out_terms_that_vanish_and_no_variable() -> None:
+    u, v, w, epsilon = sp.symbols("u v w epsilon")
+    system = gsp.SlowFastSystem(slow={u: -u, w: sp.Integer(0)}, fast={v: epsilon * u * w - v}, epsilon=epsilon)
+    box = {"u": (0, 1), "w": (0, 1)}
+    asked = gsp.Scene(system, box, {"u": 1, "w": 1, "v": 0}, (0, 1), 0.01, (0.02, 0.01), 1e-6)
+    rows = [line for line in gsp.export(gsp.study(asked), order=2, to="latex").splitlines() if "&" in line]
+    # v = epsilon u w + epsilon^2 u w + ..., for v' = -v.
+    assert rows == [
+        r"\dot{u} &= - u \\",
+        r"\dot{w} &= 0 \\",
+        r"v &= \epsilon \left(u w\right) \\",
+        r"&\quad + \epsilon^{2} \left(u w\right)",
+    ]
+
+
 HOSTILE = 'a "quote" */ #include <x> \\ """ =# alert(1) *\\/ /* //'
 
 
@@ -252,6 +267,7 @@ HARD = {
     "a power that varies": (x + 3) ** (2 * k + 1) + 2 ** (-y) - (x + 5) ** (k - y),
     "a power of a power": ((x + 3) ** k) ** y + ((x + 3) ** 3) ** 5,
     "roots": sp.sqrt(x + 3) + 1 / sp.sqrt(y + 3) + (x + 3) ** sp.Rational(2, 3) + (y + 4) ** sp.Rational(-5, 3),
+    "cube roots": sp.cbrt(x + 3) - 1 / sp.cbrt(y + 4) + sp.root(k + 3, 4),
     "negatives": (-x) ** 3 - (-(x + 1) - y) - (-2) * -(x**2),
     "numbers": sp.Rational(-5, 7) / y + x / 3 + sp.Integer(3) ** 60 * x + sp.Rational(10**30 + 1, 10**29) * y,
     "extremes": sp.Max(x, y, k) - sp.Min(x, y, k) * sp.Max(0, x),

@@ -186,6 +186,9 @@ def test_every_kind_of_expression_keeps_its_value_in_sbml(kind: str) -> None:
 def test_numbers_of_any_size_pass_through_sbml() -> None:
     for number in (
         sp.Integer(2) ** 40,
+        *(sign * (sp.Integer(2) ** 31 + k) for k in (-1, 0, 1) for sign in (1, -1)),
+        sp.Rational(2**31 - 1, 2**31),
+        sp.Rational(2**32 + 1, 7),
         sp.Rational(1, 3**60),
         sp.Float("1.5e-300"),
         sp.Integer(-7),
