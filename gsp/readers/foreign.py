@@ -34,8 +34,9 @@ class ForeignModel:
 
     `states` maps names to rates, `parameters` to numbers, `definitions` heads to expressions, `starts` states to
     numbers; `other_starts` are further ones by name; `windows` are intervals that the file gives, or that are guessed
-    better here than around the start; `views` are names of axes with their ranges. `understood` and `notes` are for the
-    reader; `small` is set where the format itself says what is fast.
+    better here than around the start; `views` are names of axes with their ranges; `worked_out` maps parameters whose
+    values the file works out once, at the start, to the parameters that these are made of. `understood` and `notes` are
+    for the reader; `small` is set where the format itself says what is fast.
     """
 
     origin: str
@@ -49,6 +50,7 @@ class ForeignModel:
     total: str = "20"
     path: tuple[str, str] | None = None
     views: dict[str, tuple[tuple[str, ...], dict[str, tuple[str, str]]]] = field(default_factory=dict)
+    worked_out: dict[str, frozenset[str]] = field(default_factory=dict)
     small: str | None = None
     title: str = ""
     understood: str = ""
@@ -62,7 +64,14 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     `read` gives the scene of a model file. Raises `ModelFileError` when there is no small parameter.
     """
     name = _small(model, small)
+    kept = ", ".join(word for word, made_of in model.worked_out.items() if name in made_of)[:300]
     if name not in _reached(model):
+        if kept:
+            raise ModelFileError(
+                f"{name} is to be the small parameter, and stands in no rate, only in values that are worked out once: "
+                f"{kept}.",
+                f"Make rules of them, as k := 1/{name} is one in Antimony.",
+            )
         raise ModelFileError(
             f"{name} is to be the small parameter, and stands in no rate.",
             f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, name)}; "
@@ -71,6 +80,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     notes = [
         model.understood,
         f"small parameter: {name} = {model.parameters[name]}",
+        *([f"worked out once, for this {name}, and kept when it changes: {kept}"] if kept else []),
         *model.notes,
         *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else []),
     ]

@@ -247,7 +247,21 @@ class _Reader(Quantities):
                 self.result.parameters[word] = fraction_text(self.state_value(identifier))
                 self.assign(identifier, f"{word}/{self.stands(self.species[identifier].getCompartment())}")
             else:
-                self.result.parameters[self.words[identifier]] = fraction_text(self.values.of(identifier))
+                word = self.words[identifier]
+                self.result.parameters[word] = fraction_text(self.values.of(identifier))
+                if identifier in self.initial:
+                    self.result.worked_out[word] = self.made_of(identifier)
+
+    def made_of(self, identifier: str) -> frozenset[str]:
+        """The words of the parameters that the value of `identifier` at the start is worked out of."""
+        found: set[str] = set()
+        waiting = [identifier]
+        while waiting:
+            tree = self.initial.get(name := waiting.pop()) or self.assigned.get(name)
+            new = {part for part in names_in(tree) if part not in found} if tree is not None else set()
+            found |= new
+            waiting += new
+        return frozenset(self.words[part] for part in found if part in self.parameters)
 
     def rate_word(self, reaction: str) -> str:
         word = self.words[reaction]

@@ -88,3 +88,28 @@ def test_rounded_numbers_are_told(tmp_path: Path) -> None:
     path = tmp_path / "model.ant"
     path.write_text(ENZYME.replace("k2 = 5", "k2 = 0.12345678901234567"))
     assert any("rounds numbers to 15 digits: 0.12345678901234567" in note for note in load_noted(path)[1])
+
+
+def test_values_that_are_made_of_the_small_parameter_once_are_told(tmp_path: Path) -> None:
+    binding = """
+model binding()
+  A -> B; kf*A - kb*B
+  B -> C; k*B%s
+  A = 2; B = 0; C = 0; fast = 10/eps; kf = 2*fast; kb = 5/eps; k = 1; eps = 0.02
+end
+"""
+    with pytest.raises(ModelFileError) as caught:
+        read(tmp_path, binding % "")
+    assert caught.value.fact.endswith("only in values that are worked out once: kf, kb, fast")
+    assert caught.value.remedy == "Make rules of them, as k := 1/eps is one in Antimony."
+    path = tmp_path / "model.ant"
+    path.write_text(binding % "/eps")
+    _, notes = load_noted(path)
+    assert "worked out once, for this eps, and kept when it changes: kf, kb, fast" in notes
+    path.write_text(
+        (binding % "").replace("fast =", "fast :=").replace("kf =", "kf :=").replace("kb =", "kb :=")
+    )
+    scene, notes = load_noted(path)
+    assert not any(note.startswith("worked out") for note in notes)
+    A, B, eps = sp.symbols("A B eps")
+    assert sp.expand(scene.system.rates[0].subs("default_compartment", 1) - (5 * B - 20 * A) / eps) == 0
