@@ -14,6 +14,7 @@ from gsp.errors import BranchError, BudgetError, GspError, printable
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import check_order
+from gsp.systems.region import shown_region
 
 # Terms in the longest coefficient up to which parameters stay symbols.
 READABLE = 300
@@ -106,7 +107,7 @@ def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> Reduc
         f"Reduced flow of order {order} in {system.epsilon.name}: {scene.name or system.name or 'unnamed'}"
         + (f", {scene.title}." if scene.title else "."),
         *([f"Source: {scene.source}"] if scene.source else []),
-        "Region: " + ", ".join(f"{n} in [{low:g}, {high:g}]" for n, (low, high) in study.region.items()) + ".",
+        f"Region: {shown_region(study.region)}.",
         _measured(study, order),
     ]
     if fixed and system.parameters:

@@ -18,7 +18,7 @@ from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.whole_branch import singular_points
 from gsp.systems.flow import LARGEST
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, shown_region
 
 # How far values on both sides of a removable zero may differ, relative to 1 + their size; towards a pole they double.
 SMOOTH = 1e-3
@@ -93,7 +93,7 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     z = z[bounded]
     if len(z) == 0:
         raise BranchError(
-            f"the branch {branch} has no real point in the region {shown_box(box)}.",
+            f"the branch {branch} has no real point in the region {shown_region(box)}.",
             "Move the region, or take another branch.",
         )
     refuse_beyond_doubles(branch, z, box)
@@ -110,7 +110,7 @@ def refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Inter
         names = [s.name for s in branch.system.states]
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, z[place]))
         raise BranchError(
-            f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_box(box)}: {at}.",
+            f"the branch {branch} reaches beyond {LARGEST:g} in the region {shown_region(box)}: {at}.",
             f"Rescale {names[k]}, or bound it in the region.",
         )
 
@@ -142,7 +142,7 @@ def judged_samples(
     lost = any(not loss.is_hyperbolic for loss in losses) or samples.missing > 0 or found.gap <= found.zero
     if len(kinds) > 1 and not lost and not branch.is_explicit and branch.seed is None:
         raise BranchError(
-            f"the branch {branch} has sheets of different type in the region {shown_box(box)}: "
+            f"the branch {branch} has sheets of different type in the region {shown_region(box)}: "
             f"{', '.join(kind_of(int(k), len(sampler.system.y)) for k in kinds)}.",
             "Fix one with branch.through({...}), or bound the fast variables.",
         )
@@ -190,7 +190,3 @@ def kind_of(unstable: int, fast: int) -> Kind:
     if unstable == 0:
         return Kind.ATTRACTING
     return Kind.REPELLING if unstable == fast else Kind.SADDLE
-
-
-def shown_box(box: Mapping[str, Interval]) -> str:
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in box.items())

@@ -18,7 +18,7 @@ from gsp.integration.reduced_flow import real_or_nan
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.declaration import exact
-from gsp.systems.flow import Flow, Point, Values, complete
+from gsp.systems.flow import Flow, Values
 
 # Beyond so many coefficients compiling takes seconds.
 LARGEST_SIZE = 400
@@ -39,10 +39,6 @@ class SurfaceFlow(Flow):
     epsilon: None = None
     parameters: Values = field(default_factory=dict)
     is_stiff: bool = False
-
-    def initial(self, start: Point) -> tuple[float, ...]:
-        """State over the slow variables (and reconstruction variables) that `start` names."""
-        return complete(start, self.states, what="start")
 
     def __repr__(self) -> str:
         return f"SurfaceFlow({self.manifold!r})"

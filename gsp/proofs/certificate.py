@@ -21,6 +21,7 @@ from gsp.proofs.refutation import Witness
 from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box
 from gsp.results.card import Card
+from gsp.systems.region import shown_region
 
 # Undecided boxes that JSON lists.
 SHOWN = 100
@@ -144,7 +145,7 @@ class Certificate(Card):
     @property
     def where(self) -> str:
         """The region as text."""
-        return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items())
+        return shown_region(self.region)
 
     def __repr__(self) -> str:
         return f"Certificate({self.verdict.name}, {self.reason})"

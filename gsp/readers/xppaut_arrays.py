@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NoReturn
 
 from gsp.errors import ModelFileError
+from gsp.readers.xppaut_lines import fail
 
 # The most members of an array, and the most lines and characters of a file written out.
 MEMBERS, LINES, WRITTEN = 2000, 20_000, 1_000_000
@@ -41,7 +42,7 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
         counts[0] += 1
         counts[1] += len(text)
         if counts[0] > LINES or counts[1] > WRITTEN:
-            _fail(
+            fail(
                 number,
                 f"with its arrays written out the file has more than {LINES} lines or {WRITTEN} characters",
                 "Use fewer members.",
@@ -62,14 +63,14 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
                 # XPPAUT takes it for a command that it does not know, and people for a comment.
                 yield counted(number, text)
             else:
-                _fail(
+                fail(
                     number,
                     f"{text[:40]!r} opens or closes no block",
                     "A block goes from %[1..9] to %, in no other.",
                 )
         elif held is not None:
             if _RANGE.search(text):
-                _fail(number, "a range within a block is not read", "Take it out of the block.")
+                fail(number, "a range within a block is not read", "Take it out of the block.")
             held.append((number, text))
         elif text[0] in '@"' or "[" not in text:
             yield counted(number, text)
@@ -78,7 +79,7 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
         else:
             rest = f"{text[: found.start()]}[j]{text[found.end() :]}"
             if _RANGE.search(rest):
-                _fail(
+                fail(
                     number,
                     "the line has a second range, of which XPPAUT takes the first member alone",
                     "Split it.",
@@ -86,19 +87,15 @@ def written_out(lines: Iterable[Line]) -> Iterator[Line]:
             for k in _members(number, found[1], found[2]):
                 yield counted(number, _placed(number, rest, k))
     if held is not None:
-        _fail(held[0][0] if held else 0, "a block is not closed", "End it with a line that is %.")
-
-
-def _fail(number: int, fact: str, remedy: str) -> NoReturn:
-    raise ModelFileError(f"line {number}: {fact}.", remedy)
+        fail(held[0][0] if held else 0, "a block is not closed", "End it with a line that is %.")
 
 
 def _members(number: int, first: str, last: str) -> range:
     low, high = int(first), int(last)
     if low < 0 or high < low:
-        _fail(number, f"the range [{low}..{high}] has a negative index or no member", "Write [1..9].")
+        fail(number, f"the range [{low}..{high}] has a negative index or no member", "Write [1..9].")
     if high - low >= MEMBERS:
-        _fail(number, f"the range [{low}..{high}] has more than {MEMBERS} members", "Use fewer.")
+        fail(number, f"the range [{low}..{high}] has more than {MEMBERS} members", "Use fewer.")
     return range(low, high + 1)
 
 
@@ -111,21 +108,21 @@ def _placed(number: int, text: str, k: int | None) -> str:
             return str(int(inside))
         place = _PLACE.fullmatch(inside)
         if place is None:
-            _fail(
+            fail(
                 number,
                 f"the index [{match[1][:20]}] is not understood",
                 "Write [3], [j], [j+1], [j-1] or [j*2].",
             )
         if k is None:
-            _fail(number, "[j] stands outside of an array", "Give the line a range, such as x[1..9]' = ... .")
+            fail(number, "[j] stands outside of an array", "Give the line a range, such as x[1..9]' = ... .")
         value = k if place[1] is None else _OPERATORS[place[1]](k, int(place[2]))
         if value < 0:
-            _fail(number, f"the index [{inside}] is {value} for j = {k}", "Write the members at the ends out.")
+            fail(number, f"the index [{inside}] is {value} for j = {k}", "Write the members at the ends out.")
         return str(value)
 
     placed = _INDEX.sub(index, text)
     if re.search(r"(?<!int)\[", placed):
-        _fail(number, "a bracket is not closed", "Close it.")
+        fail(number, "a bracket is not closed", "Close it.")
     return placed
 
 

@@ -17,7 +17,7 @@ from gsp.scenes.view import View, checked_views
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
 from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, check_given, named
-from gsp.systems.region import Interval, check_interval, check_region
+from gsp.systems.region import Interval, check_interval, check_region, shown_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
@@ -163,7 +163,7 @@ class Scene(Question, Card):
         rows = [
             (
                 "region",
-                ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.region.items()),
+                shown_region(self.region),
             ),
             ("start", self._shown(self.full_start)),
             *((f"start {name}", self._shown(start)) for name, start in self.starts.items()),

@@ -15,7 +15,7 @@ from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.systems.flow import as_points
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, shown_region
 
 # A point this much outside, relative to the region's width, is rounding.
 OUTSIDE = 1e-12
@@ -119,7 +119,3 @@ def defect_of(
     J = flow.jacobians(z, p)
     defect = epsilon * (np.einsum("mij,mj->mi", slope, rates[:, :nx]) - rates[:, nx:])
     return defect, epsilon * (J[:, nx:, nx:] - slope @ J[:, :nx, nx:])
-
-
-def shown_region(region: Mapping[str, Interval]) -> str:
-    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in region.items())

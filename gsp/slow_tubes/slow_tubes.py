@@ -34,7 +34,7 @@ from gsp.slow_tubes.isolation import Tally, norm
 from gsp.slow_tubes.tube_search import Cones, ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
-from gsp.systems.region import check_region
+from gsp.systems.region import check_region, shown_region
 
 if TYPE_CHECKING:
     from gsp.slow_tubes.solved_tubes import SolvedTube
@@ -122,8 +122,7 @@ class SlowTube(Card):
 
 def head(tube: SlowTube | SolvedTube, at: str = "") -> list[str]:
     """The first lines of a tube as text: its verdict on its region, and the reason."""
-    box = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in tube.region.items())
-    return [f"{tube.verdict.value} on {box}{at}", f"  {tube.reason}"]
+    return [f"{tube.verdict.value} on {shown_region(tube.region)}{at}", f"  {tube.reason}"]
 
 
 def sentences(tube: SlowTube | SolvedTube) -> tuple[str, ...]:

@@ -15,6 +15,11 @@ from gsp.systems.flow import LARGEST, named
 Interval = tuple[float, float]
 
 
+def shown_region(region: Mapping[str, Interval]) -> str:
+    """A region as text: "x in [0, 1], y in [-2, 2]"."""
+    return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in region.items())
+
+
 def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
     """(low, high) as finite floats with low < high; raises `DeclarationError` otherwise."""
     be = "are" if what == "bounds" else "is"
