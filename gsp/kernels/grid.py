@@ -33,9 +33,6 @@ CHECKS_STEEP = 3
 # stiff problems. On the twenty of the tests the worst error then is 3.2 tolerances, for 2.7; with 3.0 it is no larger.
 SMALL_TERM = 2.0
 
-# What it may be in tolerances.
-LAST_TERM = 1.0
-
 # No step is in doubt.
 READ = -1
 

@@ -134,6 +134,14 @@ def test_events_and_ensembles_go_the_same_way(line, written):
     assert ends.y[0, :, -1] == pytest.approx(written.y[:, -1], abs=1e-6)
 
 
+def test_output_at_many_times_moves_the_first_border_where_a_step_has_code_alone(line, written):
+    for field, method in ((line[0], Method.RODAS5P), (written.flow, Method.RADAU9)):
+        compiled = compile_flow(field)
+        assert compiled.is_written is (method is Method.RADAU9)
+        assert choose_method(compiled, 1e-3, times=100) is method
+        assert choose_method(compiled, 1e-3) is Method.RODAS5P
+
+
 def test_a_network_that_fills_in_keeps_the_borders_of_loops():
     rng = np.random.default_rng(5)
     x = sp.symbols("x0:60")
