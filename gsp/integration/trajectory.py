@@ -218,9 +218,9 @@ def integrate(
     dense output or, where its error would be above the tolerance, from a step that ends there; else `t` are the ends
     of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one what was measured to
     be fastest at the tolerance: RODAS5P for rtol >= 3e-4 (2e-2 where `at` has 20 times or more, and the flow code of
-    its own), RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start makes the span no
-    more than 200 fast times and the field is smooth. Where the Jacobian is too full for code of its own, RODAS5P
-    serves down to 1e-6. Above 40 states a sparse Jacobian is used as one.
+    its own), RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at
+    the start makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for
+    code of its own, RODAS5P serves down to 1e-6. Above 40 states a sparse Jacobian is used as one.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
