@@ -9,6 +9,7 @@ import sympy as sp
 
 from gsp.critical.sheet_points import distinct
 from gsp.systems.region import Interval, check_region
+from gsp.systems.scattered_points import halton
 from gsp.systems.system import SlowFastSystem
 
 # Places in a box from which Newton's method is started, and the fast variables up to which they say something of it.
@@ -43,9 +44,7 @@ def within(y: np.ndarray, fast: Sequence[sp.Symbol], bounds: Mapping[str, Interv
 
 def scattered_roots(newton: Newton, box: np.ndarray) -> np.ndarray:
     """Distinct roots (k, n_fast) that Newton's method comes to from places in a box (n_fast, 2)."""
-    from scipy.stats import qmc
-
-    unit = qmc.Halton(d=len(box), scramble=False).random(SCATTER)
+    unit = halton(len(box), SCATTER)
     return distinct(newton(box[:, 0] + unit * (box[:, 1] - box[:, 0])))
 
 

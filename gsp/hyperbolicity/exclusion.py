@@ -19,6 +19,7 @@ from gsp.proofs.covering import Covering, Part, cover, share_of
 from gsp.proofs.equations import Equations
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.region import Interval
+from gsp.systems.scattered_points import halton
 
 # Ball operations of one evaluation, times boxes, that are spent: about 30 ms. The number of boxes is held between two.
 OPERATIONS, FEWEST, MOST = 20_000, 16, 128
@@ -186,11 +187,9 @@ class _Search:
         self, box: Mapping[str, Interval]
     ) -> tuple[np.ndarray, np.ndarray, tuple[tuple[np.ndarray, np.ndarray], ...]]:
         """The branch at the places worth a sample and at more points of what is left."""
-        from scipy.stats import qmc
-
         if self.left:
             count = max(1, min(POINTS // len(self.left), POINTS_PER_BOX))
-            unit = qmc.Halton(d=self.nx, scramble=False).random(count)
+            unit = halton(self.nx, count)
             for part in self.left:
                 low, high = np.array(part).T
                 x = low + unit * (high - low)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import sympy as sp
 from flint import arb
-from scipy.stats import qmc
 
 from gsp.critical.branch import Branch
 from gsp.errors import BranchError, UnsupportedFunctionError
@@ -15,6 +14,7 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import Equations
 from gsp.proofs.tubes import Box, enclose, middle_of
+from gsp.systems.scattered_points import halton
 
 # Places over which the branch is looked for.
 STARTS = 64
@@ -27,7 +27,7 @@ def point_over(
     low, high = np.array(box).T
     own = len(branch.system.x)
     defaults = [float(branch.system.parameters[p]) for p in equations.x[own:]]
-    unit = qmc.Halton(d=len(box), scramble=False).random(STARTS)
+    unit = halton(len(box), STARTS)
     unit = unit[np.argsort(np.abs(unit - 0.5).max(axis=1), kind="stable")]
     reason: BranchError | None = None
     for x in [middle_of(box), *(low + unit * (high - low))]:

@@ -18,6 +18,7 @@ from gsp.hyperbolicity.losses.fibre import FibreOrder
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.systems.region import Interval
+from gsp.systems.scattered_points import halton
 
 # Singular values below this, relative to the largest on the branch, are zero: points of multiple zeros are inexact.
 ZERO_SINGULAR = 1e-6
@@ -35,13 +36,11 @@ def singular_points(sampler: Sampler, box: Mapping[str, Interval], x: np.ndarray
 
     Empty unless `box` bounds every fast variable and most of the slow points have one.
     """
-    from scipy.stats import qmc
-
     system, nx = sampler.system, len(sampler.system.x)
     if any(s.name not in box for s in system.y):
         return np.empty((0, len(system.states)))
     bounds = np.array([box[s.name] for s in system.y])
-    unit = qmc.Halton(d=len(bounds), scramble=False).random(STARTS)
+    unit = halton(len(bounds), STARTS)
     starts = bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0])
     rows = x[np.linspace(0, len(x) - 1, min(len(x), ROWS + 2)).astype(int)][1:-1]
     found = []
