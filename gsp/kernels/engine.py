@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import hashlib
-import re
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cache
@@ -16,8 +15,8 @@ from numba.core.codegen import get_host_cpu_features
 from numba.core.compiler_lock import global_compiler_lock
 
 Engine = llvm.ExecutionEngine
-# Code with a longer block is selected instruction by instruction. In a block of 2200 lines LLVM's schedules take a
-# tenth of a second, in one of 10,000 two seconds and a half, of which 0.1 s is left; what was selected so takes up to
+# Code with a longer function is selected instruction by instruction. In one of 2200 lines LLVM's schedules take a
+# tenth of a second, in one of 10,000 one to two and a half, of which 0.1 s is left; what was selected so takes up to
 # three times as long to run: a few microseconds of a field, and twice the time of every step.
 LONGEST_SCHEDULED = 4000
 # Bytes of object files that are kept to be linked again; that of a small function has one kilobyte.
@@ -40,8 +39,8 @@ def _host() -> tuple[str, str]:
 
 def effort(text: str) -> int:
     """LLVM's level of code generation for a module."""
-    blocks = re.split(r"^\S+:$", text, flags=re.MULTILINE)
-    return 1 if max(block.count("\n") for block in blocks) <= LONGEST_SCHEDULED else 0
+    longest = max(function.count("\n") for function in text.split("\ndefine "))
+    return 1 if longest <= LONGEST_SCHEDULED else 0
 
 
 class ObjectFiles:

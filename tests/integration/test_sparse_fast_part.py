@@ -158,12 +158,14 @@ def test_a_determinant_too_small_for_a_double_is_no_loss() -> None:
     assert 0.0 < abs(refused.value.value) < refused.value.limit
 
 
-def test_long_blocks_are_selected_instruction_by_instruction() -> None:
-    block = "  store double 0.0, double* %0\n" * (engine.LONGEST_SCHEDULED - 1)
-    assert engine.effort("entry:\n" + block) == 1
-    assert engine.effort("entry:\n" + 2 * block) == 0
-    # What schedules take grows with the square of a block, and with the number of blocks.
-    assert engine.effort("entry:\n" + block + "loop:\n" + block + '".6.endif":\n' + block) == 1
+def test_long_functions_are_selected_instruction_by_instruction() -> None:
+    body = "  store double 0.0, double* %0\n" * (engine.LONGEST_SCHEDULED - 3)
+    short, long = (f"define void @f(double* %0)\n{{\n{part}}}\n" for part in (body, 2 * body))
+    assert engine.effort(short) == 1
+    assert engine.effort(long) == 0
+    assert engine.effort(short + long) == 0
+    # What schedules take grows with the square of a function, and with the number of functions.
+    assert engine.effort(short + short + short) == 1
 
 
 def test_long_code_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
