@@ -9,7 +9,15 @@ from typing import Protocol
 
 import pytest
 
+import gsp
 from gsp.proofs import intervals
+from tests.cases import sampled
+
+# Built-in scenes that are proved, and whose proofs are checked.
+SCENES = sampled(
+    gsp.models.names(),
+    always=["chaplygin_sleigh", "fitzhugh_nagumo", "koper", "michaelis_menten", "rolling_ball", "van_der_pol"],
+)
 
 
 class Saved(Protocol):

@@ -17,7 +17,7 @@ from numba.core.compiler_lock import global_compiler_lock
 Engine = llvm.ExecutionEngine
 # Code with a longer function is selected instruction by instruction. In one of 2200 lines LLVM's schedules take a
 # tenth of a second, in one of 10,000 one to two and a half, of which 0.1 s is left; what was selected so takes up to
-# three times as long to run: a few microseconds of a field, and twice the time of every step.
+# three times as long to run: a few microseconds of a field, and twice the time of every step of twenty states.
 LONGEST_SCHEDULED = 4000
 # Bytes of object files that are kept to be linked again; that of a small function has one kilobyte.
 MOST_KEPT = 2**24
@@ -76,7 +76,7 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False) -> Engi
     long code in a twentieth;
     `optimised` is for code with calls and scratch arrays to be taken out.
     Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
-    What was built of the same text before is only linked, in a fifth of the time of a small function.
+    What was built of the same text before is only linked, in a sixth of the time of a small function.
     """
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

@@ -29,8 +29,8 @@ CHECKS = 1
 CHECKS_EXPLICIT = 2
 CHECKS_STEEP = 3
 
-# A small last term, in tolerances. Of Rodas5P four steps in five end in one, at rtol 1e-2 to 1e-4 on the benchmark's
-# stiff problems. On the twenty of the tests the worst error then is 3.2 tolerances, for 2.7; with 3.0 it is no larger.
+# A small last term, in tolerances. Of Rodas5P seven steps in ten end in one, at rtol 1e-2 to 1e-4 on the benchmark's
+# problems. On the twenty of the tests the worst error then is 3.2 tolerances, for 2.7; with 3.0 it is no larger.
 SMALL_TERM = 2.0
 
 # No step is in doubt.

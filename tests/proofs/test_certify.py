@@ -13,7 +13,7 @@ from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.proofs import certification as module
 from gsp.proofs.certificate import ProofVerdict
 from gsp.slow_tubes.certify import certify
-from tests.cases import sampled
+from tests.proof_files import SCENES
 
 x, y, z, w, c, eps = sp.symbols("x y z w c epsilon")
 PROVED, REFUTED, UNDECIDED = ProofVerdict.PROVED, ProofVerdict.REFUTED, ProofVerdict.UNDECIDED
@@ -58,20 +58,7 @@ def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
         assert high - low < 1e-9
 
 
-@pytest.mark.parametrize(
-    "name",
-    sampled(
-        gsp.models.names(),
-        always=[
-            "chaplygin_sleigh",
-            "fitzhugh_nagumo",
-            "koper",
-            "michaelis_menten",
-            "rolling_ball",
-            "van_der_pol",
-        ],
-    ),
-)
+@pytest.mark.parametrize("name", SCENES)
 def test_every_built_in_scene_is_proved(name: str) -> None:
     from gsp.scenes.study import study_of
 

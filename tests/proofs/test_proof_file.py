@@ -14,8 +14,7 @@ import gsp
 from gsp.errors import GspError, OutputError
 from gsp.proofs.checker import Rejected, check
 from gsp.slow_tubes.certify import certify
-from tests.cases import sampled
-from tests.proof_files import changed, counted_products, number, written
+from tests.proof_files import SCENES, changed, counted_products, number, written
 from tests.proofs.test_certify import branch, van_der_pol
 
 x, y, z, c = sp.symbols("x y z c")
@@ -218,20 +217,7 @@ def test_two_fast_variables_are_checked(tmp_path: Path) -> None:
     assert 0.99 < found.gap <= 1.0
 
 
-@pytest.mark.parametrize(
-    "name",
-    sampled(
-        gsp.models.names(),
-        always=[
-            "chaplygin_sleigh",
-            "fitzhugh_nagumo",
-            "koper",
-            "michaelis_menten",
-            "rolling_ball",
-            "van_der_pol",
-        ],
-    ),
-)
+@pytest.mark.parametrize("name", SCENES)
 def test_the_proof_of_every_built_in_scene_is_accepted(name: str, tmp_path: Path) -> None:
     from gsp.scenes.study import study_of
 
