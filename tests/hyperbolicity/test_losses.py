@@ -156,6 +156,7 @@ def test_a_loss_has_its_name(name) -> None:
     loss = only(judged(name), CASES[name].kind)
     assert loss.consequence
     assert loss.remedy
+    assert "reduction ends" not in loss.remedy
     assert loss.test
 
 
@@ -471,6 +472,16 @@ def test_where_the_directions_n_of_a_field_vanish_the_rank_changes(factor) -> No
     region = {s.name: (-1, 1.1) for s in slow}
     verdict = classify(solve_critical(splitting.system).branches[0], region=region)
     assert only(verdict, LossKind.RANK_CHANGE).point["y"] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("kink", [0.06, 0.03, 0.01])
+def test_a_fibre_of_zeros_that_ends_at_a_kink_has_no_order(kink) -> None:
+    # Over x = 0 every y <= kink is an equilibrium; beyond, y' = kink - y.
+    fast = {y: x * y + sp.Min(sp.Rational(str(kink)) - y, 0)}
+    case = Case({x: sp.Integer(1)}, fast, {"x": -0.5, "y": 0}, UNIT, LossKind.RANK_CHANGE)
+    loss = only(judge(case), case.kind)
+    assert loss.point == pytest.approx({"x": 0, "y": 0}, abs=1e-9)
+    assert "consists of equilibria" in loss.consequence
 
 
 # -- no false alarm -----------------------------------------------------------------------------------

@@ -75,7 +75,7 @@ def transcritical(coefficients: Mapping[str, float]) -> Verdict:
             "the branches exchange their stability with delay: orbits stay on the repelling branch for a time of "
             "order 1 in slow time, until the integral of the eigenvalue is zero",
             False,
-            "reduction ends at the crossing; the exit is where the integral of the eigenvalue vanishes",
+            "the exit is where the integral of the eigenvalue vanishes",
         )
     if value < 1.0:
         return Verdict(
@@ -105,7 +105,7 @@ def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
             "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, "
             "until the integral of the eigenvalue is zero",
             False,
-            "reduction ends here; the exit is where the integral of the eigenvalue vanishes",
+            "the exit is where the integral of the eigenvalue vanishes",
         )
     return Verdict(
         "supercritical: orbits go over to one of the two outer branches within epsilon^(1/2), the inner region "
@@ -131,7 +131,7 @@ def rank_change(coefficients: Mapping[str, float]) -> Verdict:
             "the fast fibre consists of equilibria; orbits leave with delay, when the integral of the eigenvalue is "
             "back to zero",
             False,
-            "reduction ends here; the exit is where the integral of the eigenvalue vanishes",
+            "the exit is where the integral of the eigenvalue vanishes",
         )
     return Verdict(
         "the fast fibre consists of equilibria; orbits leave it after a time (epsilon ln(1/epsilon))^(1/2)",
@@ -156,7 +156,7 @@ def hopf(coefficients: Mapping[str, float]) -> Verdict:
         "delayed exit: orbits leave a time of order 1 later, where the integral of Re lambda is back to zero or at "
         f"the buffer point of an analytic system, then {after}; noise above exp(-c/epsilon) removes the delay",
         False,
-        "reduction ends at the point; where orbits leave is decided by the entry-exit function",
+        "where orbits leave is decided by the entry-exit function",
     )
 
 

@@ -22,13 +22,16 @@ ZERO_ALONG = 1e-11
 # It is measured over distances that shrink by 4; the one whose order is nearest to a whole number counts.
 LEVELS = 4
 ROUNDED = 0.1
+# What a power measured further out leaves here is told from noise when it is larger by this.
+CLEAR = 10.0
 
 
 @dataclass(frozen=True)
 class FibreOrder:
     """phi(s) = +-coefficient |s|^order on the two sides of 0: `plus`, `minus` its values over |s|^order.
 
-    `vanishes`: phi is zero along the fibre, and `order` is 0 then, as it is when the two sides could not be followed.
+    `vanishes`: phi is zero along the fibre, near 0 at least, and `order` is 0 then, as it is when the two sides could
+    not be followed.
     """
 
     order: float
@@ -40,6 +43,10 @@ class FibreOrder:
     def attracts(self) -> tuple[bool, bool]:
         """Whether v' = phi(v) leads back to 0 from v > 0, and from v < 0."""
         return self.plus < 0.0, self.minus > 0.0
+
+    def at(self, s: float) -> float:
+        """The larger of |phi(s)| and |phi(-s)|, s > 0."""
+        return max(abs(self.plus), abs(self.minus)) * s**self.order
 
 
 def bifurcation_function(
@@ -87,7 +94,9 @@ def order_along(
         if values is None:
             continue
         if np.abs(values).max() <= noise:
-            if best is None:
+            # A power may fall below the noise; where the one measured further out would not, it was none: phi is
+            # zero up to where the field switches.
+            if best is None or best[1].at(sizes[0]) > CLEAR * noise:
                 return FibreOrder(0.0, 0.0, 0.0, True)
             break
         found = _fitted(values, sizes)
