@@ -42,6 +42,11 @@ def values_of(model: ReducedModel, *, with_epsilon: bool = False) -> list[tuple[
     return first + [(symbol, repr(nearest(value))) for symbol, value in model.parameters.items()]
 
 
+def starts_of(model: ReducedModel) -> str:
+    """The start of each state to the last bit, with commas between."""
+    return ", ".join(map(repr, model.start))
+
+
 def nearest(value: sp.Expr) -> float:
     return int(value.p) / int(value.q) if isinstance(value, sp.Rational) else float(value)
 

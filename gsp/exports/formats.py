@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import sympy as sp
 
-from gsp.exports.body import body_of, commented, named, values_of
+from gsp.exports.body import body_of, commented, named, starts_of, values_of
 from gsp.exports.c_text import c_text
 from gsp.exports.languages import (
     JAVASCRIPT,
@@ -30,23 +30,23 @@ def javascript_text(model: ReducedModel) -> str:
     listed = ", ".join(f"{names[s]}: {value}" for s, value in parameters)
     functions = []
     for name, outputs, says in (
-        ("rates", model.rates, named("The rates of", model.slow, names)),
-        ("slowManifold", model.manifold, named("The slow manifold:", model.fast, names)),
+        ("rates", model.rates, named("The rates of", model.states, names)),
+        ("slowManifold", model.manifold, named("The slow manifold:", model.observed, names)),
     ):
         body = body_of(JAVASCRIPT, model, outputs, names, JAVASCRIPT_WORDS)
-        lines = [f"const {names[s]} = slow[{i}];" for i, s in enumerate(model.slow) if s in body.used]
+        lines = [f"const {names[s]} = state[{i}];" for i, s in enumerate(model.states) if s in body.used]
         used = [names[s] for s, _ in parameters if s in body.used]
         if used:
             lines.append(f"const {{{', '.join(used)}}} = {{...parameters, ...given}};")
         lines += [f"const {step} = {text};" for step, text in body.steps]
         lines.append(f"return [{', '.join(body.results)}];")
         functions.append(
-            f"// {says}\nfunction {name}(slow, {names[model.epsilon]} = {model.value!r}, given = {{}}) {{\n"
+            f"// {says}\nfunction {name}(state, {names[model.epsilon]} = {model.value!r}, given = {{}}) {{\n"
             + "".join(f"  {line}\n" for line in lines)
             + "}\n"
         )
-    exported = 'if (typeof module !== "undefined") module.exports = {parameters, rates, slowManifold};\n'
-    head = f"const parameters = {{{listed}}};\n"
+    exported = 'if (typeof module !== "undefined") module.exports = {parameters, start, rates, slowManifold};\n'
+    head = f"const parameters = {{{listed}}};\nconst start = [{starts_of(model)}];\n"
     return "\n".join([commented(model, names, "// "), head, *functions, exported])
 
 
@@ -55,31 +55,32 @@ def julia_text(model: ReducedModel) -> str:
     names = renamed(model.symbols, reserved=JULIA_WORDS)
     functions = []
     for name, outputs, says in (
-        ("rates", model.rates, named("The rates of", model.slow, names)),
-        ("slow_manifold", model.manifold, named("The slow manifold:", model.fast, names)),
+        ("rates", model.rates, named("The rates of", model.states, names)),
+        ("slow_manifold", model.manifold, named("The slow manifold:", model.observed, names)),
     ):
         body = body_of(JULIA, model, outputs, names, JULIA_WORDS)
         values = ", ".join(f"{names[s]} = {value}" for s, value in values_of(model))
-        lines = [f"{names[s]} = slow[{i + 1}]" for i, s in enumerate(model.slow) if s in body.used]
+        lines = [f"{names[s]} = state[{i + 1}]" for i, s in enumerate(model.states) if s in body.used]
         lines += [f"{step} = {text}" for step, text in body.steps]
         lines.append(f"return [{', '.join(body.results)}]")
         head = (
-            f"function {name}(slow, {names[model.epsilon]} = {model.value!r}{'; ' + values if values else ''})"
+            f"function {name}(state, {names[model.epsilon]} = {model.value!r}{'; ' + values if values else ''})"
         )
         functions.append(f"# {says}\n{head}\n" + "".join(f"    {line}\n" for line in lines) + "end\n")
-    return "\n".join([commented(model, names, "# "), *functions])
+    begin = f"# {named('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
+    return "\n".join([commented(model, names, "# "), begin, *functions])
 
 
 def ode_text(model: ReducedModel) -> str:
-    """An .ode file of XPPAUT; the fast variables are auxiliary quantities."""
+    """An .ode file of XPPAUT; what is no state is an auxiliary quantity."""
     names = renamed(model.symbols, reserved=XPPAUT_WORDS, longest=XPPAUT_NAME, cases=False)
     body = body_of(XPPAUT, model, [*model.rates, *model.manifold], names, XPPAUT_WORDS)
-    rates, manifold = body.results[: len(model.slow)], body.results[len(model.slow) :]
+    rates, manifold = body.results[: len(model.states)], body.results[len(model.states) :]
     lines = [f"par {names[s]}={value}" for s, value in values_of(model, with_epsilon=True)]
     lines += [f"{name}={text}" for name, text in body.steps]
-    lines += [f"{names[s]}'={text}" for s, text in zip(model.slow, rates)]
-    lines += [f"aux {names[s]}={text}" for s, text in zip(model.fast, manifold)]
-    lines += [f"init {names[s]}={model.start[s.name]!r}" for s in model.slow]
+    lines += [f"{names[s]}'={text}" for s, text in zip(model.states, rates)]
+    lines += [f"aux {names[s]}={text}" for s, text in zip(model.observed, manifold)]
+    lines += [f"init {names[s]}={value!r}" for s, value in zip(model.states, model.start)]
     lines += [f"@ t0={model.span[0]!r}, total={model.span[1] - model.span[0]!r}", "done"]
     return commented(model, names, "# ") + "".join(f"{line}\n" for line in lines)
 
@@ -91,8 +92,8 @@ def latex_text(model: ReducedModel) -> str:
     power = symbols[model.epsilon]
     rows = []
     for left, variables, terms in (
-        (r"\dot{{{}}}", model.slow, model.rate_terms),
-        ("{}", model.fast, model.manifold_terms),
+        (r"\dot{{{}}}", model.states, model.rate_terms),
+        ("{}", model.observed, model.manifold_terms),
     ):
         for i, variable in enumerate(variables):
             start = left.format(sp.latex(symbols[variable])) + " &= "
@@ -120,5 +121,3 @@ FORMATS: Mapping[str, Callable[[ReducedModel], str]] = {
     "ode": ode_text,
     "sbml": sbml_text,
 }
-# Where the point of an implicit branch is solved for.
-IMPLICIT = frozenset({"c"})

@@ -73,17 +73,16 @@ XPPAUT = Language(
 PYTHON_WORDS = {
     *keyword.kwlist,
     *keyword.softkwlist,
-    *_words("np jnp ca math erf t slow rates slow_manifold"),
+    *_words("np jnp ca math erf t state start rates slow_manifold"),
 }
 C_WORDS = {
     *_words(
         "auto break case char const continue default do double else enum extern float for goto if inline int long "
         "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
         "asm bool true false nullptr constexpr alignas alignof thread_local static_assert typeof typeof_unqual "
-        "SLOW_COUNT FAST_COUNT PARAMETER_COUNT fast equations jacobian solved eliminate newton memcpy "
-        "reduced_base_point slow parameters out sign reduced_rates reduced_slow_manifold reduced_parameters "
-        "class new this template "
-        "namespace private public protected operator delete try catch throw using virtual friend explicit export "
+        "state parameters out sign reduced_rates reduced_slow_manifold reduced_parameters reduced_start "
+        "class new this template namespace "
+        "private public protected operator delete try catch throw using virtual friend explicit export "
         "mutable typename const_cast and or not xor bitand bitor compl and_eq or_eq not_eq xor_eq NAN INFINITY "
         "HUGE_VAL linux unix main errno signgam gamma lgamma tgamma erf erfc j0 j1 jn y0 y1 yn"
     ),
@@ -95,13 +94,13 @@ JAVASCRIPT_WORDS = _words(
     "instanceof int interface let long native new null package private protected public return short static super "
     "switch synchronized this throw throws transient true try typeof undefined var void volatile while with yield "
     "async of get set NaN Infinity Math module exports require "
-    "slow given rates slowManifold parameters globalThis"
+    "state start given rates slowManifold parameters globalThis"
 )
 JULIA_WORDS = {
     *_words(
         "baremodule begin break catch const continue do else elseif end export false finally for function global if "
         "import let local macro module quote return struct true try using while abstract mutable primitive type where "
-        "in isa outer as public NaN Inf pi im missing nothing slow rates slow_manifold"
+        "in isa outer as public NaN Inf pi im missing nothing state start rates slow_manifold"
     ),
     *_SAME, "abs", "sign", "max", "min",
 }  # fmt: skip

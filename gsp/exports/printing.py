@@ -81,6 +81,12 @@ class Printer(CodePrinter):
     def _print_Float(self, expr: Any) -> str:
         return repr(float(expr))
 
+    def parenthesize(self, item: Any, level: int, strict: bool = False) -> str:
+        """A fraction has brackets of its own."""
+        if item.is_Rational and not item.is_Integer:
+            return self.text(item)
+        return super().parenthesize(item, level, strict)
+
     def _print_NumberSymbol(self, expr: Any) -> str:
         return repr(float(expr))
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from gsp.exports.body import body_of, commented, named, values_of
+from gsp.exports.body import body_of, commented, named, starts_of, values_of
 from gsp.exports.languages import CASADI, JAX, PYTHON, PYTHON_WORDS
 from gsp.exports.names import renamed
 from gsp.exports.printing import Language
 from gsp.exports.reduced_model import ReducedModel
 
-_NUMPY_END = "return np.array(np.broadcast_arrays({}, 0.0 * slow[0])[:-1])"
+_NUMPY_END = "return np.array(np.broadcast_arrays({}, 0.0 * state[0])[:-1])"
 
 
 def python_text(model: ReducedModel) -> str:
@@ -40,12 +40,12 @@ def _functions(model: ReducedModel, language: Language, end: str) -> str:
     names = renamed(model.symbols, reserved=PYTHON_WORDS)
     functions = []
     for head, outputs, says in (
-        ("rates(t, slow", model.rates, named("The rates of", model.slow, names)),
-        ("slow_manifold(slow", model.manifold, named("The slow manifold:", model.fast, names)),
+        ("rates(t, state", model.rates, named("The rates of", model.states, names)),
+        ("slow_manifold(state", model.manifold, named("The slow manifold:", model.observed, names)),
     ):
         body = body_of(language, model, outputs, names, PYTHON_WORDS)
         values = "".join(f", {names[s]}={v}" for s, v in values_of(model, with_epsilon=True))
-        lines = [f"{names[s]} = slow[{i}]" for i, s in enumerate(model.slow) if s in body.used]
+        lines = [f"{names[s]} = state[{i}]" for i, s in enumerate(model.states) if s in body.used]
         lines += [f"{name} = {text}" for name, text in body.steps]
         lines.append(end.format(", ".join(body.results)))
         functions.append(f'def {head}{values}):\n    """{says}"""\n' + "".join(f"    {x}\n" for x in lines))
@@ -54,4 +54,5 @@ def _functions(model: ReducedModel, language: Language, end: str) -> str:
 
 def _joined(model: ReducedModel, imports: str, text: str) -> str:
     names = renamed(model.symbols, reserved=PYTHON_WORDS)
-    return f"{commented(model, names, '# ')}\n{imports}\n\n{text}"
+    start = f"# {named('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
+    return f"{commented(model, names, '# ')}\n{imports}\n{start}\n\n{text}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
@@ -12,6 +12,7 @@ import sympy as sp
 from gsp.comparison.comparison import compare
 from gsp.errors import BranchError, BudgetError, GspError, printable
 from gsp.scenes.study import Study
+from gsp.slow.coordinates import set_apart
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import check_order
 from gsp.systems.region import shown_region
@@ -22,46 +23,37 @@ WIDTH = 96
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """An implicit branch: its `equations`, as many as fast variables, vanish at (x, y) = (`slow`, `fast`)."""
-
-    equations: tuple[sp.Expr, ...]
-    slow: tuple[float, ...]
-    fast: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class ReducedModel:
-    """x' = sum_k epsilon^k f_k and y = sum_k epsilon^k h_k: `rate_terms[k]` and `manifold_terms[k]`.
+    """s' = sum_k epsilon^k f_k and z = sum_k epsilon^k z_k: `rate_terms[k]` and `manifold_terms[k]`.
 
-    With a `sheet` the branch is implicit, and fast symbols in the terms stand for the point of M0 over x.
+    The `states` s are coordinates of the slow manifold: the slow variables or, on an implicit branch, fast variables of
+    the point of M0 in place of slow ones or beside them. `observed` z are the other slow variables and the fast ones.
     """
 
     facts: tuple[str, ...]
-    slow: tuple[sp.Symbol, ...]
-    fast: tuple[sp.Symbol, ...]
+    states: tuple[sp.Symbol, ...]
+    observed: tuple[sp.Symbol, ...]
     epsilon: sp.Symbol
     value: float
     parameters: Mapping[sp.Symbol, sp.Expr]
-    start: Mapping[str, float]
+    start: tuple[float, ...]
     span: tuple[float, float]
     rate_terms: tuple[tuple[sp.Expr, ...], ...]
     manifold_terms: tuple[tuple[sp.Expr, ...], ...]
-    sheet: Sheet | None = None
 
     @property
     def symbols(self) -> tuple[sp.Symbol, ...]:
         """Every symbol that the text names."""
-        return (*self.slow, *self.fast, self.epsilon, *self.parameters)
+        return (*self.states, *self.observed, self.epsilon, *self.parameters)
 
     @property
     def rates(self) -> list[sp.Expr]:
-        """x' in the order of `slow`."""
+        """The rates in the order of `states`."""
         return self._summed(self.rate_terms)
 
     @property
     def manifold(self) -> list[sp.Expr]:
-        """y in the order of `fast`."""
+        """The slow manifold in the order of `observed`."""
         return self._summed(self.manifold_terms)
 
     def _summed(self, rows: Sequence[Sequence[sp.Expr]]) -> list[sp.Expr]:
@@ -85,23 +77,19 @@ def inert(text: str) -> str:
     return plain
 
 
-def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> ReducedModel:
+def reduced_model(study: Study, order: int) -> ReducedModel:
     """The reduced flow of `order` with what is known about it, its error measured.
 
-    Raises `BranchError` on an implicit branch unless the format `to` can be `implicit`, and what the stages before
-    raise.
+    Raises `BranchError` on an implicit branch of which no sheet is chosen, and what the stages before raise.
     """
     check_order(order)
     scene, system = study.scene, study.system
-    if not study.branch.is_explicit and not implicit:
-        raise BranchError(
-            f"{to} has fast variables as expressions, and the branch of {scene.name or 'this scene'} gives "
-            f"{', '.join(s.name for s in system.y)} only implicitly.",
-            "Export to c, which solves for them, choose a slow variable along the branch in which it is a "
-            "graph, or run the reduced flow here: integrate(study(scene).reduced(order), ...).",
-        )
-    sheet = None if study.branch.is_explicit else _sheet(study)
+    start = _start(study)
     series, fixed = _series(study, order)
+    apart = set_apart(series.chart)
+    ring, elements = series.chart.ring, series.chart.elements
+    graph = {s: ring.to_sympy(elements[s]) for s in system.states if s not in series.coordinates}
+    given = [s for s in system.x if s in graph]
     kept = {} if fixed else dict(system.parameters)
     facts = [
         f"Reduced flow of order {order} in {system.epsilon.name}: {scene.name or system.name or 'unnamed'}"
@@ -109,6 +97,7 @@ def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> Reduc
         *([f"Source: {scene.source}"] if scene.source else []),
         f"Region: {shown_region(study.region)}.",
         _measured(study, order),
+        *_on_the_branch(study, apart, values={**graph, **(system.parameters if fixed else {})}),
     ]
     if fixed and system.parameters:
         values = ", ".join(f"{s.name} = {v}" for s, v in system.parameters.items())
@@ -116,35 +105,55 @@ def reduced_model(study: Study, order: int, *, to: str, implicit: bool) -> Reduc
     if scene.reconstruction:
         names = ", ".join(s.name for s in scene.reconstruction)
         facts.append(f"Not in this text, for they are driven by the flow: {names}.")
+    manifold = [
+        (*(graph[s] if k == 0 else sp.Integer(0) for s in given), *h) for k, h in enumerate(series.coefficients)
+    ]
     return ReducedModel(
         facts=tuple(facts),
-        slow=system.x,
-        fast=system.y,
+        states=tuple(apart.get(s, s) for s in series.coordinates),
+        observed=(*given, *system.y),
         epsilon=system.epsilon,
         value=scene.epsilon,
         parameters=kept,
-        start={s.name: study.start[s.name] for s in system.x},
+        start=tuple(start[s.name] for s in series.coordinates),
         span=scene.span,
-        rate_terms=tuple(tuple(row) for row in series.reduced_field),
-        manifold_terms=tuple(tuple(row) for row in series.coefficients),
-        sheet=sheet
-        if sheet is None or not fixed
-        else replace(sheet, equations=_numbers_in(sheet, system.parameters)),
+        rate_terms=tuple(tuple(e.xreplace(apart) for e in row) for row in series.coordinate_field),
+        manifold_terms=tuple(tuple(e.xreplace(apart) for e in row) for row in manifold),
     )
 
 
-def _sheet(study: Study) -> Sheet:
-    branch = study.branch
+def _start(study: Study) -> dict[str, float]:
+    """The scene's start, moved to M0 over its slow variables."""
+    branch, system = study.branch, study.system
+    slow = [study.start[s.name] for s in system.x]
+    if branch.is_explicit:
+        return {s.name: value for s, value in zip(system.x, slow)}
     if branch.seed is None:
         raise BranchError(
-            f"{branch} is implicit, and no sheet of it is chosen, from which its points could be followed.",
+            f"{branch} is implicit, and no sheet of it is chosen, on which the reduced flow could start.",
             "Give the scene a start on one sheet.",
         )
-    return Sheet(tuple(branch.equations), tuple(map(float, branch.seed[0])), tuple(map(float, branch.seed[1])))
+    values = np.concatenate([slow, branch.over(np.array(slow))])
+    return {s.name: float(value) for s, value in zip(system.states, values)}
 
 
-def _numbers_in(sheet: Sheet, parameters: Mapping[sp.Symbol, sp.Expr]) -> tuple[sp.Expr, ...]:
-    return tuple(equation.xreplace(dict(parameters)) for equation in sheet.equations)
+def _on_the_branch(
+    study: Study, apart: Mapping[sp.Symbol, sp.Symbol], *, values: Mapping[sp.Symbol, sp.Expr]
+) -> list[str]:
+    """What the states of an implicit branch are, and which equations hold between them; `values` of the others."""
+    if not apart:
+        return []
+    slow = ", ".join(s.name for s in study.system.x)
+    said = [
+        f"{new.name} is {old.name} of the point of the critical manifold over {slow}."
+        for old, new in apart.items()
+    ]
+    # An equation that gives a variable is nothing that holds between the states.
+    left = [sp.expand(equation.xreplace(values)) for equation in study.branch.equations]
+    equations = "; ".join(f"0 = {equation.xreplace(apart)}" for equation in left if equation != 0)
+    if equations:
+        said.append(f"The states lie on the critical manifold, and so does a start: {equations}.")
+    return said
 
 
 def _series(study: Study, order: int) -> tuple[SeriesManifold, bool]:

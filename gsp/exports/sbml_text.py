@@ -1,4 +1,4 @@
-"""SBML, level 3 version 1 core: rate rules for the slow variables, assignment rules for the fast ones."""
+"""SBML, level 3 version 1 core: rate rules for the states, assignment rules for the other variables."""
 
 from __future__ import annotations
 
@@ -91,16 +91,16 @@ def sbml_text(model: ReducedModel) -> str:
     names = renamed(model.symbols, reserved=SBML_WORDS)
     outputs = [*model.rates, *model.manifold]
     body = body_of(SBML, model, outputs, names, SBML_WORDS, printer=MathPrinter)
-    rates, manifold = body.results[: len(model.slow)], body.results[len(model.slow) :]
+    rates, manifold = body.results[: len(model.states)], body.results[len(model.states) :]
     quantities = [_quantity(names[s], value) for s, value in values_of(model, with_epsilon=True)]
-    quantities += [_quantity(names[s], repr(model.start[s.name]), varies=True) for s in model.slow]
+    quantities += [_quantity(names[s], repr(value), varies=True) for s, value in zip(model.states, model.start)]
     quantities += [
         _quantity(name, None, varies=True)
-        for name in (*(n for n, _ in body.steps), *(names[s] for s in model.fast))
+        for name in (*(n for n, _ in body.steps), *(names[s] for s in model.observed))
     ]
     rules = [_rule("assignment", name, text) for name, text in body.steps]
-    rules += [_rule("assignment", names[s], text) for s, text in zip(model.fast, manifold)]
-    rules += [_rule("rate", names[s], text) for s, text in zip(model.slow, rates)]
+    rules += [_rule("assignment", names[s], text) for s, text in zip(model.observed, manifold)]
+    rules += [_rule("rate", names[s], text) for s, text in zip(model.states, rates)]
     said = "".join(f"        <p>{escape(fact)}</p>\n" for fact in _facts(model, names))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -115,8 +115,8 @@ def sbml_text(model: ReducedModel) -> str:
 def _facts(model: ReducedModel, names: Mapping[sp.Symbol, str]) -> list[str]:
     return [
         *map(inert, model.said(names)),
-        named("The rate rules are those of", model.slow, names),
-        named("The slow manifold is given by assignment rules:", model.fast, names),
+        named("The rate rules are those of", model.states, names),
+        named("The slow manifold is given by assignment rules:", model.observed, names),
     ]
 
 

@@ -14,6 +14,7 @@ from gsp.algebra.sharing import holding, plus, replaced, times
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.results.card import Card
+from gsp.slow.coordinates import moving, set_apart
 from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_noun
 from gsp.systems.declaration import reconstruction_of
@@ -218,7 +219,7 @@ def restrict(
     ring = cut.chart.ring
     epsilon = system.epsilon
     values = dict(system.parameters)
-    renamed = _renamed(cut, rates_driven)
+    renamed = set_apart(cut.chart, rates_driven)
 
     known = {ring.generator(s).index: name for s, name in renamed.items()} if cut.is_program else {}
 
@@ -230,19 +231,7 @@ def restrict(
             return plus([times(written(e), epsilon**k) for k, e in enumerate(elements)])
         return sp.Add(*[written(e) * epsilon**k for k, e in enumerate(elements)])
 
-    rates = []
-    for coordinate in cut.coordinates:
-        if coordinate in system.x:
-            rates.append(total(cut._f[system.x.index(coordinate)]))
-            continue
-        # A fast coordinate on M0 moves with the slow ones: y0' = sum_j (D_j y0) x_j'.
-        element = ring.generator(coordinate)
-        slopes = [ring.derive(element, j) for j in range(len(system.x))]
-        moved = [
-            _sum([slope * cut._f[j][k] for j, slope in enumerate(slopes)], ring).reduced()
-            for k in range(cut.order + 1)
-        ]
-        rates.append(total(moved))
+    rates = [total(row) for row in moving(cut.chart, cut._f)]
     observables: dict[sp.Symbol, sp.Expr] = {}
     for x in system.x:
         if x not in cut.coordinates:
@@ -282,26 +271,3 @@ def real_or_nan(observables: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.
 def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
     """A reconstructed rate in slow and fast variables, with the parameters' values."""
     return rate.xreplace(dict(system.observables)).xreplace(dict(system.parameters))
-
-
-def _renamed(manifold: SeriesManifold, reconstruction) -> dict[sp.Symbol, sp.Symbol]:
-    """Fresh symbols for the fast coordinates of M0, which are not the fast variables on M_epsilon."""
-    system = manifold.branch.system
-    taken = {s.name for s in (*system.states, *system.parameters, *system.observables, *reconstruction)}
-    result = {}
-    for symbol in manifold.coordinates:
-        if symbol in system.y:
-            name = symbol.name + "0"
-            while name in taken:
-                name += "0"
-            # y1 becomes y10, and then a y10 of its own may not become the same.
-            taken.add(name)
-            result[symbol] = sp.Symbol(name)
-    return result
-
-
-def _sum(elements, ring):
-    result = ring.zero
-    for element in elements:
-        result = result + element
-    return result

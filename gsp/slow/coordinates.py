@@ -8,7 +8,7 @@ D_j = d/dx_j - (g_y^-1 g_x)_j d/dy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,6 +115,38 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
                 if y in coordinates:
                     ring.set_derivative(y, j, (-slope).reduced())
     return found
+
+
+def moving(chart: Chart, f: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The coordinates' rates by powers of epsilon, from the slow variables' `f`.
+
+    A fast coordinate is that of the point of M0, which moves with the slow variables: y0' = sum_j (D_j y0) x_j'.
+    """
+    ring, x = chart.ring, chart.branch.system.x
+    rows = []
+    for coordinate in chart.coordinates:
+        if coordinate in x:
+            rows.append(list(f[x.index(coordinate)]))
+            continue
+        slopes = [ring.derive(ring.generator(coordinate), j) for j in range(len(x))]
+        rows.append([dot(slopes, terms, ring).reduced() for terms in zip(*f)])
+    return rows
+
+
+def set_apart(chart: Chart, others: Iterable[sp.Symbol] = ()) -> dict[sp.Symbol, sp.Symbol]:
+    """Fresh symbols for the fast coordinates of M0, which are not the fast variables on M_epsilon; none of `others`."""
+    system = chart.branch.system
+    taken = {s.name for s in (*system.states, *system.parameters, *system.observables, *others)}
+    result = {}
+    for symbol in chart.coordinates:
+        if symbol in system.y:
+            name = symbol.name + "0"
+            while name in taken:
+                name += "0"
+            # y1 becomes y10, and then a y10 of its own may not become the same.
+            taken.add(name)
+            result[symbol] = sp.Symbol(name)
+    return result
 
 
 def largest_block(entries: Mapping[tuple[int, int], sp.Expr], n: int, counts: Callable[[sp.Expr], bool]) -> int:

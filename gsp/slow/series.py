@@ -25,7 +25,7 @@ from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.slow.components import Components
-from gsp.slow.coordinates import Chart
+from gsp.slow.coordinates import Chart, moving
 from gsp.slow.expansion import Expansion
 from gsp.slow.truncation import AHEAD, best, errors, past
 from gsp.systems.arguments import check_flag, check_noun
@@ -67,6 +67,11 @@ class SeriesManifold(Card):
     def reduced_field(self) -> tuple[Components, ...]:
         """f_0, ..., f_n with x' = sum_k epsilon^k f_k on the slow manifold."""
         return self._components(self._f, self.branch.system.x)
+
+    @cached_property
+    def coordinate_field(self) -> tuple[Components, ...]:
+        """The coordinates' rates by powers of epsilon; a fast coordinate is the point of M0, which moves with x."""
+        return self._components(moving(self.chart, self._f), self.coordinates)
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:

@@ -6,9 +6,12 @@
 # Measured error: 2.2e-06, the largest of a slow variable relative to its size, against the full
 # system from the slow manifold at epsilon = 0.05 over t = 0 to 5.
 
+# A start of s.
+start = [1.0]
+
 # The rates of s.
-function rates(slow, epsilon = 0.05; kappa = 1.0, lambda = 0.5)
-    s = slow[1]
+function rates(state, epsilon = 0.05; kappa = 1.0, lambda = 0.5)
+    s = state[1]
     u0 = kappa + s
     u1 = lambda*s
     u2 = -lambda + u0
@@ -17,8 +20,8 @@ function rates(slow, epsilon = 0.05; kappa = 1.0, lambda = 0.5)
 end
 
 # The slow manifold: c.
-function slow_manifold(slow, epsilon = 0.05; kappa = 1.0, lambda = 0.5)
-    s = slow[1]
+function slow_manifold(state, epsilon = 0.05; kappa = 1.0, lambda = 0.5)
+    s = state[1]
     u0 = kappa + s
     u1 = kappa*s
     u2 = lambda*u1

@@ -1,4 +1,4 @@
-"""Exports for JAX, CasADi and SBML run in these, and C on implicit branches, with what the package computes."""
+"""Exports for JAX, CasADi and SBML run in these with what the package computes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 import gsp
 from gsp import models
@@ -17,18 +18,17 @@ from gsp.errors import BranchError, UnsupportedFunctionError
 from gsp.exports.languages import CASADI, JAX
 from gsp.exports.printing import Printer
 from gsp.exports.sbml_text import SBML, MathPrinter
+from gsp.readers.expressions import parse_expression
 from tests import xppaut
 from tests.cases import sampled
 from tests.exports.test_exports import (
-    EXPLICIT,
     FEW,
     HARD,
-    IMPLICIT,
+    NAMES,
     ORDER,
     check,
     expected,
     hostile,
-    run_c,
     run_python,
     study,
     text_of,
@@ -49,7 +49,7 @@ def test_the_jax_text_is_the_one_that_was_run() -> None:
     assert text_of("michaelis_menten", "jax") == GOLDEN.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+@pytest.mark.parametrize("name", sampled(NAMES, always=FEW))
 def test_every_scene_computes_the_same_in_jax(name: str) -> None:
     library = jax()
     points, *_ = expected(name)
@@ -67,7 +67,7 @@ def test_jax_differentiates_the_text() -> None:
     assert float(slope[0, 0]) == pytest.approx((ahead - behind) / 2e-5, rel=1e-8)
 
 
-@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+@pytest.mark.parametrize("name", sampled(NAMES, always=FEW))
 def test_every_scene_computes_the_same_in_casadi(name: str) -> None:
     casadi = pytest.importorskip("casadi")
     points, rates, manifold = expected(name)
@@ -157,7 +157,7 @@ def run_sbml(text: str, points: np.ndarray, counts: tuple[int, int]) -> tuple[li
     return rates, manifold
 
 
-@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+@pytest.mark.parametrize("name", sampled(NAMES, always=FEW))
 def test_every_scene_computes_the_same_in_sbml(name: str) -> None:
     points, rates, manifold = expected(name)
     check(name, *run_sbml(text_of(name, "sbml"), points, (rates.shape[1], manifold.shape[1])))
@@ -220,80 +220,62 @@ def test_hostile_names_and_texts_make_a_model_of_sbml_and_of_casadi() -> None:
     assert len(flow.states) == 1
 
 
-# -- implicit branches in C ------------------------------------------------------------------------
+# -- implicit branches -------------------------------------------------------------------------------
 
 
-def on_sheet(made: gsp.Study) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slow points of the region below the fold, the package's rates and its slow manifold there."""
-    system, series = made.system, made.series(ORDER)
-    random = np.random.default_rng(5)
-    candidates = np.column_stack([random.uniform(*made.region[s.name], 60) for s in system.x])
-    fast, good = made.branch.follow(candidates)
-    inside = good.copy()
-    for i, (low, high) in enumerate(made.region[s.name] for s in system.y):
-        inside &= (fast[:, i] >= low) & (fast[:, i] <= high)
-    points, fast = candidates[inside][:20], fast[inside][:20]
-    assert len(points) >= 10
-    values = dict(system.parameters)
-    outputs = []
-    for rows in (series.reduced_field, series.coefficients):
-        power = sp.Float(made.scene.epsilon, 40)
-        sums = [sum(row[i] * power**k for k, row in enumerate(rows)) for i in range(len(rows[0]))]
-        found = [
-            [
-                float(
-                    e.xreplace(values).evalf(
-                        40, subs=dict(zip((*system.x, *system.y), map(sp.Float, (*p, *base))))
-                    )
-                )
-                for e in sums
-            ]
-            for p, base in zip(points, fast)
-        ]
-        outputs.append(np.array(found))
-    return points, *outputs
-
-
-@pytest.mark.parametrize("name", IMPLICIT)
-def test_an_implicit_branch_is_solved_for_in_c(name: str, tmp_path: Path) -> None:
-    made = study(name)
-    points, rates, manifold = on_sheet(made)
-    counts = rates.shape[1], manifold.shape[1]
-    found = run_c(text_of(name, "c"), tmp_path, points, made.scene.epsilon, counts)
-    for values, wanted in zip(found, (rates, manifold)):
-        size = np.abs(wanted).max(axis=0)
-        assert (np.abs(values - wanted) <= 1e-12 * np.maximum(np.abs(wanted), size)).all()
-
-
-def test_beyond_a_fold_there_is_nothing_in_c(tmp_path: Path) -> None:
-    # The sheet x > 1 of y = x^3/3 - x ends at y = -2/3; another one goes on.
-    places = np.array([[-0.5], [-0.666], [-0.667], [-0.7], [-5.0], [-1e300], [1e3]])
-    reached = places[:, 0] > -2 / 3
-    for values in run_c(text_of("van_der_pol", "c"), tmp_path, places, 0.01, (1, 1)):
-        assert np.isfinite(values[:, 0]).tolist() == reached.tolist()
-
-
-def test_a_sheet_in_two_fast_variables_moves_with_its_parameters(tmp_path: Path) -> None:
-    u, v, s, a, eps = sp.symbols("u v s a epsilon")
+def two_fast_variables(a: float) -> gsp.Scene:
+    """No equation gives s or u as a polynomial, so that the state holds u of the point of M0 beside s."""
+    u, v, s, p, eps = sp.symbols("u v s a epsilon")
     system = gsp.SlowFastSystem(
-        slow={s: -u * v}, fast={u: s - u - sp.exp(u - 1) + v / 4, v: a * u - v - v**3}, epsilon=eps, parameters={a: 1}
+        slow={s: -u * v}, fast={u: s * (1 + u**2) - u - sp.exp(u - 1) + v / 4, v: p * u - v - sp.sinh(v)},
+        epsilon=eps, parameters={p: sp.Rational(str(a))},
     )  # fmt: skip
-    scene = gsp.Scene(
-        system, {"s": (0.5, 2.0)}, {"s": 1.0, "u": 0.5, "v": 0.4}, (0, 1), 0.01, (0.02, 0.01), 1e-6
+    return gsp.Scene(
+        system, {"s": (0.2, 0.6)}, {"s": 0.5, "u": 0.3, "v": 0.15}, (0, 1), 0.01, (0.02, 0.01), 1e-6
     )
-    text = gsp.export(scene, order=1, to="c").replace(
-        "reduced_parameters[1] = {1.0}", "reduced_parameters[1] = {1.0}"
+
+
+def test_the_states_of_an_implicit_branch_are_said_with_what_holds_between_them() -> None:
+    comment = " ".join(re.findall(r"(?m)^# (.*)$", text_of("van_der_pol", "python")))
+    assert "x0 is x of the point of the critical manifold over y." in comment
+    assert "lie on the critical manifold" not in comment
+    text = gsp.export(two_fast_variables(1), order=1, to="python")
+    comment = " ".join(re.findall(r"(?m)^# (.*)$", text))
+    assert "u0 is u of the point of the critical manifold over s." in comment
+    (said,) = re.findall(
+        r"The states lie on the critical manifold, and so does a start: (.*?)\.(?: |$)", comment
     )
-    moved = gsp.study(
-        gsp.Scene(
-            system.with_parameters(a=1.5), scene.region, scene.start, scene.span, 0.01, (0.02, 0.01), 1e-6
-        )
-    )
-    points = np.linspace(0.5, 2.0, 9)[:, None]
-    wanted = moved.series(1).evaluate(points, 0.01)
-    other = "static const double other[1] = {1.5};\n#define reduced_parameters other\n"
-    _, found = run_c(text + other, tmp_path, points, 0.01, (1, 2))
-    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    names = run_python(text)
+    at = dict(zip(sp.symbols("s u0 a"), [*names["start"], 1.0]))
+    for equation in said.split("; "):
+        left, right = equation.split(" = ")
+        read = parse_expression(right, symbols={s.name: s for s in at})
+        assert left == "0"
+        assert abs(float(read.xreplace(at))) < 1e-12
+
+
+def test_an_implicit_branch_moves_with_its_parameters() -> None:
+    names = run_python(gsp.export(two_fast_variables(1), order=1, to="python"))
+    flow = gsp.study(two_fast_variables(1.5)).reduced(1)
+    start = flow.initial({"s": 0.4})
+    run = gsp.integrate(flow, span=(0, 1), start={"s": 0.4}, epsilon=0.02, rtol=1e-11, atol=1e-13)
+    own = solve_ivp(names["rates"], (0, 1), start, args=(0.02, 1.5), method="DOP853", rtol=1e-11, atol=1e-13)
+    assert [s.name for s in flow.states] == ["s", "u0"]
+    np.testing.assert_allclose(own.y[:, -1], run.y[:, -1], rtol=1e-9)
+    manifold = names["slow_manifold"](own.y[:, -1], 0.02, a=1.5)
+    np.testing.assert_allclose(manifold, [run[name][-1] for name in ("u", "v")], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["van_der_pol", "koper", "fitzhugh_nagumo"])
+def test_an_exported_implicit_branch_runs_from_its_start_as_the_package_does(name: str) -> None:
+    made, names = study(name), run_python(text_of(name, "python"))
+    slow = [s.name for s in made.system.x]
+    run = gsp.integrate(
+        made.reduced(ORDER, reconstructed=False), span=made.scene.span, start={s: made.start[s] for s in slow},
+        epsilon=made.scene.epsilon, rtol=1e-11, atol=1e-13,
+    )  # fmt: skip
+    own = solve_ivp(names["rates"], (0, run.t[-1]), names["start"], method="DOP853", rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(own.y[:, -1], run.y[:, -1], rtol=1e-8)
 
 
 def test_an_implicit_branch_without_a_sheet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -307,7 +289,7 @@ def test_an_implicit_branch_without_a_sheet_is_refused(monkeypatch: pytest.Monke
 # -- XPPAUT ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sampled(EXPLICIT, always=FEW))
+@pytest.mark.parametrize("name", sampled(NAMES, always=FEW))
 def test_every_scene_computes_the_same_in_xppaut(name: str) -> None:
     points, rates, manifold = expected(name)
     text = text_of(name, "ode")

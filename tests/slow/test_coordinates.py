@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
 import sympy as sp
 
+import gsp
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.slow import coordinates
 from gsp.slow.coordinates import invert
@@ -28,3 +30,26 @@ def test_the_inverse_of_a_chain_takes_one_product_or_two_for_each_entry(monkeypa
     monkeypatch.setattr(coordinates.Element, "__mul__", lambda a, b: products.append(1) or times(a, b))
     invert(chain, ring)
     assert len(products) < 3 * n * (n + 1) / 2
+
+
+@pytest.mark.parametrize("name", ["van_der_pol", "koper", "fitzhugh_nagumo"])
+def test_the_coordinates_of_an_implicit_branch_move_as_its_slow_variables_do(name):
+    # d/dt of what a slow variable is on M0, along the coordinates' rates, is its own rate: order by order.
+    series = gsp.study(gsp.models.load(name)).series(2)
+    (given,) = (s for s in series.branch.system.x if s not in series.coordinates)
+    graph = series.chart.ring.to_sympy(series.chart.elements[given])
+    for f, rates in zip(series.reduced_field, series.coordinate_field):
+        along = sum(sp.diff(graph, s) * rates[s] for s in series.coordinates)
+        assert sp.cancel(along - f[given]) == 0
+        assert all(rates[s] == f[s] for s in series.coordinates if s in series.branch.system.x)
+
+
+def test_a_fast_coordinate_beside_the_slow_ones_stays_on_the_branch():
+    s, u, epsilon = sp.symbols("s u epsilon")
+    g = s * (1 + u**2) - u - sp.exp(u - 1)
+    branch = gsp.solve_critical(gsp.SlowFastSystem(slow={s: -u}, fast={u: g}, epsilon=epsilon)).branches[0]
+    series = gsp.expand(branch, order=2)
+    assert series.coordinates == (s, u)
+    for f, rates in zip(series.reduced_field, series.coordinate_field):
+        assert rates[s] == f[s]
+        assert sp.simplify(sp.diff(g, s) * rates[s] + sp.diff(g, u) * rates[u]) == 0
