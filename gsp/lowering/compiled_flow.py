@@ -288,6 +288,7 @@ class CompiledFlow:
             epsilon=self.expressions.epsilon,
             parameters=self.expressions.parameters,
             calls=self.expressions.calls,
+            scheduled=True,
         )
 
 

@@ -92,11 +92,13 @@ def compile_function(
     parameters: Sequence[sp.Symbol],
     through: Values = MappingProxyType({}),
     calls: tuple[Call, ...] = (),
+    scheduled: bool = False,
 ) -> CompiledFunction:
     """Compile `outputs` as functions of `arguments`, `epsilon` and `parameters`; equal calls compile once.
 
     `outputs` may contain the symbols of `through` too, which stand for expressions in the arguments, and the results of
-    `calls`, which come after these, in turn.
+    `calls`, which come after these, in turn. `scheduled` is for what a run calls at every stage: see
+    `gsp.kernels.engine.build`.
 
     Raises `UnsupportedFunctionError` for a function without machine code, `GspError` for an unknown symbol.
     """
@@ -108,6 +110,7 @@ def compile_function(
             tuple(parameters),
             tuple(through.items()),
             calls,
+            scheduled,
         )
 
 
@@ -124,6 +127,7 @@ def _compile(
     parameters: tuple[sp.Symbol, ...],
     through: tuple[tuple[sp.Symbol, sp.Expr], ...],
     calls: tuple[Call, ...],
+    scheduled: bool,
 ) -> CompiledFunction:
     module = ir.Module()
     function = ir.Function(module, SIGNATURE, "f")
@@ -146,8 +150,8 @@ def _compile(
     for i, value in zip(kept, written):
         store(builder, value, out, i)
     builder.ret_void()
-    engine = build(str(module), library=LIBRARY)
-    source = outputs, arguments, epsilon, parameters, dict(through), calls
+    engine = build(str(module), library=LIBRARY, scheduled=scheduled)
+    source = outputs, arguments, epsilon, parameters, dict(through), calls, scheduled
     return CompiledFunction(
         engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
     )
@@ -160,9 +164,16 @@ def _compiled_again(
     parameters: tuple[sp.Symbol, ...],
     through: Values,
     calls: tuple[Call, ...],
+    scheduled: bool,
 ) -> CompiledFunction:
     return compile_function(
-        outputs, arguments=arguments, epsilon=epsilon, parameters=parameters, through=through, calls=calls
+        outputs,
+        arguments=arguments,
+        epsilon=epsilon,
+        parameters=parameters,
+        through=through,
+        calls=calls,
+        scheduled=scheduled,
     )
 
 

@@ -84,6 +84,7 @@ class Forward:
             arguments=self.flow.states,
             epsilon=self.flow.epsilon,
             parameters=tuple(self.flow.parameters),
+            scheduled=True,
         )
 
 

@@ -17,6 +17,7 @@ from gsp.integration.reduction_end.validity import Validity, validity_of
 from gsp.kernels import engine
 from gsp.lowering import compiled_function
 from gsp.lowering.compiled_flow import compile_flow
+from gsp.lowering.compiled_function import compile_function
 
 x, epsilon = sp.symbols("x epsilon")
 STEP = 1e-5
@@ -173,9 +174,10 @@ def test_long_code_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> No
     outputs = [sp.exp(a) * b - a / (1 + b**2) + sp.sin(a * b) for a, b in pairwise(z)]
     at = np.linspace(0.1, 2.0, 40)
     found = []
-    for bound in (10**9, 0):
+    for bound, scheduled in ((10**9, True), (0, True), (10**9, False)):
         monkeypatch.setattr(engine, "LONGEST_SCHEDULED", bound)
         compiled_function._compile.cache_clear()
-        f = compiled_function.compile_function(outputs, arguments=z, epsilon=None, parameters=[])
+        f = compile_function(outputs, arguments=z, epsilon=None, parameters=[], scheduled=scheduled)
         found.append(f(at, [np.nan]))
-    assert np.array_equal(*found)
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[2])

@@ -63,11 +63,12 @@ def test_code_of_the_same_text_is_made_once_and_each_engine_has_its_own(emitted)
 def test_code_for_another_processor_or_of_another_effort_is_made_again(emitted, monkeypatch) -> None:
     built(2.0)
     assert value(built(2.0, optimised=True), 0.5) == pytest.approx(np.e, rel=1e-15)
-    assert len(emitted) == 2
+    assert value(built(2.0, scheduled=False), 0.5) == pytest.approx(np.e, rel=1e-15)
+    assert len(emitted) == 3
     monkeypatch.setattr(engine, "processor", lambda: ("generic", ""))
     built(2.0)
     built(2.0)
-    assert len(emitted) == 3
+    assert len(emitted) == 4
 
 
 def test_what_was_not_used_for_long_is_forgotten(emitted, monkeypatch) -> None:
