@@ -118,7 +118,10 @@ def _valuation(expression: sp.Expr, epsilon: sp.Symbol) -> int:
         return int(expression.exp) * valuation
     if expression.is_Add:
         # Leading terms may cancel, as in 1/epsilon - 1/(epsilon + epsilon^2): raise the bound until one survives.
-        lowest = min(_valuation(part, epsilon) for part in expression.args)
+        valuations = [_valuation(part, epsilon) for part in expression.args]
+        lowest = min(valuations)
+        if valuations.count(lowest) == 1:
+            return lowest
         for k in range(lowest, lowest + 64):
             if _coefficients(expression, epsilon, k):
                 return k

@@ -81,6 +81,10 @@ def _collector_at_rest() -> Iterator[None]:
         yield
     finally:
         if was_enabled:
+            if gc.get_freeze_count() == 0:
+                # What was read joins the oldest objects, without a look at each.
+                gc.freeze()
+                gc.unfreeze()
             gc.enable()
 
 
