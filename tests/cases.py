@@ -30,3 +30,15 @@ def crossed(*lists: Iterable[Any]) -> list[Any]:
         )
         for places in itertools.product(*(range(len(each)) for each in cases))
     ]
+
+
+def thinned(cases: Iterable[Any], step: int) -> list[Any]:
+    """`cases` for `parametrize`: the first and every `step`-th after it run every time, the others only when everything
+    is asked for. A tuple is one case of several arguments."""
+    return [
+        pytest.param(
+            *(case if isinstance(case, tuple) else (case,)),
+            marks=pytest.mark.exhaustive if place % step else (),
+        )
+        for place, case in enumerate(cases)
+    ]

@@ -83,7 +83,7 @@ def test_the_steps_of_a_ring_are_counted_and_end(monkeypatch: pytest.MonkeyPatch
 
 
 def test_factors_of_a_line_take_steps_in_proportion_to_it_and_solve() -> None:
-    steps, n = [], 60
+    steps, n = [], 30
     for count in (n // 2, n):
         ring = CircuitRing((x, y))
         entries = {(i, i): read(3 + x**2 + i * y, ring, {}) for i in range(count)}

@@ -109,7 +109,7 @@ def assert_honest(asked: Scene, orders=(0, 1, 2, 3)) -> None:
 
 
 # A raw field, its physics, an exact reduction, chemistry, a surface with folds, and a curve of them.
-FEW = ("chaplygin_sleigh", "knife_edge", "rolling_ball", "michaelis_menten", "koper", "van_der_pol")
+FEW = ("chaplygin_sleigh", "michaelis_menten", "koper", "van_der_pol")
 LONG = ("falling_disc", "car")
 
 
@@ -123,7 +123,7 @@ def test_the_prediction_is_honest_where_the_series_is_long(name: str) -> None:
     assert_honest(models.load(name), orders=(0, 1))
 
 
-@pytest.mark.parametrize("seed", sampled(range(6), always=range(3)))
+@pytest.mark.parametrize("seed", sampled(range(6), always=[0]))
 def test_the_prediction_is_honest_on_random_systems(seed: int) -> None:
     assert_honest(random_scene(seed, (0.1, 0.03, 0.01)[seed % 3]), orders=(0, 1))
 
@@ -499,6 +499,7 @@ def test_a_full_run_that_ends_before_the_piece_is_named_and_nothing_is_measured(
     assert all(np.isnan(c.steps) or c.steps < 1e9 for c in reduced)
 
 
+@pytest.mark.exhaustive
 def test_a_power_of_a_hundred_is_no_matter_of_the_depth_of_the_stack() -> None:
     growing = (x / 4 + y / 4 + sp.Rational(1, 3)) ** 100
     choice = choose(
@@ -507,6 +508,7 @@ def test_a_power_of_a_hundred_is_no_matter_of_the_depth_of_the_stack() -> None:
     assert [c.order for c in choice.candidates[:2]] == [1, 2]
 
 
+@pytest.mark.exhaustive
 def test_what_would_be_too_large_to_run_on_is_not_solved_for(monkeypatch) -> None:
     scene = load(Path(__file__).parents[1] / "systems" / "repressilator.toml")
 

@@ -94,6 +94,7 @@ def test_the_reduced_flow_is_left_before_the_fold_and_taken_up_on_the_other_shee
             assert switch.why.startswith("landed where the gap is")
 
 
+@pytest.mark.exhaustive
 def test_the_distance_to_the_fold_at_which_it_is_left_grows_like_epsilon_to_two_thirds() -> None:
     # Where the terms of the series are as large as one another: epsilon/(distance in x)^3 is constant.
     ladder = np.array([1e-3, 1e-4, 1e-5])

@@ -109,9 +109,7 @@ def test_without_reduced_candidates_the_obstacle_is_told_and_a_full_run_that_sto
 
 @pytest.mark.parametrize(
     "name",
-    sampled(
-        ["linear", "michaelis_menten", "van_der_pol", "chaplygin_sleigh"], always=["linear", "chaplygin_sleigh"]
-    ),
+    sampled(["linear", "michaelis_menten", "van_der_pol", "chaplygin_sleigh"], always=["chaplygin_sleigh"]),
 )
 def test_every_face_shows_the_same_verdict(name: str, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(charts, "applicable", lambda analysis: {"time_series": charts.time_series})

@@ -21,6 +21,7 @@ from gsp.slow.series import expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
+from tests.cases import thinned
 from tests.example_systems import epsilon, x, y, z
 
 v, p, w, m, inertia, a, phi = sp.symbols("v p w m I a phi")
@@ -105,7 +106,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize(("branch", "start", "ladder"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize(("branch", "start", "ladder"), thinned(CASES.values(), 2), ids=CASES)
 def test_series_and_backward_shadowing_agree_through_every_order(branch, start, ladder) -> None:
     shadows = [project(branch, start, epsilon=e, numeric=True) for e in ladder]
     floor = [max(s.error, 1e-15) for s in shadows]
@@ -192,7 +193,7 @@ def moved(name: str) -> Scene:
     return models.load(name)
 
 
-@pytest.mark.parametrize("correction", [0, 1, 2, 3])
+@pytest.mark.parametrize("correction", thinned([0, 1, 2, 3], 3))
 @pytest.mark.parametrize("name", ["chaplygin_sleigh", "michaelis_menten"])
 def test_the_slope_is_the_smaller_of_order_and_correction_plus_one(name: str, correction: int) -> None:
     comparison = compare(moved(name), orders=(0, 1, 2, 3), correction=correction)

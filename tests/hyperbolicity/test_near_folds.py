@@ -176,6 +176,7 @@ def counted_steps(monkeypatch) -> list[int]:
     return steps
 
 
+@pytest.mark.exhaustive
 def test_searches_next_to_the_end_of_a_sheet_stop_when_their_steps_are_spent(monkeypatch) -> None:
     branch, region = fast_epidemics()
     part = {**region, "p1": (0.35, 0.8)}

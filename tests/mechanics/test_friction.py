@@ -11,6 +11,7 @@ from gsp.errors import DeclarationError
 from gsp.mechanics import FrictionSystem, LagrangianSystem, constrain, with_friction
 from gsp.slow.raw_series import carry_back
 from gsp.systems.system import SlowFastSystem, VectorField
+from tests.cases import thinned
 
 x, y, phi, theta, psi = sp.symbols("x y phi theta psi")
 xdot, ydot, phidot, thetadot, psidot = sp.symbols("xdot ydot phidot thetadot psidot")
@@ -279,7 +280,7 @@ def test_slow_momenta_feel_no_friction() -> None:
             assert pull.applyfunc(lambda e: sp.trigsimp(sp.cancel(e))).is_zero_matrix
 
 
-@pytest.mark.parametrize("name", list(SYSTEMS))
+@pytest.mark.parametrize("name", thinned(list(SYSTEMS), 2))
 def test_the_standard_form_is_the_field_in_other_coordinates(name: str) -> None:
     system = SYSTEMS[name]()
     splitting = system.splitting
@@ -402,7 +403,7 @@ def random_system(
     return with_friction(system, list(A * U), epsilon=epsilon, damping=B), A
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     st.lists(entry, min_size=16, max_size=16),
     st.lists(entry, min_size=8, max_size=8),

@@ -10,6 +10,7 @@ import gsp
 from gsp import charts
 from gsp.errors import DeclarationError, Status
 from gsp.orbits.periodic.family import CycleKind
+from tests.cases import thinned
 
 x, y, z, w, a, mu, eps = sp.symbols("x y z w a mu epsilon")
 SQUARE = x**2 + y**2
@@ -170,7 +171,7 @@ def test_van_der_pols_explosion_from_the_hopf_point_to_relaxation(explosion) -> 
     assert explosion.stats.intervals < 200
 
 
-@pytest.mark.parametrize(("epsilon", "accuracy"), [(0.1, 2e-5), (0.05, 2e-9)])
+@pytest.mark.parametrize(("epsilon", "accuracy"), thinned([(0.1, 2e-5), (0.05, 2e-9)], 2))
 def test_explosions_where_the_series_has_fewer_digits(epsilon: float, accuracy: float) -> None:
     family = gsp.continue_orbits(hopf(epsilon), bounds=(0.9, 1.1))
     (found,) = family.explosions
@@ -187,6 +188,7 @@ def _values(canard, epsilon):
             continue
 
 
+@pytest.mark.exhaustive
 def test_the_explosion_is_the_same_from_the_side_of_relaxation(explosion) -> None:
     orbit = gsp.periodic_orbit(van_der_pol(0.9), start={"x": 2, "y": 0}, epsilon=0.01)
     assert orbit.period == pytest.approx(explosion.period[-1], rel=1e-10)

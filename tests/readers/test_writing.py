@@ -12,6 +12,7 @@ import gsp
 from gsp.errors import DeclarationError, OutputError
 from gsp.readers import writing
 from gsp.readers.writing import as_toml
+from tests.cases import thinned
 
 SYSTEMS = sorted(Path(__file__).parents[1].joinpath("systems").glob("*.toml"))
 
@@ -43,7 +44,7 @@ def same(scene: gsp.Scene, path: Path) -> gsp.Scene:
     return back
 
 
-@pytest.mark.parametrize("name", gsp.models.names())
+@pytest.mark.parametrize("name", thinned(gsp.models.names(), 2))
 def test_built_in_scenes_return(name, tmp_path):
     scene = gsp.models.load(name)
     back = same(scene, tmp_path)
@@ -54,7 +55,7 @@ def test_built_in_scenes_return(name, tmp_path):
         assert got == pytest.approx(expected, rel=1e-13, abs=1e-13)
 
 
-@pytest.mark.parametrize("path", SYSTEMS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", thinned(SYSTEMS, 3), ids=lambda path: path.stem)
 def test_systems_from_the_literature_return(path, tmp_path):
     same(gsp.load(path), tmp_path)
 

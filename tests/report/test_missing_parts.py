@@ -115,6 +115,7 @@ def test_a_model_that_is_hyperbolic_has_a_report(model, tmp_path):
         assert "Traceback" not in reason, name
 
 
+@pytest.mark.exhaustive
 def test_a_run_that_ends_where_it_starts_is_drawn_as_its_start(combined):
     stopped = dataclasses.replace(combined, reduced=combined.reduced.sample(combined.reduced.t[:1]))
     assert stopped.reduced.t.size == 1
@@ -126,7 +127,7 @@ def test_a_run_that_ends_where_it_starts_is_drawn_as_its_start(combined):
     "stage",
     sampled(
         ["boundary_of", "Expansion", "compare", "choose", "ladder_of", "landing_runs"],
-        always=["Expansion", "compare", "choose"],
+        always=["Expansion", "compare"],
     ),
 )
 def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatch, tmp_path):

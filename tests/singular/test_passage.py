@@ -361,6 +361,7 @@ CURVED = system(
 ZERO = gsp.Branch(CURVED, (x, y), {x: sp.Integer(0), y: sp.Integer(0)})
 
 
+@pytest.mark.exhaustive
 def test_an_implicit_branch_has_the_same_buffer_point() -> None:
     implicit = branch(CURVED, {"t": -1.8, "s": 1, "x": 0, "y": 0})
     assert not implicit.is_explicit

@@ -13,6 +13,7 @@ from gsp.orbits.periodic.finding import periodic_orbit
 from gsp.singular.passage.folds import omega0
 from gsp.singular.relaxation import singular_orbit
 from gsp.systems.system import SlowFastSystem
+from tests.cases import thinned
 
 x, y, z, w, epsilon = sp.symbols("x y z w epsilon")
 CUBIC = y - x**3 / 3 + x
@@ -60,7 +61,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", thinned(CASES, 2))
 def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
     system, start = CASES[name]
     orbit = orbit_of(system, start)
@@ -76,6 +77,7 @@ def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
     assert steps[1] < 0.1
 
 
+@pytest.mark.exhaustive
 def test_a_slaved_variable_changes_nothing(van_der_pol):
     system = SlowFastSystem(slow={y: -x, z: x - z}, fast={x: CUBIC}, epsilon=epsilon)
     orbit = orbit_of(system, {"x": 2, "y": 0.6, "z": 0})

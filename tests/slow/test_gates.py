@@ -9,7 +9,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.slow.series import SeriesManifold, expand
 from gsp.systems.system import SlowFastSystem
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 
 x, y, a, b, eps = sp.symbols("x y a b epsilon")
 half = sp.Rational(1, 2)
@@ -81,7 +81,7 @@ def check(system: SlowFastSystem, region, start, *, symbolic: int = 1, numbers: 
         assert defect(series, at, value) < 10.0 ** (-10 * series.order - 5)
 
 
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", thinned(FORMS, 3))
 def test_a_gate_on_an_explicit_branch(name: str) -> None:
     system = SlowFastSystem(
         slow={x: -x * y / 3 + half}, fast={y: FORMS[name] - y}, epsilon=eps, parameters={a: 0.3, b: 2}

@@ -5,6 +5,7 @@ The run that tells the truth is of the full system, from off the slow manifold: 
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -97,8 +98,13 @@ def test_a_prediction_is_neither_above_nor_below_the_error_by_much(seed: int) ->
         assert predicted[order] <= 10 * measured[order] + CLEAR
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize(
+    ("seed", "tolerance"),
+    [
+        pytest.param(*case, marks=() if case in {(21, 1e-3), (27, 1e-6)} else pytest.mark.exhaustive)
+        for case in product(range(20, 32), [1e-3, 1e-6])
+    ],
+)
 def test_a_simulation_keeps_to_its_tolerance(seed: int, tolerance: float) -> None:
     found = case(seed)
     scene = replace(found.scene, tolerance=tolerance)

@@ -104,6 +104,7 @@ def test_numbers_are_inverted_whatever_their_count() -> None:
     assert largest_block({(0, 1): x, (1, 0): sp.Integer(2)}, 2, lambda e: e.has(x)) == 2
 
 
+@pytest.mark.exhaustive
 def test_what_is_watched_along_a_run_is_what_smaller_blocks_watch(monkeypatch: pytest.MonkeyPatch) -> None:
     flow = restrict(expand(sheet(chain(5)), order=1))
     z = np.array([0.8, 0.4, 0.3, 0.2, 0.1, 0.05])

@@ -16,6 +16,7 @@ from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
+from tests.cases import thinned
 
 eps = systems.epsilon
 x, y, z = systems.x, systems.y, systems.z
@@ -134,7 +135,7 @@ def test_the_error_at_each_order_is_the_published_one(v: float, Omega: float) ->
         (systems.transcendental(), {"x": 0.5, "y": 0.3}, {"x": 0.7}),
     ],
 )
-@pytest.mark.parametrize("order", [0, 1, 2, 3])
+@pytest.mark.parametrize("order", thinned([0, 1, 2, 3], 2))
 def test_the_residual_falls_with_one_power_more_than_the_order(system, near, slow, order: int) -> None:
     series = expand(branch_of(system, **near), order=order)
     sizes = [np.linalg.norm(series.residual(slow, e)) for e in (4e-3, 2e-3)]

@@ -20,6 +20,7 @@ from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.series_function import SeriesFunction
 from gsp.slow_tubes.solved_flow import SolvedFlow
+from tests.cases import thinned
 from tests.slow_tubes.test_slow_tubes import epsilon, michaelis_menten, s, saddle, x, y
 
 z = sp.Symbol("z")
@@ -89,7 +90,7 @@ def test_the_tube_holds_the_manifold_and_is_hardly_wider() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6, 1e-3])
-@pytest.mark.parametrize("place", [0, 3, 9])
+@pytest.mark.parametrize("place", thinned([0, 3, 9], 3))
 def test_a_wrong_interpolant_has_a_tube_that_holds_the_manifold_or_none(size: float, place: int) -> None:
     right = forced()
     surface = right.surface
@@ -117,7 +118,7 @@ def test_michaelis_menten_at_a_tenth_to_rounding() -> None:
     assert 1e-9 < apart <= tube.delta + other.delta + 1e-15
 
 
-@pytest.mark.parametrize("value", [0.1, 0.01])
+@pytest.mark.parametrize("value", thinned([0.1, 0.01], 2))
 def test_an_implicit_branch(value: float) -> None:
     tube = certify(van_der_pol(value), region={"x": (-0.4, 2.0)})
     assert tube.verdict is ProofVerdict.PROVED
@@ -126,7 +127,7 @@ def test_an_implicit_branch(value: float) -> None:
     assert narrow.delta <= tube.delta
 
 
-@pytest.mark.parametrize("value", [0.01, 0.002])
+@pytest.mark.parametrize("value", thinned([0.01, 0.002], 2))
 def test_a_field_with_functions_of_the_fast_variable(value: float) -> None:
     tube = certify(morris_lecar(value), region={"n": (0.1875, 0.5)})
     assert tube.verdict is ProofVerdict.PROVED
