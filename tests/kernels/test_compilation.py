@@ -183,7 +183,7 @@ def compiled_by(call: str, folder: Path) -> set[str]:
         "field = gsp.VectorField({x: y, y: (1 - x**2) * y - x}, epsilon=None)\n"
         f"{call}\n"
     )
-    # LLVM takes half of the time, and has no say in what is compiled.
+    # LLVM takes a quarter of the time, and has no say in what is compiled.
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "NUMBA_OPT": "0"}
     found = subprocess.run(
         [sys.executable, "-c", text], env=environment, capture_output=True, text=True, timeout=300, check=True
@@ -191,6 +191,7 @@ def compiled_by(call: str, folder: Path) -> set[str]:
     return {name.removeprefix("gsp.kernels.") for name in found.stdout.split() if name.startswith("gsp.")}
 
 
+@pytest.mark.exhaustive
 def test_times_of_an_explicit_run_compile_no_linear_algebra(tmp_path: Path) -> None:
     call = "gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='dop853', at=np.linspace(0, 3, 99))"
     compiled = compiled_by(call, tmp_path)

@@ -354,7 +354,8 @@ def test_mathematics_keeps_the_order_given_and_signs_are_signs():
 
 
 def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
-    monkeypatch.setattr(charts, "applicable", lambda _: {"failure_map": charts.failure_map})
+    drawn = {"failure_map": lambda analysis: charts.failure_map(analysis.failures)}
+    monkeypatch.setattr(charts, "applicable", lambda _: drawn)
     analysis = analysis_of("van_der_pol")
     folder = write_report(analysis, tmp_path).parent
     text = (folder / "report.html").read_text(encoding="utf-8")
