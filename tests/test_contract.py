@@ -328,7 +328,7 @@ CONTRACTS = {
     ),
     "animate": Contract(
         ("Scene", "Study"), michaelis, lambda: {"path": "film.gif"},
-        {"path": kind(), "seconds": POSITIVE},
+        {"path": kind(), "view": NAME, "seconds": POSITIVE},
     ),
     "choose": Contract(("Scene", "Study"), michaelis, dict),
     "simulate": Contract(("Scene", "Study"), michaelis, dict, {"choice": kind()}),

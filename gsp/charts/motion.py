@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import matplotlib
@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 
-from gsp.charts.sampling import margins
-from gsp.charts.style import BLUE, GREY, INK, SKY, STYLE, VERMILION, mathematics
+from gsp.charts.sampling import along, margins
+from gsp.charts.style import BLUE, GREY, INK, SKY, STYLE, VERMILION, add_units, mathematics
 from gsp.errors import OutputError
 from gsp.integration.trajectory import Trajectory
 from gsp.results.files import write_file
@@ -40,7 +40,8 @@ class Body:
 class Motion:
     """What moves: the full run, the limit run if there is one, the plane of two names, and what stands against time.
 
-    `curve` (2, k) is the critical manifold in the plane, with gaps of nan. `title` says what is seen.
+    `curve` (2, k) is the critical manifold in the plane, with gaps of nan. `title` says what is seen. `ranges` bounds
+    axes of the plane that are not to follow the run, and `units` stand behind the names on the axes.
     """
 
     full: Trajectory
@@ -51,6 +52,8 @@ class Motion:
     body: Body | None = None
     curve: np.ndarray | None = None
     is_path: bool = False
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_motion(
@@ -107,8 +110,8 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
     other = None if limit is None else limit.sample(np.linspace(limit.t[0], limit.t[-1], 1000))
     first, second = motion.plane
     left.set(
-        xlim=_ends(line[first], motion),
-        ylim=_ends(line[second], motion),
+        xlim=motion.ranges.get(first) or _ends(along(line, first), motion),
+        ylim=motion.ranges.get(second) or _ends(along(line, second), motion),
         xlabel=mathematics(first),
         ylabel=mathematics(second),
     )
@@ -118,7 +121,12 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
         left.plot(*motion.curve, color=SKY, lw=4.0, alpha=0.6, label="$M_0$", zorder=0)
     if other is not None:
         left.plot(
-            other[first], other[second], color=BLUE, lw=1.2, ls=(0, (5, 3)), label=r"limit $\epsilon \to 0$"
+            along(other, first),
+            along(other, second),
+            color=BLUE,
+            lw=1.2,
+            ls=(0, (5, 3)),
+            label=r"limit $\epsilon \to 0$",
         )
         right.plot(other.t, other[motion.against_time], color=BLUE, lw=1.2, ls=(0, (5, 3)))
     right.set(
@@ -128,6 +136,8 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
         ylabel=mathematics(motion.against_time),
     )
     right.plot(line.t, line[motion.against_time], color=INK, lw=0.8, alpha=0.2)
+    for axes in (left, right):
+        add_units(axes, motion.units)
     figure.suptitle(motion.title, fontsize="medium", color=GREY)
     (trail,) = left.plot([], [], color=INK, lw=1.4, label="full")
     (dot,) = left.plot([], [], "o", color=VERMILION, ms=6, zorder=5)
@@ -148,9 +158,9 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
     def draw(frame: int) -> Sequence:
         t = times[frame]
         until = np.searchsorted(line.t, t, side="right")
-        trail.set_data(line[first][:until], line[second][:until])
+        trail.set_data(along(line, first)[:until], along(line, second)[:until])
         past.set_data(line.t[:until], line[motion.against_time][:until])
-        x, y = run[first][frame], run[second][frame]
+        x, y = along(run, first)[frame], along(run, second)[frame]
         dot.set_data([x], [y])
         now.set_data([t], [run[motion.against_time][frame]])
         if body is not None:

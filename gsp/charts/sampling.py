@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import numpy as np
@@ -13,6 +13,7 @@ from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_function
+from gsp.scenes.view import TIME
 from gsp.slow.truncation import errors, past
 from gsp.systems.flow import Flow
 from gsp.systems.system import SlowFastSystem
@@ -57,6 +58,14 @@ def reading(analysis: Analysis, run: Trajectory, name: str) -> np.ndarray:
     states = splitting.field.states
     points = np.stack([run[s.name] for s in states], axis=1)
     return evaluate([coordinates[name]], analysis.scene.system, run.epsilon or 0.0, points, states)[:, 0]
+
+
+def along(
+    run: Trajectory, name: str, read: Callable[[Trajectory, str], np.ndarray] | None = None
+) -> np.ndarray:
+    """Values (m,) of a quantity along a run as `read` finds it; its times for t, unless the flow has a t of its own."""
+    is_time = name == TIME and all(s.name != TIME for s in (*run.flow.states, *run.flow.observables))
+    return run.t if is_time else run[name] if read is None else read(run, name)
 
 
 def covered(*runs: Trajectory) -> tuple[float, float]:

@@ -78,7 +78,7 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
                         value=axes.name,
                     )
                 draw(result, axes, *args, **kwargs)
-                _add_units(axes, getattr(getattr(result, "scene", None), "units", {}))
+                add_units(axes, getattr(getattr(result, "scene", None), "units", {}))
                 return axes
 
         return drawn
@@ -86,7 +86,7 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
     return decorate
 
 
-def _add_units(axes: Axes, units: Mapping[str, str]) -> None:
+def add_units(axes: Axes, units: Mapping[str, str]) -> None:
     """Units behind the variables that axes are labelled by, and behind the slow time."""
     told = {mathematics(name): unit for name, unit in units.items()}
     if "t" in units:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
-import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.analysis.analysis import Analysis
-from gsp.charts.sampling import dense_run, reading
+from gsp.charts.sampling import along, dense_run, reading
 from gsp.charts.style import BLUE, GREY, at_epsilon, chart, legend, mathematics, name_axes, plain
-from gsp.errors import unknown_name
-from gsp.integration.trajectory import Trajectory
 from gsp.scenes.scene import Scene
-from gsp.scenes.view import TIME, View
+from gsp.scenes.view import View, view_named
 
 
 class _Seen(NamedTuple):
@@ -33,21 +31,19 @@ def view(analysis: Analysis, name: str) -> Axes:
 
     Raises `UnknownNameError` for a name that is none of the scene's views.
     """
-    views = analysis.scene.views
-    if name not in views:
-        raise unknown_name(name, views)
-    return _view(_Seen(analysis, views[name]))
+    return _view(_Seen(analysis, view_named(analysis.scene.views, name)))
 
 
 @chart(solid=lambda seen: seen.view.z is not None)
 def _view(seen: _Seen, axes: Axes) -> None:
     names = seen.view.names
     full, limit = dense_run(seen.analysis.full), dense_run(seen.analysis.limit)
+    read = partial(reading, seen.analysis)
     for run, colour, width, label in (
         (full, GREY, 2.6, at_epsilon(seen.scene.epsilon)),
         (limit, BLUE, 1.2, r"limit $\epsilon \to 0$"),
     ):
-        axes.plot(*(_along(seen.analysis, run, name) for name in names), color=colour, lw=width, label=label)
+        axes.plot(*(along(run, name, read) for name in names), color=colour, lw=width, label=label)
     name_axes(axes, *names[:2])
     if len(names) == 3:
         axes.set_zlabel(mathematics(names[2]))  # pyright: ignore[reportAttributeAccessIssue]
@@ -57,8 +53,3 @@ def _view(seen: _Seen, axes: Axes) -> None:
     if seen.view.title:
         axes.set_title(plain(seen.view.title, width=60), pad=24.0)
     legend(axes)
-
-
-def _along(analysis: Analysis, run: Trajectory, name: str) -> np.ndarray:
-    known = (s.name for s in (*run.flow.states, *run.flow.observables))
-    return run.t if name == TIME and TIME not in known else reading(analysis, run, name)

@@ -123,14 +123,15 @@ def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
 @cli.command()
 @asks("set", "epsilon")
 @output_option("File for the picture, .gif or .mp4 [gsp-NAME.gif].")
+@click.option("--view", metavar="NAME", help="One of the model's views [its path, or its first plane view].")
 @click.option("--seconds", default=6.0, show_default=True, help="How long the picture moves.")
-def animate(scene: Scene, output: Path | None, seconds: float) -> None:
-    """Write a moving picture of MODEL for slides: its path, or its run past the critical manifold."""
+def animate(scene: Scene, output: Path | None, view: str | None, seconds: float) -> None:
+    """Write a moving picture of MODEL for slides: its path, a view, or its run past the critical manifold."""
     from gsp.demos.animation import animate as make_animation
 
     target = output or Path(f"gsp-{scene.name or 'scene'}.gif")
     with progress_bar("frames") as show:
-        make_animation(scene, target, seconds=seconds, progress=show)
+        make_animation(scene, target, view=view, seconds=seconds, progress=show)
     wrote(target)
     click.echo(f"picture: {target}")
 

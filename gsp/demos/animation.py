@@ -9,10 +9,11 @@ import numpy as np
 
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
 from gsp.demos.demo import body_of
-from gsp.errors import GspError
+from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
 
 SECONDS = 6.0
@@ -27,19 +28,22 @@ def animate(
     scene: Scene | Study,
     path: str | Path,
     *,
+    view: str | None = None,
     seconds: float = SECONDS,
     progress: Callable[[float], object] | None = None,
 ) -> Path:
     """Write a moving picture of the scene's full run at its epsilon, beside the limit, to `path` (.gif or .mp4).
 
-    A scene with a path shows it, with the body if its demo has one; any other the plane of its first slow and its first
-    fast variable, with the critical manifold where that is a curve. The film lasts `seconds`, and time runs evenly.
-    Raises `OutputError` for another ending, or when the file cannot be written, and what a study raises for a scene
-    that cannot be split.
+    It shows the `view` of this name. Without one a scene with a path shows it, with the body if its demo has one; any
+    other the first of its views that is plane, or its first slow and its first fast variable, with the critical
+    manifold where that is a curve. The film lasts `seconds`, and time runs evenly. Raises `UnknownNameError` for a name
+    that is none of the scene's views, `DeclarationError` for a view in space, `OutputError` for another ending, or when
+    the file cannot be written, and what a study raises for a scene that cannot be split.
     """
     study = study_of(scene, verb="animate")
     target = check_motion_name(path)
     check_progress(progress)
+    seen = _view(study.scene, view)
     length = check_number(
         seconds,
         what="seconds",
@@ -47,16 +51,34 @@ def animate(
         above=0.0,
         below=LONGEST * (1 + 1e-12),
     )
-    return write_motion(_motion(study), target, seconds=length, progress=progress)
+    return write_motion(_motion(study, seen), target, seconds=length, progress=progress)
 
 
-def _motion(study: Study) -> Motion:
+def _view(scene: Scene, name: str | None) -> View | None:
+    """The view that is asked for; without a name the first plane one, if the scene has no path."""
+    if name is None:
+        plane = (view for view in scene.views.values() if view.z is None)
+        return None if scene.path is not None else next(plane, None)
+    found = view_named(scene.views, name)
+    if found.z is not None:
+        raise DeclarationError(
+            f"the view {name} is in space, and a moving picture shows a plane.",
+            f"Draw it standing still: gsp.charts.view(analysis, {name!r}).",
+            got=", ".join(found.names),
+            value=name,
+        )
+    return found
+
+
+def _motion(study: Study, view: View | None = None) -> Motion:
     scene = study.scene
     epsilon = f"$\\epsilon = {scene.epsilon:g}$"
     title = f"{scene.title or scene.name or 'a run'}, {epsilon}".replace("_", " ")
     fast = study.system.y[0].name
     raw = [s.name for s in (*scene.full_flow.states, *scene.full_flow.observables)]
-    if scene.path is not None:
+    if view is not None:
+        title = f"{view.title or title}".replace("_", " ")
+    elif scene.path is not None:
         body = body_of(scene)
         shown = None
         if body is not None:
@@ -64,14 +86,29 @@ def _motion(study: Study) -> Motion:
             shown = Body(body["angle"], parts)
         against = fast if fast in raw else raw[0]
         full = study.full(scene.epsilon)
-        return Motion(full, _limit(study), scene.path, against, title, body=shown, is_path=True)
-    # In slow and fast variables, so that the critical manifold is a graph.
-    full = trajectory_of(
-        study.system, start=study.start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+        return Motion(
+            full, _limit(study), scene.path, against, title, body=shown, is_path=True, units=scene.units
+        )
+    plane = (study.system.x[0].name, fast) if view is None else (view.x, view.y)
+    own = {s.name for s in (*study.system.states, *study.system.observables)}
+    if set(plane) <= {TIME, *own}:
+        # In slow and fast variables, so that the critical manifold is a graph.
+        full = trajectory_of(
+            study.system, start=study.start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+        )
+    else:
+        full = study.full(scene.epsilon)
+    is_graph = len(study.system.states) == 2 and plane == tuple(s.name for s in study.system.states)
+    return Motion(
+        full,
+        _limit(study),
+        plane,
+        fast if view is None else next((name for name in plane[::-1] if name != TIME), fast),
+        title,
+        curve=_critical_curve(study, full) if is_graph else None,
+        ranges={} if view is None else view.ranges,
+        units=scene.units,
     )
-    slow = study.system.x[0].name
-    curve = _critical_curve(study, full) if len(study.system.states) == 2 else None
-    return Motion(full, _limit(study), (slow, fast), fast, title, curve=curve)
 
 
 def _limit(study: Study) -> Trajectory | None:

@@ -93,6 +93,7 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         "span": list(scene.span),
         "axes": axes,
         "trace": told.get("trace") or axes[1],
+        "units": {name: printable(unit) for name, unit in scene.units.items()},
         "path": None if scene.path is None else list(scene.path),
         "body": told.get("body"),
         "frame": told.get("frame", {}),

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
 
-from gsp.errors import DeclarationError
+from gsp.errors import DeclarationError, UnknownNameError
 from gsp.systems.arguments import check_text, shown
 from gsp.systems.region import Interval, check_interval
 
@@ -40,6 +40,18 @@ class View:
 
     def __hash__(self) -> int:
         return hash((self.names, self.title, tuple(self.ranges.items())))
+
+
+def view_named(views: Mapping[str, View], name: object) -> View:
+    """The view of this name; raises `UnknownNameError` for what is none."""
+    if isinstance(name, str) and name in views:
+        return views[name]
+    fact = f"view is the name of one of the scene's views, and not {shown(name)}."
+    if not views:
+        raise UnknownNameError(
+            fact, "The scene has none: give it one, as [views.NAME] in its model file.", value=name
+        )
+    raise UnknownNameError.none_of(views, name, fact, "They are")
 
 
 def checked_views(views: object, known: Collection[str]) -> dict[str, View]:

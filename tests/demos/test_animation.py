@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.animation import FuncAnimation
 from PIL import Image
 
 import gsp
@@ -14,7 +15,7 @@ from gsp import models
 from gsp.charts import motion as moving
 from gsp.demos import animation
 from gsp.demos.demo import body_of
-from gsp.errors import DeclarationError, OutputError
+from gsp.errors import DeclarationError, OutputError, UnknownNameError
 
 
 def frames(path: Path) -> list[np.ndarray]:
@@ -24,6 +25,15 @@ def frames(path: Path) -> list[np.ndarray]:
             image.seek(k)
             found.append(np.asarray(image.convert("RGB")).astype(int))
         return found
+
+
+def still(motion: moving.Motion) -> FuncAnimation:
+    """The last of five frames."""
+    figure = moving._animation(motion, 5)
+    figure._draw_frame(4)
+    # Else matplotlib warns that it was never shown.
+    figure._draw_was_started = True
+    return figure
 
 
 def test_the_sleigh_moves_and_takes_its_body_along(tmp_path: Path) -> None:
@@ -41,10 +51,7 @@ def test_a_body_goes_where_the_run_goes() -> None:
     shown = animation._motion(gsp.study(models.load("chaplygin_sleigh")))
     assert shown.body is not None
     assert shown.plane == ("x", "y")
-    figure = moving._animation(shown, 5)
-    figure._draw_frame(4)
-    # Else matplotlib warns that it was never shown.
-    figure._draw_was_started = True
+    figure = still(shown)
     panel = figure._fig.axes[0]
     run = shown.full.sample(np.array([shown.full.t[-1]]))
     place = np.array([run["x"][0], run["y"][0]])
@@ -106,3 +113,78 @@ def test_what_cannot_be_written_is_refused_before_any_work(tmp_path: Path, monke
         with pytest.raises(DeclarationError, match="seconds is a number above 0"):
             gsp.animate(scene, tmp_path / "film.gif", seconds=seconds)
     assert list(tmp_path.iterdir()) == []
+
+
+SEEN = """
+title = "Two tanks"
+[slow]
+s = "-s*c"
+[fast]
+c = "s - c"
+[observables]
+total = "s + 2*c"
+[region]
+s = [0.1, 2]
+c = [0, 2]
+[start]
+s = 1
+c = 0.2
+[scene]
+span = [0, 2]
+epsilon = 0.05
+[units]
+s = "mol"
+t = "min"
+[views.space]
+x = "s"
+y = "c"
+z = "total"
+[views.first]
+x = "total"
+y = "c"
+title = "what there is"
+ranges = { c = [0, 1.5] }
+[views.later]
+x = "t"
+y = "s"
+"""
+
+
+def seen(tmp_path: Path) -> gsp.Scene:
+    path = tmp_path / "tanks.toml"
+    path.write_text(SEEN)
+    return gsp.load(path)
+
+
+def test_a_view_by_name_is_what_moves(tmp_path: Path) -> None:
+    study = gsp.study(seen(tmp_path))
+    # Without a name the first that is plane, as a demo begins.
+    first = animation._motion(study, animation._view(study.scene, None))
+    assert (first.plane, first.against_time, first.curve) == (("total", "c"), "c", None)
+    left, right = still(first)._fig.axes
+    assert first.title == "what there is"
+    assert left.get_ylim() == (0.0, 1.5)
+    assert right.get_xlabel() == "slow time $t$ (min)"
+    later = animation._motion(study, animation._view(study.scene, "later"))
+    assert (later.plane, later.against_time) == (("t", "s"), "s")
+    left = still(later)._fig.axes[0]
+    assert left.get_ylabel() == "$s$ (mol)"
+    trail = next(line for line in left.lines if line.get_label() == "full")
+    np.testing.assert_allclose(trail.get_xdata()[[0, -1]], [0.0, 2.0])
+    np.testing.assert_allclose(trail.get_ydata()[0], 1.0)
+    assert len(frames(gsp.animate(study, tmp_path / "later.gif", view="later", seconds=0.1))) == 2
+
+
+def test_a_view_that_no_film_can_show_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        DeclarationError, match="the view space is in space, and a moving picture shows a plane"
+    ):
+        gsp.animate(seen(tmp_path), tmp_path / "film.gif", view="space")
+    with pytest.raises(UnknownNameError, match="space, first, later"):
+        gsp.animate(seen(tmp_path), tmp_path / "film.gif", view="last")
+    assert not (tmp_path / "film.gif").exists()
+
+
+def test_a_demo_has_the_units_for_its_axes(tmp_path: Path) -> None:
+    page = gsp.demo(seen(tmp_path)).html
+    assert '"units": {"s": "mol", "t": "min"}' in page or '"units":{"s":"mol","t":"min"}' in page

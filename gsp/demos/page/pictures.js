@@ -24,7 +24,7 @@ function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, { 
   // A story may hold an axis still, where runs grow without bound.
   const ranged = (place, start) => shown[model.quantities[place]] ?? framed(place, start);
   view.setRanges(ranged(i, view.startAt[0]), ranged(j, view.startAt[1]));
-  view.axes(model.quantities[i], model.quantities[j]);
+  view.axes(model.labelled(model.quantities[i]), model.labelled(model.quantities[j]));
   view.clipped(() => {
     drawFibres(view, model, i, j, colours);
     drawManifold(view, model, s, i, j, colours, orders);
@@ -117,7 +117,7 @@ function drawTrace(view, model, s, curves, j, now, colours, layerEnd, { logarith
   view.begin(colours);
   const taken = yLog ? logarithms(curves, j) : curves;
   view.setRanges([s.span[0], s.span[1]], shown[model.quantities[j]] ?? rangeOf(taken, j), { steady: false });
-  view.axes("t", model.quantities[j], { yLog });
+  view.axes(model.labelled("t"), model.labelled(model.quantities[j]), { yLog });
   view.clipped(() => {
     if (layerEnd > s.span[0]) {
       view.context.fillStyle = colours.manifold;
@@ -181,7 +181,7 @@ function drawPath(view, model, curves, places, body, now, colours) {
   const widened = (range) => [range[0] - reach, range[1] + reach];
   const [i, j] = places;
   view.setRanges(widened(extent([curves.full.q[i]])), widened(extent([curves.full.q[j]])), { equal: true });
-  view.axes(model.quantities[i], model.quantities[j]);
+  view.axes(model.labelled(model.quantities[i]), model.labelled(model.quantities[j]));
   view.clipped(() => {
     drawCurves(view, curves, i, j, colours);
     const t = now === null ? curves.full.t[curves.full.t.length - 1] : now;

@@ -85,6 +85,7 @@ function makeModel(data, program) {
   const nFast = reducible ? reduction.fast.length : 0;
 
   const constants = (s) => [s.epsilon, ...s.parameters];
+  const labelled = (name) => (Object.hasOwn(data.units, name) ? `${name} (${data.units[name]})` : name);
 
   function atDeclared(s) {
     return s.parameters.every((value, i) => value === model.values[i]);
@@ -524,7 +525,7 @@ function makeModel(data, program) {
   }
 
   return {
-    ...model, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
+    ...model, labelled, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
     comparison, errorsOf, bestOrder,
     quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldCurve, layerFolds, arrival, reduced, atDeclared, sum,
   };
