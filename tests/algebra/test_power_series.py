@@ -6,6 +6,7 @@ import sympy as sp
 from gsp.algebra.functions import RULES
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import LocalisedRing, read
+from tests.cases import thinned
 
 x, y, a, eps = sp.symbols("x y a epsilon")
 ORDER = 4
@@ -31,7 +32,7 @@ def check(expression: sp.Expr, inner: sp.Expr) -> None:
         assert abs(sp.N((got - expected).subs(point), 30)) < 1e-18, (k, got, expected)
 
 
-@pytest.mark.parametrize("name", sorted(set(RULES) - {"sign"}))
+@pytest.mark.parametrize("name", thinned(sorted(set(RULES) - {"sign"}), 2))
 def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(name: str) -> None:
     function = getattr(sp, name)
     inner = {"acosh": 2 + x, "asin": x / 2, "acos": x / 2, "atanh": x / 2}.get(name, 1 + x) + eps * x - eps**2
@@ -40,16 +41,19 @@ def test_functions_of_a_series_have_the_taylor_coefficients_that_sympy_finds(nam
 
 @pytest.mark.parametrize(
     "expression",
-    [
-        y**5 - a * y * eps,
-        1 / (1 + y + eps * x) ** 2,
-        y ** sp.Rational(3, 2),
-        y ** sp.Rational(-1, 3),
-        y**a,
-        (1 + eps * y) ** y,
-        sp.exp(sp.sin(y)) * x,
-        (x + eps) / (y - eps / (1 + eps)),
-    ],
+    thinned(
+        [
+            y**5 - a * y * eps,
+            1 / (1 + y + eps * x) ** 2,
+            y ** sp.Rational(3, 2),
+            y ** sp.Rational(-1, 3),
+            y**a,
+            (1 + eps * y) ** y,
+            sp.exp(sp.sin(y)) * x,
+            (x + eps) / (y - eps / (1 + eps)),
+        ],
+        2,
+    ),
 )
 def test_powers_quotients_and_compositions_have_the_right_coefficients(expression: sp.Expr) -> None:
     check(expression, 1 + x + eps * (x - 2) + 3 * eps**2)

@@ -48,6 +48,7 @@ def test_every_chart_that_applies_draws_with_labels(name):
         assert all(text.get_text() for text in legend.get_texts()), chart
 
 
+@pytest.mark.exhaustive
 def test_a_saddle_draws_without_landing_runs(saddle):
     assert saddle.landing == ()
     drawn = charts.applicable(saddle)

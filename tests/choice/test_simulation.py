@@ -108,6 +108,7 @@ def test_the_distance_to_the_fold_at_which_it_is_left_grows_like_epsilon_to_two_
     assert np.polyfit(np.log(ladder), np.log(distances), 1)[0] == pytest.approx(2 / 3, abs=0.05)
 
 
+@pytest.mark.exhaustive
 def test_two_fast_variables_and_an_implicit_branch() -> None:
     system = SlowFastSystem(slow={y: -x + w / 5}, fast={x: y - x**3 / 3 + x, w: x**2 - w}, epsilon=eps)
     scene = Scene(

@@ -86,6 +86,7 @@ def test_a_linear_fast_equation_never_fails():
     assert found.places[EXPLICIT].share < 1.0
 
 
+@pytest.mark.exhaustive
 def test_newtons_method_goes_astray_where_its_basin_ends():
     # M0 is y = +-sqrt(x); from y = 1 Newton's method reaches the upper sheet for every x > 0.
     found = failure_map(scene(-x, x - y**2, {"x": 1, "y": 1}, {"x": (0.5, 2)}), orders=(0,))

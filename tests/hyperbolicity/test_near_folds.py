@@ -19,7 +19,7 @@ from gsp.hyperbolicity.losses.shrinking import largest_sub_region
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.systems.system import SlowFastSystem
-from tests.cases import crossed
+from tests.cases import crossed, thinned
 
 x, y, u, v, w, k, eps = sp.symbols("x y u v w k epsilon")
 Q = sp.Rational
@@ -49,7 +49,7 @@ def test_the_gap_next_to_a_fold_is_its_own(distance, width, bounds) -> None:
     assert found.gap == pytest.approx(gap_of_van_der_pol(distance), rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", thinned(range(6), 3))
 def test_the_gap_next_to_a_fold_is_its_own_in_any_units(seed) -> None:
     rng = np.random.default_rng(seed)
     a, b, c = (sp.Rational(float(10.0 ** rng.uniform(-3, 3))) for _ in range(3))
@@ -90,7 +90,7 @@ def rosenzweig_macarthur(scale: sp.Expr = sp.S.One, unit: sp.Expr = sp.S.One) ->
     )
 
 
-@pytest.mark.parametrize(("scale", "unit"), [(1, 1), (Q(1, 7), 30), (11, Q(2, 1000))])
+@pytest.mark.parametrize(("scale", "unit"), thinned([(1, 1), (Q(1, 7), 30), (11, Q(2, 1000))], 2))
 @pytest.mark.parametrize("fast", [None, (0.4, 1.0)])
 def test_the_fold_of_a_graph_with_a_root_is_named_and_a_part_offered(scale, unit, fast) -> None:
     system = rosenzweig_macarthur(sp.sympify(scale), sp.sympify(unit))

@@ -13,7 +13,7 @@ from gsp.integration.ensemble import integrate_many
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
 from gsp.systems.system import VectorField
-from tests.cases import crossed
+from tests.cases import crossed, thinned
 from tests.integration.test_stiff_accuracy import PROBLEMS, STIFF
 
 x, y, z, u = sp.symbols("x y z u")
@@ -55,7 +55,7 @@ def test_values_at_the_times_asked_for_are_within_ten_tolerances_or_the_steps_er
 
 
 @EVERY
-@pytest.mark.parametrize("name", NOT_STIFF)
+@pytest.mark.parametrize("name", thinned(NOT_STIFF, 2))
 def test_values_of_runs_that_are_not_stiff_are_as_good_as_the_steps(name, method):
     rates, start, end = NOT_STIFF[name]
     field = VectorField(rates, epsilon=None)

@@ -245,7 +245,7 @@ SYSTEMS = {
 }
 
 
-@pytest.mark.parametrize("name", list(SYSTEMS))
+@pytest.mark.parametrize("name", thinned(list(SYSTEMS), 2))
 def test_the_slip_is_minus_epsilon_times_the_damped_multiplier(name: str) -> None:
     defect = SYSTEMS[name]().slip_defect()
     assert defect == (0,) * len(defect)
@@ -323,6 +323,7 @@ def test_the_limit_is_reached_with_an_error_proportional_to_epsilon() -> None:
     assert np.abs(errors[0]).max() > 1e-4
 
 
+@pytest.mark.exhaustive
 def test_the_disc_keeps_only_its_lean_as_a_state_and_goes_through_the_pipeline() -> None:
     system = falling_disc()
     assert [s.name for s in system.field.states] == ["theta", "phidot", "thetadot", "psidot", "w1", "w2"]

@@ -15,7 +15,7 @@ from gsp import models
 from gsp.errors import GspError
 from gsp.integration.trajectory import Method
 from gsp.mechanics import FrictionSystem, LagrangianSystem
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 
 ROOT = Path(__file__).parent.parent.parent
 STIFF = {"rtol": 1e-12, "atol": 1e-14}
@@ -52,7 +52,7 @@ def test_every_mechanical_name_gives_its_lagrangian_system() -> None:
         models.lagrangian_system("kar")
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", thinned(SCENES, 2))
 def test_friction_is_the_limit_of_its_constraints(name: str) -> None:
     system = models.friction_system(name)
     assert system.slip_defect() == (0,) * len(system.constraints)

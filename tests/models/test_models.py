@@ -12,7 +12,7 @@ from gsp import models
 from gsp.errors import GspError
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
-from tests.cases import sampled
+from tests.cases import thinned
 
 every_scene = pytest.mark.parametrize("name", models.names())
 
@@ -63,9 +63,7 @@ def test_reconstruction_extends_the_states_and_does_not_feed_back(name):
 
 
 # Runs of SciPy on rates in Python: the car's and the disc's take as long as all others together.
-@pytest.mark.parametrize(
-    "name", sampled(models.names(), always=[n for n in models.names() if n not in ("car", "falling_disc")])
-)
+@pytest.mark.parametrize("name", thinned(models.names(), 3))
 def test_the_trajectory_stays_in_the_region_and_ends_on_the_attracting_sheet(name):
     scene = models.load(name)
     flow = scene.full_flow

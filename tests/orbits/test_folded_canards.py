@@ -208,6 +208,7 @@ def test_crossing_curves_and_orbits_from_line_to_line_agree(koper: gsp.CanardOrb
         assert canard.residual < 1e-5
 
 
+@pytest.mark.exhaustive
 def test_other_lines_on_the_critical_manifold_give_the_same_canards(koper: gsp.CanardOrbits) -> None:
     other = gsp.folded_canards(koper.singularity, epsilon=0.01, attracting={"x": 1.7}, repelling={"x": 0.3})
     assert min(other.attracting.contraction, other.repelling.contraction) > 30
@@ -216,6 +217,7 @@ def test_other_lines_on_the_critical_manifold_give_the_same_canards(koper: gsp.C
         assert np.allclose(list(a.point.values()), list(b.point.values()), rtol=0, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_another_section_meets_the_same_orbits(koper: gsp.CanardOrbits) -> None:
     other = gsp.folded_canards(koper.singularity, epsilon=0.01, section={"z": 0.7985})
     for name in ("gamma_0", "xi_1", "xi_4"):

@@ -198,6 +198,7 @@ def test_the_explosion_is_the_same_from_the_side_of_relaxation(explosion) -> Non
     assert back.explosions[0].value == pytest.approx(explosion.explosions[0].value, abs=1e-10)
 
 
+@pytest.mark.exhaustive
 def test_an_orbit_of_the_explosion_at_a_tighter_tolerance_has_the_same_parameter(explosion) -> None:
     tight = gsp.continue_orbits(hopf(0.01), bounds=(0.9, 1.1), tolerance=1e-11, max_points=40)
     at = np.interp(2.5, tight.amplitude("x"), tight["a"])

@@ -11,7 +11,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canards import CanardValue, canard_value
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 
 x, y, a, eps = sp.symbols("x y a epsilon")
 v, w, current = sp.symbols("v w I")
@@ -172,7 +172,7 @@ def test_a_transcendental_fold_gives_floats_and_says_so() -> None:
 # -- against integration -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("epsilon", "digits"), [(0.1, 4), (0.05, 10)])
+@pytest.mark.parametrize(("epsilon", "digits"), thinned([(0.1, 4), (0.05, 10)], 2))
 def test_the_slow_manifolds_of_van_der_pol_meet_where_the_series_says(epsilon: float, digits: int) -> None:
     canard = canard_value(van_der_pol(), parameter=a, order=6)
     match = match_canard(canard, epsilon, reach=(1.2, 1.9), digits=20)
@@ -189,6 +189,7 @@ def test_the_slow_manifolds_of_fitzhugh_nagumo_meet_where_the_series_says() -> N
     assert abs(match.value - canard.value(0.05, digits=9)) < 1e-9
 
 
+@pytest.mark.exhaustive
 def test_the_slow_manifolds_of_a_system_with_exponentials_meet_where_the_series_says() -> None:
     canard = canard_value(planar(y - sp.exp(x) + x, a - sp.sin(x), a=0.1), parameter=a, order=8)
     match = match_canard(canard, 0.02, reach=(0.8, 1.0), digits=16)

@@ -384,6 +384,7 @@ def test_the_buffer_point_agrees_with_an_independent_quadrature() -> None:
     assert found.point["t"] == pytest.approx(float(exit), abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_measured_exits_of_a_nonlinear_passage_tend_to_the_buffer_point() -> None:
     found = entry_exit(ZERO, start={"t": -1.8, "s": 1})
     gaps = [float(measure_delay(found, epsilon=e, radius=0.3).exit) - found.t for e in (0.05, 0.025)]

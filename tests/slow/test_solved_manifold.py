@@ -23,6 +23,7 @@ from gsp.slow.slow_points import zero_derivative
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
+from tests.cases import thinned
 from tests.example_systems import epsilon, x, y, z
 from tests.slow.test_slow_points import MICHAELIS_MENTEN, SLEIGH, SLEIGH_POINTS
 
@@ -84,7 +85,7 @@ EXACT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("name", thinned(EXACT, 2))
 @pytest.mark.parametrize("value", [0.1, 0.01])
 def test_exact_manifolds(name: str, value: float) -> None:
     branch, region, kind, exact = EXACT[name]
@@ -97,7 +98,7 @@ def test_exact_manifolds(name: str, value: float) -> None:
     assert np.abs(manifold.evaluate(points) - true).max() < 3e-13 * scale
 
 
-@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("name", thinned(EXACT, 3))
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-10])
 def test_the_estimated_error_is_honest(name: str, tolerance: float) -> None:
     branch, region, _, exact = EXACT[name]
@@ -132,7 +133,7 @@ def test_the_sleigh() -> None:
     np.testing.assert_allclose(edge.evaluate([[2, 0.5], [2, 1]]), [[-0.1], [-0.2]], rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("value", [1e-4, 1e-2, 0.1])
+@pytest.mark.parametrize("value", thinned([1e-4, 1e-2, 0.1], 2))
 def test_segel_and_slemrods_michaelis_menten(value: float) -> None:
     # s' = (-(kappa + 1) s + (kappa - sigma + s) c)/sigma, epsilon c' = s - c (kappa + s)/(kappa + 1): the scaling
     # of Patsatzis, Fabiani, Russo and Siettos (2023), kappa = 10, sigma = 100, s up to 1.
@@ -184,7 +185,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", thinned(CASES, 2))
 def test_three_methods_agree(name: str) -> None:
     branch, region = CASES[name]
     manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
@@ -197,7 +198,7 @@ def test_three_methods_agree(name: str) -> None:
     assert (np.abs(manifold.residual(points)) > 0).any()
 
 
-@pytest.mark.parametrize("name", ["two slow", "implicit", "two fast", "folded"])
+@pytest.mark.parametrize("name", thinned(["two slow", "implicit", "two fast", "folded"], 2))
 def test_the_full_flow_stays_on_it(name: str) -> None:
     branch, region = CASES[name]
     manifold = solve_manifold(branch, region=region, epsilon=0.01, tolerance=1e-11)
@@ -227,6 +228,7 @@ def test_the_slope_is_the_derivative_and_the_residual_is_what_it_says() -> None:
     np.testing.assert_allclose(manifold.residual(points), defect, rtol=0, atol=1e-15)
 
 
+@pytest.mark.exhaustive
 def test_a_saddle_with_a_focus_over_two_slow_variables() -> None:
     system = SlowFastSystem(
         slow={u: 1 + w**2, w: -w + u},

@@ -13,7 +13,7 @@ from gsp.proofs.certificate import ProofVerdict
 from gsp.slow_tubes import deviation
 from gsp.slow_tubes.reduction_error import bound_reduction
 from gsp.slow_tubes.validated_flow import solution_steps
-from tests.cases import sampled
+from tests.cases import sampled, thinned
 from tests.slow_tubes.test_slow_tubes import a, epsilon, michaelis_menten, s, saddle, series, sleigh, v, w, x, y
 
 
@@ -43,13 +43,16 @@ def error_of(manifold, start, end, value):
 
 @pytest.mark.parametrize(
     ("order", "value", "first", "end"),
-    [
-        (0, 0.125, 1.0, 2.0),
-        (0, 0.125, 5.0, 10.0),
-        (1, 0.01, 5.0, 10.0),
-        (2, 0.1, 5.0, 10.0),
-        (2, 0.1, 1.0, 2.0),
-    ],
+    thinned(
+        [
+            (0, 0.125, 1.0, 2.0),
+            (0, 0.125, 5.0, 10.0),
+            (1, 0.01, 5.0, 10.0),
+            (2, 0.1, 5.0, 10.0),
+            (2, 0.1, 1.0, 2.0),
+        ],
+        2,
+    ),
 )
 def test_michaelis_menten_within_a_hundredth_of_the_error(
     order: int, value: float, first: float, end: float
@@ -64,7 +67,7 @@ def test_michaelis_menten_within_a_hundredth_of_the_error(
     assert len(bound.times) < 300
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("order", thinned([0, 1, 2], 2))
 def test_the_initial_layer_is_in_the_bound(order: int) -> None:
     manifold, start = michaelis_menten(order), {"s": 1.0, "c": 0.25}
     bound = bound_reduction(manifold, start=start, span=(0.0, 2.0), epsilon=0.1)
@@ -76,7 +79,7 @@ def test_the_initial_layer_is_in_the_bound(order: int) -> None:
     assert bound.fast[-1] < 0.2 * bound.fast[0]
 
 
-@pytest.mark.parametrize(("order", "share"), [(0, 1.05), (1, 1.01)])
+@pytest.mark.parametrize(("order", "share"), thinned([(0, 1.05), (1, 1.01)], 2))
 def test_two_slow_variables(order: int, share: float) -> None:
     manifold = sleigh(order)
     start = {"v": 1.0, "p": 1.0}

@@ -134,6 +134,7 @@ def test_a_field_with_functions_of_the_fast_variable(value: float) -> None:
     assert tube.delta <= 1e-8
 
 
+@pytest.mark.exhaustive
 def test_a_saddle_and_a_pair() -> None:
     found = solve_manifold(saddle(0).branch, region={"s": (-1, 1)}, epsilon=0.1, tolerance=1e-12)
     tube = certify(found, region={"s": (-1, 1)})

@@ -229,6 +229,7 @@ def test_verbs_record_what_the_package_answers(tmp_path: Path) -> None:
     assert float(verdicts.gap[0]) == gsp.study(models.load("van_der_pol")).hyperbolicity.gap
 
 
+@pytest.mark.exhaustive
 def test_each_verb_does_on_the_scene_of_the_home_example(tmp_path: Path) -> None:
     for task in sorted(set(VERBS) - {"canard_value", "periodic_orbit"}):
         found = sweep(
@@ -303,8 +304,8 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("way", sampled(["processes", "cluster", "files"], always=["processes"]))
 def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, calm: Path, way: str) -> None:
-    kills, wrong = disturb(tmp_path, way=way, kills=3, seed=1, calm=calm, points=FEW_POINTS)
-    assert kills == 3
+    kills, wrong = disturb(tmp_path, way=way, kills=2, seed=1, calm=calm, points=FEW_POINTS)
+    assert kills == 2
     assert wrong == []
 
 

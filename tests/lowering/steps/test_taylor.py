@@ -19,6 +19,7 @@ from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.steps.flow_code import FlowCode
 from gsp.lowering.steps.taylor import TaylorCode, dense_rows, has_parts
 from gsp.systems.system import VectorField
+from tests.cases import thinned
 
 x, y, u, v, k, t, epsilon = sp.symbols("x y u v k t epsilon")
 ORDER = 12
@@ -68,16 +69,19 @@ def test_the_series_of_the_exponential_function_and_of_a_pole():
 
 @pytest.mark.parametrize(
     "expression",
-    [
-        *(f(x) for f in (sp.exp, sp.log, sp.sqrt, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)),
-        *(f(x) for f in (sp.asin, sp.acos, sp.atan, sp.asinh, sp.atanh, sp.erf)),
-        sp.acosh(x + 1),
-        *(x**exponent for exponent in (5, -3, sp.Rational(7, 3), sp.Rational(-3, 2), sp.pi, x)),
-        2**x,
-        (1 + x**2) / (2 - sp.sin(x)) - 3 / x,
-        sp.exp(-(sp.sin(x) ** 2)) * sp.tanh(x) / (1 + x) ** 2,
-        (x - 1) ** 3 * sp.Rational(1, 7) - x + sp.E,
-    ],
+    thinned(
+        [
+            *(f(x) for f in (sp.exp, sp.log, sp.sqrt, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)),
+            *(f(x) for f in (sp.asin, sp.acos, sp.atan, sp.asinh, sp.atanh, sp.erf)),
+            sp.acosh(x + 1),
+            *(x**exponent for exponent in (5, -3, sp.Rational(7, 3), sp.Rational(-3, 2), sp.pi, x)),
+            2**x,
+            (1 + x**2) / (2 - sp.sin(x)) - 3 / x,
+            sp.exp(-(sp.sin(x) ** 2)) * sp.tanh(x) / (1 + x) ** 2,
+            (x - 1) ** 3 * sp.Rational(1, 7) - x + sp.E,
+        ],
+        2,
+    ),
     ids=str,
 )
 def test_every_function_has_the_series_of_its_derivatives(expression):
