@@ -1,18 +1,20 @@
 """Deliberate faults: how many of a random sample of one-token changes the tests of a module see.
 
     python tests/mutation.py gsp/comparison/comparison.py --sample 20
+    python tests/mutation.py gsp/readers --sample 40 --seed 7
     python tests/mutation.py gsp/kernels/radau.py --tests tests/kernels/test_integrators.py
-    python tests/mutation.py --sample 200
 
-The first runs the test file of the module's own name, or else all tests of its package; the second names the tests,
-the third samples every module that has a test file of its own name.
+The tests are those of the package, or those named. They run once under coverage, which says which of them reach which
+lines. Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed,
+the two values of a conditional expression exchanged. Each stands in a copy of the repository, where first the tests
+that reach its lines run, the quickest first, then all of them: what is compiled, or runs in another process, no
+coverage sees. It is caught when a test fails, or they take several times as long as without it.
 
-Mutants are made of the syntax tree: comparisons, arithmetic and logic swapped, numbers and truth values changed, `if`
-negated. Each stands in a copy of the repository, where the tests named run with -x; it is caught when they fail or
-take more than `--limit` seconds. The copy keeps numba's cache but that of the kernels when a kernel changes: a kernel
-does not see that another one which it calls has changed. That is why no tool that changes files in place, or that
-forks within one process, can be used here. What survives is printed; a survivor is either a missing test or no fault
-at all (an equivalent program, a message, a limit of patience), which a reader has to judge.
+Every run is a new process in the copy, which keeps numba's cache but that of the kernels when a kernel changes: a
+kernel does not see that another one which it calls has changed. That is why no tool that changes files in place, or
+that forks within one process, can be used here. What survives is printed, with the number of tests that reach it; a
+survivor is either a missing test or no fault at all (an equivalent program, a message, a limit of patience), which a
+reader has to judge.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from __future__ import annotations
 import argparse
 import ast
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -28,12 +31,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from coverage import CoverageData
+
 ROOT = Path(__file__).resolve().parent.parent
 _COMPARE = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==", ast.Is: "is not",
     ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
 }  # fmt: skip
 _ARITHMETIC = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.FloorDiv: "*"}
+# Tests have ended badly when they take as many times their own time, after so many seconds to begin.
+PATIENCE, STARTING = 5, 120
+PYTEST = ("-m", "pytest", "-n", "0", "--dist", "no", "-p", "no:randomly", "-p", "no:cacheprovider")
 
 
 class Mutant(NamedTuple):
@@ -108,33 +116,50 @@ def applied(source: bytes, mutant: Mutant) -> bytes:
     return head + mutant.text.encode() + tail
 
 
-def is_caught(copy: Path, tests: list[str], limit: float) -> bool:
-    """Whether the tests fail in `copy`, or do not end."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "-p",
-        "no:randomly",
-        "-p",
-        "no:cacheprovider",
-        *tests,
-    ]
-    try:
-        return (
-            subprocess.run(command, cwd=copy, capture_output=True, timeout=limit, check=False).returncode != 0
+def run(copy: Path, arguments: list[str], limit: float | None = None) -> subprocess.CompletedProcess[str]:
+    """pytest in `copy`, in one process and always in the same order."""
+    command = [sys.executable, *PYTEST, *arguments]
+    return subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=limit, check=False)
+
+
+class Reach:
+    """Which of `tests` run which lines, and how long each takes, from one run of them without any mutant."""
+
+    def __init__(self, copy: Path, tests: list[str]) -> None:
+        done = run(
+            copy,
+            ["--durations=0", "--durations-min=0", "--cov=gsp", "--cov-context=test", "--cov-report=", *tests],
         )
-    except subprocess.TimeoutExpired:
-        return True
+        if done.returncode:
+            sys.exit(f"the tests fail without any mutant:\n{(done.stdout + done.stderr)[-2000:]}")
+        timed = re.findall(r"^([\d.]+)s call +(.+?)$", done.stdout, re.MULTILINE)
+        self.seconds = {test: float(seconds) for seconds, test in timed}
+        self.asked, self._copy, self._data = tests, copy, CoverageData(str(copy / ".coverage"))
+        self._data.read()
+
+    def tests(self, module: str, mutant: Mutant) -> list[str]:
+        """The tests that run the lines of `mutant`, the quickest first; of a line run on import, of its module."""
+        lines = self._data.contexts_by_lineno(str(self._copy / module))
+        there = {context for k in range(mutant.line, mutant.end_line + 1) for context in lines.get(k, [])}
+        contexts = there - {""} or {context for found in lines.values() for context in found} - {""}
+        found = set()
+        for test, _, phase in (context.rpartition("|") for context in contexts):
+            # What one test sets up may serve all of its file.
+            file = test.partition("::")[0] + "::"
+            found |= {test} if phase == "run" else {other for other in self.seconds if other.startswith(file)}
+        return sorted(found & set(self.seconds), key=lambda test: (self.seconds[test], test))
+
+    def limit(self, tests: list[str]) -> float:
+        """Seconds after which `tests` are taken not to end."""
+        known = [self.seconds[test] for test in tests if test in self.seconds]
+        return STARTING + PATIENCE * sum(known if tests is not self.asked else self.seconds.values())
 
 
 class Copy:
     """A copy of the repository in which one module at a time is changed."""
 
-    def __init__(self, folder: Path, limit: float) -> None:
-        self.folder, self.limit = folder, limit
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self._sources: dict[str, bytes] = {}
         ignored = shutil.ignore_patterns(".git", "build", "*.egg-info", ".hypothesis")
         shutil.copytree(ROOT, folder, ignore=ignored)
@@ -143,21 +168,28 @@ class Copy:
         """The module as it was when the copy was made: work on the repository goes on meanwhile."""
         return self._sources.setdefault(module, (self.folder / module).read_bytes())
 
-    def survives(self, module: str, mutant: Mutant, tests: list[str]) -> bool:
+    def survives(self, module: str, mutant: Mutant, reach: Reach) -> bool:
         """Whether the tests pass with `mutant` in `module`; says where it is when they do."""
         source = self.source(module)
         changed = self.folder / module
         self._forget_kernels(module)
         changed.write_bytes(applied(source, mutant))
         try:
-            if is_caught(self.folder, tests, self.limit):
+            near = reach.tests(module, mutant)
+            if any(self._is_caught(tests, reach.limit(tests)) for tests in (near, reach.asked) if tests):
                 return False
         finally:
             changed.write_bytes(source)
             self._forget_kernels(module)
         line = source.splitlines()[mutant.line - 1].decode().strip()
-        print(f"survives: {module}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
+        print(f"survives {len(near)} near: {module}:{mutant.line}: {line}  ->  {mutant.text}", flush=True)
         return True
+
+    def _is_caught(self, tests: list[str], limit: float) -> bool:
+        try:
+            return run(self.folder, ["-x", *tests], limit).returncode != 0
+        except subprocess.TimeoutExpired:
+            return True
 
     def _forget_kernels(self, module: str) -> None:
         if "kernels" in module:
@@ -165,52 +197,36 @@ class Copy:
                 cached.unlink()
 
 
-def mirrored() -> dict[str, list[str]]:
-    """Every module that has a test file of its own name, and that file."""
-    found = {}
-    for path in sorted((ROOT / "gsp").rglob("*.py")):
-        inside = path.relative_to(ROOT / "gsp")
-        test = Path("tests", *inside.parts[:-1], f"test_{inside.name}")
-        if (ROOT / test).is_file():
-            found[str(path.relative_to(ROOT))] = [str(test)]
-    return found
-
-
-def of_package(module: str) -> list[str]:
-    """The tests of the nearest package around a module that has any."""
-    folders = (Path("tests", *folder.parts[1:]) for folder in Path(module).parents if len(folder.parts) > 1)
-    return next(([str(folder)] for folder in folders if (ROOT / folder).is_dir()), [])
+def tests_of(place: str) -> list[str]:
+    """The tests of the nearest package around a module or a package that has any."""
+    inside = Path("tests", *Path(place).parts[1:])
+    return next(([str(folder)] for folder in (inside, *inside.parents[:-1]) if (ROOT / folder).is_dir()), [])
 
 
 def main() -> None:
-    """Measure one module, or a sample over all that have a test file; print what survives and the share caught."""
+    """Measure a module or a package; print what survives and the share caught."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("module", nargs="?")
+    parser.add_argument("place", help="a module or a package, as gsp/readers")
     parser.add_argument("--tests", nargs="+")
     parser.add_argument("--sample", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--limit", type=float, default=300.0)
     asked = parser.parse_args()
-    modules = mirrored()
-    if asked.module is not None:
-        tests = asked.tests or modules.get(asked.module) or of_package(asked.module)
-        if not tests:
-            parser.error(f"{asked.module} has no tests of its own name or package. Name some with --tests.")
-        modules = {asked.module: tests}
+    place = ROOT / asked.place
+    if not place.exists():
+        parser.error(f"there is no {asked.place}. Name a module or a package by its path.")
+    modules = [str(path.relative_to(ROOT)) for path in (sorted(place.rglob("*.py")) or [place])]
     with tempfile.TemporaryDirectory() as scratch:
-        copy = Copy(Path(scratch, "copy"), asked.limit)
+        copy = Copy(Path(scratch, "copy"))
         everything = [
             (module, mutant)
             for module in modules
             for mutant in sorted(set(mutants(ast.parse(copy.source(module)))))
         ]
         chosen = random.Random(asked.seed).sample(everything, min(asked.sample, len(everything)))
-        used = {tuple(modules[module]) for module, _ in chosen}
-        if any(is_caught(copy.folder, list(tests), asked.limit) for tests in sorted(used)):
-            sys.exit("the tests fail, or do not end, without any mutant")
+        reach = Reach(copy.folder, asked.tests or tests_of(asked.place))
         caught = 0
         for tried, (module, mutant) in enumerate(chosen, start=1):
-            caught += not copy.survives(module, mutant, modules[module])
+            caught += not copy.survives(module, mutant, reach)
             print(f"{caught} of {tried} caught, of {len(everything)} mutants there are", flush=True)
 
 
