@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import gsp
 from gsp.cli import cli
 from gsp.errors import GspError, ModelFileError
+from gsp.readers import conservation
 from gsp.readers.conservation import conserved
 from gsp.readers.loading import import_model, load_noted
 from gsp.readers.sbml import read_sbml
@@ -446,10 +447,27 @@ MOVING = rule("rate", "x", "-x/eps")
                 initialAssignments=f'<initialAssignment symbol="y">{math("1/0")}</initialAssignment>',
                 rules=rule("rate", "x", "-x*y/eps"),
             ),
-            "y",
+            "the value of y: the expression divides by zero",
+        ),
+        (
+            document(
+                parameters=X + parameter("y"),
+                initialAssignments=f'<initialAssignment symbol="y">{math("ln(eps - 1)")}</initialAssignment>',
+                rules=rule("rate", "x", "-x*y/eps"),
+            ),
+            "the value of y is no finite number at time 0",
+        ),
+        (
+            document(
+                compartments='<compartment id="c" size="0" spatialDimensions="3" constant="true"/>',
+                species=species("A", "1a"),
+                parameters=parameter("eps", "0.1"),
+                reactions=reaction("r", "A", "", "A/eps"),
+            ),
+            "the compartment c has the size 0",
         ),
     ],
-    ids=range(21),
+    ids=range(23),
 )
 def test_what_is_not_read_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ModelFileError) as caught:
@@ -494,6 +512,8 @@ LAUGHS = "".join(f'<!ENTITY l{k} "{f"&l{k - 1};" * 10}">' for k in range(1, 12))
         (in_rate('<cn type="integer">99999999999</cn>'), "no integer of 32 bits"),
         (in_rate('<cn type="e-notation">1<sep/>99999</cn>'), "not one that a double holds"),
         (in_rate('<cn base="16">ff</cn>'), "of a base is not read"),
+        (in_rate('<cn type="rational">7</cn>'), "the number '7' is not of the type rational"),
+        (in_rate("<cn>1<sep/>2</cn>"), "is not of the type real"),
         (in_rate("<apply><times/><ci>eps</ci><cn type='rational'>1<sep/>0</cn></apply>"), "divides by zero"),
         (
             in_rate("<apply><times/><ci>eps</ci><apply><power/><cn>9</cn><cn>99999</cn></apply></apply>"),
@@ -509,7 +529,7 @@ LAUGHS = "".join(f'<!ENTITY l{k} "{f"&l{k - 1};" * 10}">' for k in range(1, 12))
         ("<sbml" + " " * 300_000, "larger than 256 KiB"),
         (document(parameters=X, rules=MOVING).replace('id="x"', 'id="x&#10;y"'), "no valid SBML"),
     ],
-    ids=range(24),
+    ids=range(26),
 )
 def test_a_hostile_file_is_refused_in_a_sentence(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ModelFileError) as caught:
@@ -567,6 +587,44 @@ def test_notes_are_those_of_the_import(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(ENZYME)
     assert load_noted(path)[1] == import_model(path).notes
+
+
+@pytest.mark.parametrize(
+    ("formula", "value"), [("sqrt(2)", 2**0.5), ("exp(1)/3", np.e / 3), ("cos(1)^2 - 1", -(np.sin(1) ** 2))]
+)
+def test_a_value_that_is_no_fraction_is_rounded_to_a_double(tmp_path: Path, formula: str, value: float) -> None:
+    text = document(
+        parameters=X + parameter("y"),
+        initialAssignments=f'<initialAssignment symbol="y">{math(formula)}</initialAssignment>',
+        rules=rule("rate", "x", "-x*y/eps"),
+    )
+    assert float(
+        rates(scene_of(tmp_path, text))["x"].coeff(sp.Symbol("x")) * sp.Symbol("eps")
+    ) == pytest.approx(-value, rel=1e-15)
+
+
+def test_the_root_without_a_degree_is_the_square_root(tmp_path: Path) -> None:
+    root = f'<math xmlns="{MATH}"><apply><divide/><apply><root/><ci>x</ci></apply><ci>eps</ci></apply></math>'
+    x = sp.Symbol("x")
+    text = document(parameters=X, rules=f'<rateRule variable="x">{root}</rateRule>')
+    assert rates(scene_of(tmp_path, text))["x"].has(sp.sqrt(x))
+
+
+def test_a_point_without_a_size_is_no_parameter(tmp_path: Path) -> None:
+    for dimensions, names in (("0", {"eps"}), ("1", {"eps", "c"}), ("3", {"eps", "c"})):
+        place = f'<compartment id="c" spatialDimensions="{dimensions}" constant="true"/>'
+        scene = scene_of(tmp_path, document(compartments=place, parameters=X, rules=MOVING))
+        assert {symbol.name for symbol in scene.system.parameters} | {"eps"} == names
+
+
+@pytest.mark.parametrize(("limit", "found"), [(3, None), (4, 1)])
+def test_laws_are_sought_up_to_so_many_entries(
+    monkeypatch: pytest.MonkeyPatch, limit: int, found: int | None
+) -> None:
+    monkeypatch.setattr(conservation, "ENTRIES", limit)
+    row = {"r": Fraction(1), "q": Fraction(2)}
+    laws = conserved({"A": row, "B": {name: -number for name, number in row.items()}})
+    assert (laws if laws is None else len(laws)) == found
 
 
 @given(

@@ -92,11 +92,15 @@ def test_time_is_rescaled_where_no_rate_has_a_pole() -> None:
         ("z'=x&y+1", "line 4: 'x & y + 1' has & or |"),
         ("z'=if(x>1)then(1)", "line 4: if is written if(condition)then(value)else(value)"),
         ("z'=if(x>1)(1)else(2)", "line 4: if is written"),
+        ("z'=if(x>1,y)then(1)else(2)", "line 4: if is written"),
+        ("z'=if(x>1)then(1,2)else(2)", "line 4: if is written"),
         ("z'=heav(x,1)", "line 4: heav takes one argument"),
         ("z'=(x>1", "line 4: a parenthesis is not closed"),
         ("z'=x>1)", "line 4: ')' stands where nothing is open"),
         ("z'=2^x^2", "line 4: a power of a power"),
         ("z'=(1+x)^x^2", "line 4: a power of a power"),
+        ("z'=x^(1+x)^2", "line 4: a power of a power"),
+        ("z'=2^exp(x)^2", "line 4: a power of a power"),
         ("x'=1", "line 5: x has two rates"),
         ("par b=exp(1)", "line 4: 'b=exp(1)' is not a parameter"),
         ("f(u)=u\nf(u)=2*u", "line 5: f is defined twice"),
@@ -119,6 +123,14 @@ def test_what_is_not_read_is_refused_by_name(tmp_path: Path, line: str, words: s
     message = str(caught.value)
     assert message.startswith("model.ode: ")
     assert words in message or (words == "line 4" and "means nothing" in message), message
+
+
+@pytest.mark.parametrize(
+    ("axes", "shown"), [("", ("x", "y")), (", axes=3", ("x", "y", "z")), (", axes=2", ("x", "y"))]
+)
+def test_a_view_is_in_space_where_the_axes_are_three(axes: str, shown: tuple[str, ...]) -> None:
+    model = read_ode(f"x'=-x/eps\ny'=z\nz'=x\npar eps=.1\n@ xp=x,yp=y,zp=z{axes}\ndone\n")
+    assert model.views["plot"][0] == shown
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gsp.errors import ModelFileError
-from gsp.readers import xppaut_order
+from gsp.readers import xppaut_arrays, xppaut_order
 from gsp.readers.xppaut import read_ode
 from gsp.readers.xppaut_arrays import LINES, without_sums, written_out
 from tests import xppaut
@@ -95,6 +95,13 @@ def test_a_file_grows_no_further_than_its_limit() -> None:
             read_ode(f"x'={nested}\n")
 
 
+def test_a_file_may_have_just_so_many_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xppaut_arrays, "LINES", 4)
+    assert len(read_ode("x'=-x\n%[1..3]\ny[j]'=x\n%\n").states) == 4
+    with pytest.raises(ModelFileError, match=r"line 3: .* more than 4 lines"):
+        read_ode("x'=-x\n%[1..4]\ny[j]'=x\n%\n")
+
+
 def test_sums_and_shifts_are_written_out() -> None:
     states = ("x0", "x1", "x2", "y")
     assert without_sums("2*sum(0,2)of(i'*shift(x0,i'))", states, longest=99) == "2*(((0)*x0)+((1)*x1)+((2)*x2))"
@@ -121,6 +128,10 @@ def test_a_quantity_that_xppaut_takes_from_the_step_before_is_told() -> None:
     for text, line in (("a=b+1\nb=x\nx'=a\n", 1), ("f(u)=u+b\na=f(x)\nb=x\nx'=a\n", 2)):
         told = " ".join(read_ode(text).notes)
         assert f"a (line {line}) uses b; XPPAUT takes its value of the step before" in told
+    # By way of functions that use one another, of which the outer ones stand above.
+    chain = "".join(f"f{k}(u)=f{k + 1}(u)+1\n" for k in range(8))
+    told = " ".join(read_ode(f"{chain}f8(u)=u+b\na=f0(x)\nb=x\nx'=a\n").notes)
+    assert "a (line 10) uses b;" in told
     # A function is worked out where it is called, and a constant before all others.
     model = read_ode("f(u)=u+b\nb=x*k\na=f(x)\n!k=2\nx'=a\n")
     assert len(model.definitions) == 4
