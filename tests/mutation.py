@@ -81,23 +81,33 @@ def _aside(node: ast.AST) -> list[ast.AST | None]:
 def _mutated(node: ast.AST) -> str | None:
     """The text of a changed `node`; None where it is not one to change."""
     if isinstance(node, ast.Compare) and type(node.ops[0]) in _COMPARE and len(node.ops) == 1:
-        return f"({ast.unparse(node.left)} {_COMPARE[type(node.ops[0])]} {ast.unparse(node.comparators[0])})"
+        return f"({_operand(node.left)} {_COMPARE[type(node.ops[0])]} {_operand(node.comparators[0])})"
     if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
         if isinstance(node.left, (ast.JoinedStr, ast.Constant)) and not _is_number(node.left):
             return None
-        return f"({ast.unparse(node.left)} {_ARITHMETIC[type(node.op)]} {ast.unparse(node.right)})"
+        return f"({_operand(node.left)} {_ARITHMETIC[type(node.op)]} {_operand(node.right)})"
     if isinstance(node, ast.BoolOp):
         word = " or " if isinstance(node.op, ast.And) else " and "
-        return f"({word.join(f'({ast.unparse(value)})' for value in node.values)})"
+        return f"({word.join(map(_operand, node.values))})"
     if isinstance(node, ast.Constant) and isinstance(node.value, bool):
         return str(not node.value)
     if isinstance(node, ast.Constant) and _is_number(node):
         return f"({node.value!r} + 1)" if isinstance(node.value, int) else f"({node.value!r} * 1.5 + 1e-9)"
     if isinstance(node, ast.IfExp):
-        return f"({ast.unparse(node.orelse)} if {ast.unparse(node.test)} else {ast.unparse(node.body)})"
+        return f"({_operand(node.orelse)} if {_operand(node.test)} else {_operand(node.body)})"
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return f"({ast.unparse(node.operand)})"
     return None
+
+
+def _operand(node: ast.expr) -> str:
+    """The text of an operand, in parentheses where another operator beside it might bind what is in it."""
+    text = ast.unparse(node)
+    return (
+        text
+        if isinstance(node, (ast.Name, ast.Constant, ast.Attribute, ast.Call, ast.Subscript))
+        else f"({text})"
+    )
 
 
 def _is_number(node: ast.AST) -> bool:

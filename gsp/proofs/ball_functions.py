@@ -173,8 +173,6 @@ class BallFunction(Program):
         if exponent.is_Rational:
             p, q = int(exponent.p), int(exponent.q)
             return self._operation(lambda ball: balls.root_power(ball, p, q), self._written(base))
-        if base is sp.E:
-            return self._written(sp.exp(exponent, evaluate=False))
         inside = self._operation(balls.product, self._written(exponent), self._written(sp.log(base)))
         return self._operation(balls.exp, inside)
 

@@ -175,6 +175,18 @@ def test_powers_lose_a_tenth_of_their_width_at_most(exponent: int, share: float)
     assert 2.0 * float(found.rad()) <= 1.1 * (high**exponent - low**exponent) + 1e-14 * high**exponent
 
 
+def test_powers_of_e_and_of_other_bases_are_exponentials() -> None:
+    x, y = sp.symbols("x y")
+    for expression, value in (
+        (sp.Pow(sp.E, x, evaluate=False), math.exp(0.75)),
+        (y**x, 3.0**0.75),
+        (3**x, 3.0**0.75),
+    ):
+        (found,) = BallFunction([x, y], [expression])([arb(0.75), arb(3)])
+        assert found.rel_accuracy_bits() > 40
+        assert float(found.mid()) == pytest.approx(value, rel=1e-14)
+
+
 def test_a_constant_is_a_factor_without_a_test_of_widths() -> None:
     x, y = sp.symbols("x y")
     code = BallFunction([x, y], [3 * x * y])._code

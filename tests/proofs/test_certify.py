@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
+from gsp.errors import BranchError, DeclarationError, GspError, UnsupportedFunctionError
 from gsp.proofs import certification as module
 from gsp.proofs.certificate import ProofVerdict
 from gsp.slow_tubes.certify import certify
@@ -202,6 +202,26 @@ def test_a_fold_on_another_sheet_is_no_witness() -> None:
     found = certify(flat, region={"x": (-1.0, 3.0)})
     assert found.verdict is PROVED
     assert found.kind == "repelling"
+
+
+def test_a_sheet_among_several_within_the_bounds_is_that_of_the_seed() -> None:
+    region = {"x": (-0.5, 0.5), "y": (-3.0, 3.0)}
+    found = certify(van_der_pol(), region=region)
+    assert (found.verdict, found.kind) == (PROVED, "attracting")
+    whole = branch({y: x - y**3 / 3 + y})
+    assert whole.seed is None
+    with pytest.raises(BranchError, match="3 sheets within the bounds on y"):
+        certify(whole, region=region)
+    assert certify(whole, region={**region, "y": (1.2, 3.0)}).verdict is PROVED
+
+
+def test_a_branch_that_is_real_in_a_part_of_the_region_is_found_there() -> None:
+    # y = -sqrt(x - 13): over the middle of the region, x = 12, there is no point.
+    found = certify(branch({y: x - 13 - y**2}), region={"x": (10.0, 14.0), "y": (-3.0, -0.25)})
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    low, high = found.witness.box["x"]
+    assert Fraction(low) <= 13 <= Fraction(high)
 
 
 def test_a_pole_at_which_the_eigenvalue_changes_its_sign_is_no_change_of_type() -> None:

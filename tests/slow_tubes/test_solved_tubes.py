@@ -190,6 +190,7 @@ def test_a_spent_budget_and_an_interruption_are_said(monkeypatch: pytest.MonkeyP
     tube = certify(enzyme(), region={"s": (0.1, 5)}, most_boxes=3)
     assert tube.verdict is ProofVerdict.UNDECIDED
     assert "3 boxes" in tube.reason
+    assert (tube.is_isolating, tube.has_cones, tube.signs, tube.widths) == (False, False, (), {})
 
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -237,6 +238,17 @@ def residuals_are_held(cases: int) -> None:
             for held, value in ((found, exact), (steep[0], mpmath.cos(at) - slope - bend / 8), (normal[0], -1)):
                 assert balls.below(held) <= value + mpmath.mpf(10) ** -40
                 assert value - mpmath.mpf(10) ** -40 <= balls.above(held)
+
+
+def test_rates_are_those_of_the_field_at_the_point_and_the_epsilon() -> None:
+    manifold = solved({x: 1 + 7 * epsilon + y}, {y: x - y}, {"x": (0.0, 1.0)}, 0.125)
+    with flint.ctx.workprec(balls.PRECISION):
+        flow = SolvedFlow(manifold, sp.Matrix([[2]]))
+        (found,) = flow.rates([arb(0.5), arb(0.25), arb(0.125)])
+    assert manifold.surface is not None
+    assert float(found.mid()) == pytest.approx(
+        1 + 7 / 8 + manifold.surface(np.array([[0.5]]))[0, 0] + 0.5, rel=1e-12
+    )
 
 
 def test_residuals_are_held_and_sharp() -> None:

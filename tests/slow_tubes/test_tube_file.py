@@ -86,7 +86,9 @@ def test_what_was_proved_is_accepted(name: str, tmp_path: Path) -> None:
         assert tube.widths[name_] * (1 - 1e-9) <= reach * power <= 1.3 * tube.widths[name_]
     assert found.stable == sum(len(b) for b, sign in zip(tube._proof.basis.blocks, tube.signs) if sign < 0)
     assert found.boundary == tube.boundary
-    assert found.collar >= 0.0
+    assert (found.collar == 0.0) is (found.boundary == "overflowing")
+    small = f"{found.small}^{tube.series.order + 1} on the graph"
+    assert str(found).count(small) == len(found.fast)
     assert found.boxes < 6000
 
 
