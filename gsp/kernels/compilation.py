@@ -20,9 +20,27 @@ class CacheWarning(UserWarning):
     """Compiled kernels cannot be kept on disk, so that every process compiles them again."""
 
 
+# Options that numba's types do not know: what only kernels call needs no way in from Python and none from C.
+_NO_WAYS_IN: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """`function` compiled when first called, with IEEE division and without the lock of the interpreter."""
-    dispatcher: Any = njit(error_model="numpy", nogil=True)(function)
+    return _kept(njit(error_model="numpy", nogil=True)(function), function)
+
+
+def inner_kernel(function: Callable[..., Any]) -> Any:
+    """A kernel that kernels alone call: no code is made for calls from Python or by address."""
+    return _kept(njit(error_model="numpy", nogil=True, **_NO_WAYS_IN)(function), function)
+
+
+def inlined_kernel(function: Callable[..., Any]) -> Any:
+    """A kernel whose code goes into that of its callers, kernels alone, for each number in a call with that number."""
+    return njit(error_model="numpy", nogil=True, forceinline=True, **_NO_WAYS_IN)(function)
+
+
+def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:
+    """The dispatcher with numbers for what they are, and with a cache."""
     # A number in a kernel's call is an integer like any other: numba would compile the callee again for each.
     template = dispatcher.get_call_template
     dispatcher.get_call_template = lambda args, kws: template(tuple(map(unliteral, args)), kws)
@@ -33,13 +51,6 @@ def kernel(function: Callable[..., Any]) -> Any:
         # numba finds no folder that can be written.
         _say(error)
     return dispatcher
-
-
-def inlined_kernel(function: Callable[..., Any]) -> Any:
-    """A kernel whose code goes into that of its callers, kernels alone, for each number in a call with that number."""
-    # Options that numba's types do not know: what only kernels call needs no way in from Python and none from C.
-    ways_in: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return njit(error_model="numpy", nogil=True, forceinline=True, **ways_in)(function)
 
 
 class _Files(IndexDataCacheFile):

@@ -7,7 +7,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.grid import TRUSTS, doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.step_control import largest_rate
@@ -64,7 +64,7 @@ def run_piece(program, p, stops, control, y, rate, memory, counters, record):
     return code, counters[ledger.STEPS] - begun
 
 
-@kernel
+@inner_kernel
 def _run_member(
     check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
 ):  # fmt: skip
@@ -76,7 +76,7 @@ def _run_member(
     return code, before
 
 
-@kernel
+@inner_kernel
 def _begins(program, p, first, last, y, border):
     """Whether a member's start has so few fast times before it that the trial is made."""
     return largest_rate(program, first, y, p) * abs(last - first) <= border

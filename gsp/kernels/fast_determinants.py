@@ -15,7 +15,7 @@ from numba import types
 from numba.core.typing.templates import Signature
 from numba.np.numpy_support import carray
 
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.sparse_systems import (
     ENTRIES,
     FACTORS,
@@ -47,7 +47,7 @@ def follow(head, given, found):
     solve_sparse(pattern, values, solution)
 
 
-@kernel
+@inner_kernel
 def _product(x, y):
     return (
         x[0] * y[0],
@@ -58,19 +58,19 @@ def _product(x, y):
     )
 
 
-@kernel
+@inner_kernel
 def _inverse(x):
     i = 1.0 / x[0]
     square = i * i
     return i, -x[1] * square, -x[2] * square, (2.0 * x[1] * x[2] * i - x[3]) * square, -x[4] * square
 
 
-@kernel
+@inner_kernel
 def _read(values, p):
     return values[p, 0], values[p, 1], values[p, 2], values[p, 3], values[p, 4]
 
 
-@kernel
+@inner_kernel
 def _write(values, p, x):
     values[p, 0], values[p, 1], values[p, 2], values[p, 3], values[p, 4] = x
 

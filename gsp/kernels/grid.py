@@ -14,7 +14,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_systems import decompose_shifted, solve_shifted
 from gsp.kernels.sparse_systems import entries_of, pattern_of
 
@@ -54,7 +54,7 @@ def runs_along(grid, first, last):
 # Arrays go whole with the number of a row: a view of each row would cost more than what is computed of it.
 
 
-@kernel
+@inner_kernel
 def _value(states, dense, k, s, out):
     """Fill `out` (n,) with the state of step `k` at its share `s`, in the arithmetic of `interpolate_many`."""
     r = 1.0 - s
@@ -65,7 +65,7 @@ def _value(states, dense, k, s, out):
         out[i] = r * states[k, i] + s * states[k + 1, i] + s * r * total
 
 
-@kernel
+@inner_kernel
 def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals):
     """`_value` for the times low to high - 1 of `grid`, bit by bit: side by side, in loops that are vectorised."""
     step = times[k + 1] - times[k]
@@ -93,7 +93,7 @@ def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals
             out[low + q, i] = totals[q]
 
 
-@kernel
+@inner_kernel
 def _slope(states, dense, k, s, slope):
     """The derivative of step `k` by its share `s`."""
     r = 1.0 - s
@@ -110,7 +110,7 @@ def _slope(states, dense, k, s, slope):
         slope[i] = states[k + 1, i] - states[k, i] + (r - s) * total + s * r * rise
 
 
-@kernel
+@inner_kernel
 def _is_plain(states, dense, k, rtol, atol):
     """Whether the polynomial of step `k` ends in a small term: what it leaves out is smaller still."""
     last = dense.shape[1] - 1
@@ -124,13 +124,13 @@ def _is_plain(states, dense, k, rtol, atol):
     return large == 0
 
 
-@kernel
+@inner_kernel
 def _wants_look(check, states, dense, k, rtol, atol):
     """Whether the error of step `k` is to be looked at."""
     return check != TRUSTS and not (check == CHECKS_STEEP and _is_plain(states, dense, k, rtol, atol))
 
 
-@kernel
+@inner_kernel
 def _decompose(program, pattern, t, y, p, step, pivots):
     """(True, the factors of RATE/h - J); (False, whatever) where it is singular."""
     n = y.shape[0]
@@ -139,7 +139,7 @@ def _decompose(program, pattern, t, y, p, step, pivots):
     return decompose_shifted(jacobian, RATE / step, pattern, n, pivots)
 
 
-@kernel
+@inner_kernel
 def _find_defect(field, p, t, step, value, slope, defect):
     """Fill `defect` (n,) with f(u) - u' of the dense output u at a time."""
     call(field, t, value, p, defect)
@@ -148,7 +148,7 @@ def _find_defect(field, p, t, step, value, slope, defect):
         defect[i] -= slope[i] * inverse
 
 
-@kernel
+@inner_kernel
 def _is_good(solved, step, value, defect, rtol, atol):
     """Whether an error looks smaller than the tolerance: `defect` itself where it was solved for, else its share."""
     share = 1.0 if solved else step / RATE

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 
 STATE = 0
 CONSTANT = 1
@@ -48,7 +48,7 @@ ATANH = CHAIN + 15
 ERF = CHAIN + 16
 
 
-@kernel
+@inner_kernel
 def _elementary(operation, u, constant):
     # NumPy's functions: outside their domain those of math raise, and NaN is what the layers above look for.
     if operation == EXP:
@@ -86,7 +86,7 @@ def _elementary(operation, u, constant):
     return np.power(u, constant)
 
 
-@kernel
+@inner_kernel
 def values(tape, constants, v, k, states):
     """Coefficient k of every row after the `states`, whose own coefficients through k are known."""
     for row in range(states, tape.shape[0]):
@@ -136,7 +136,7 @@ def values(tape, constants, v, k, states):
             v[row, k] = total / k
 
 
-@kernel
+@inner_kernel
 def tangents(tape, constants, v, d, k, states):
     """Derivatives d[i, row, k] of the coefficients by the i-th fast start; `values` has been run through k."""
     for i in range(d.shape[0]):
@@ -187,24 +187,11 @@ def tangents(tape, constants, v, d, k, states):
 
 
 @kernel
-def flow_jet(tape, constants, rates, epsilon, slow, x, y, order, v):
-    """Fill rows 0..n-1 of `v` with the coefficients 0..order of the orbit through (x, y), in fast time."""
-    states = rates.shape[0]
-    for i in range(slow):
-        v[i, 0] = x[i]
-    for i in range(slow, states):
-        v[i, 0] = y[i - slow]
-    for k in range(order):
-        values(tape, constants, v, k, states)
-        for i in range(slow):
-            v[i, k + 1] = epsilon * v[rates[i], k] / (k + 1)
-        for i in range(slow, states):
-            v[i, k + 1] = v[rates[i], k] / (k + 1)
-
-
-@kernel
 def flow_jet_with_tangents(tape, constants, rates, epsilon, slow, x, y, order, v, d):
-    """As `flow_jet`, with d[i] the derivatives of `v` by y_i."""
+    """Fill rows 0..n-1 of `v` with the coefficients 0..order of the orbit through (x, y), in fast time.
+
+    d[i] gets the derivatives of `v` by y_i; where `d` has no rows there are none.
+    """
     states = rates.shape[0]
     fast = d.shape[0]
     for i in range(slow):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gsp.kernels import ledger
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel
 
 # As in RADAU: slower than 0.99 is divergence. After that it halves the step; 0.3 takes 1 % less work, 0.2 3 % more.
 SLOWEST_RATE = 0.99
@@ -25,25 +25,25 @@ DIVERGED = 2
 UNDEFINED = 3
 
 
-@kernel
+@inner_kernel
 def most_rounds(stages):
     """7, 12, 17, as in RADAU."""
     return 7 + 5 * (stages - 3) // 2
 
 
-@kernel
+@inner_kernel
 def opening(contraction):
     """What `judge` takes before the first round, from what the step before left."""
     return 0.0, 0.0, max(contraction**0.8, UNPROVEN)
 
 
-@kernel
+@inner_kernel
 def failure_of(verdict):
     """What is wrong with an attempt whose iteration ended so, and not by converging."""
     return ledger.NON_FINITE if verdict == UNDEFINED else ledger.STEP_TOO_SMALL
 
 
-@kernel
+@inner_kernel
 def judge(k, most, norm, before, tolerance):
     """What follows from the correction's `norm` in round `k` of `most`: (verdict, factor for the next attempt, now).
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_systems import solve_shifted
 from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
 from gsp.kernels.radau_iteration import (
@@ -25,7 +25,7 @@ from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTOR
 from gsp.kernels.step_control import all_finite
 
 
-@kernel
+@inner_kernel
 def _guess(memory, step, z):
     """First guess of the rises `z` (stages, n): the last step's dense output, continued; 0 where there is none."""
     stages, n = z.shape
@@ -41,7 +41,7 @@ def _guess(memory, step, z):
             z[a, i] = -r * memory[LINES + i * width + stages] + s * r * total
 
 
-@kernel
+@inner_kernel
 def _multiply(matrices, x, out):
     """`out` (stages, n) = M `x` for the family's M."""
     stages, n = x.shape
@@ -54,7 +54,7 @@ def _multiply(matrices, x, out):
                 out[a, i] += factor * x[q, i]
 
 
-@kernel
+@inner_kernel
 def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b):
     """One round for the rises `z` (stages, n), of the norm that is returned.
 
@@ -96,7 +96,7 @@ def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b):
     return math.sqrt(total / (n * stages))
 
 
-@kernel
+@inner_kernel
 def _errors(estimate, coefficients, y, y_new, rtol, atol):
     """The estimate's norm, and the error of the collocation polynomial within the step, both over the tolerance.
 

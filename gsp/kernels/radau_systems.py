@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_systems import decompose_shifted
 from gsp.kernels.radau_tableau import EIGENVALUES
 from gsp.kernels.sparse_systems import FACTORS, dense_jacobian, factorise_sparse, fill, solve_sparse
 
 
-@kernel
+@inner_kernel
 def _size(z):
     return abs(z.real) + abs(z.imag)
 
@@ -75,7 +75,7 @@ def solve_complex_shifted(pattern, factors, m, pivots, b):
         solve_sparse(pattern, factors[m, 0], b)
 
 
-@kernel
+@inner_kernel
 def _decompose_complex(jacobian, step, family, pattern, pivots):
     """(whether all are regular, factors (pairs, ...)) of lambda/h - J for the complex eigenvalues of the family."""
     pairs, n = pivots.shape

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 
 # Places of `functions`: how many values are watched, and the address of the function that gives them over a state; what
 # is looked at once, at the start: the address of the function that turns the state into a point, and the point's size,
@@ -46,7 +46,7 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     return found == _CLEAR
 
 
-@kernel
+@inner_kernel
 def _look(pieces, functions, p, signs, time, state, times, states, dense):
     """What `pieces` points of every step say of the watched functions."""
     n = state.shape[0]
@@ -94,7 +94,7 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
     return _CLEAR
 
 
-@kernel
+@inner_kernel
 def begins_clear(functions, p, signs, time, state):
     """Fill `signs` (w,) as they are at the start; False where a run does not begin, or a test is not a number."""
     point = np.empty(functions[SIZE])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gsp.kernels.call import call
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.step_control import all_finite
 
@@ -15,7 +15,7 @@ from gsp.kernels.step_control import all_finite
 TRUSTED, ROUNDING = 0.25, 1e-9
 
 
-@kernel
+@inner_kernel
 def _linearise(jacobian, p, z, flat, factors, pivots):
     """Factorise g_y at `z`; the sign of its determinant, 0 where it cannot be told."""
     n = factors.shape[0]
@@ -34,7 +34,7 @@ def _linearise(jacobian, p, z, flat, factors, pivots):
     return sign
 
 
-@kernel
+@inner_kernel
 def _length(vector):
     return math.sqrt(np.sum(vector * vector))
 

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from gsp.kernels import ledger
-from gsp.kernels.compilation import kernel
+from gsp.kernels.compilation import inner_kernel, kernel
 
 # Pivots are fixed: so many units in the last place of a row may be lost to them. Partial pivoting keeps it near 1.
 LARGEST_GROWTH = 1e3
@@ -28,7 +28,7 @@ FACTORS = 1
 ORDER = 2
 
 
-@kernel
+@inner_kernel
 def places(pattern, n):
     """Where `start`, `middle`, `column`, `pivot`, `place` and `row` begin."""
     count = pattern[FACTORS]
@@ -48,18 +48,18 @@ def pattern_of(program):
     return program[:0]
 
 
-@kernel
+@inner_kernel
 def entries_of(pattern, n):
     """How many numbers the Jacobian's function gives."""
     return n * n if pattern.shape[0] == 0 else pattern[ENTRIES]
 
 
-@kernel
+@inner_kernel
 def _size(z):
     return abs(z.real) + abs(z.imag)
 
 
-@kernel
+@inner_kernel
 def fill(jacobian, shift, pattern, n, values):
     """Fill `values` (factors,) with shift - J."""
     _, middle, _, _, place, _ = places(pattern, n)

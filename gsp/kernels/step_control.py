@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inlined_kernel, kernel
+from gsp.kernels.compilation import inlined_kernel, inner_kernel, kernel
 from gsp.kernels.sparse_systems import entries_of, pattern_of, places
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
@@ -19,7 +19,7 @@ SMALLEST_STEP = 1e-290
 STRETCH = 1.01
 
 
-@kernel
+@inner_kernel
 def all_finite(values):
     """True when no entry of `values` (n,) is NaN or infinite."""
     # Counted to the end: without a way out the loop is vectorised, and there is next to never anything to find.
@@ -29,13 +29,13 @@ def all_finite(values):
     return bad == 0
 
 
-@kernel
+@inner_kernel
 def smallest_step(t):
     """Length of the shortest step from `t` that is not lost in rounding."""
     return max(SMALLEST_RELATIVE_STEP * abs(t), SMALLEST_STEP)
 
 
-@kernel
+@inner_kernel
 def step_towards(stop, t, h):
     """The step to take for the proposal `h`: all that remains to `stop`, half of it, or `h` itself.
 
@@ -76,7 +76,7 @@ def step_ahead(stops, t, proposal, counters):
     return t_new - t, t_new, clipped, lands
 
 
-@kernel
+@inner_kernel
 def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     """First step, signed, from `t` towards `end`; costs one call of the field.
 
@@ -117,7 +117,7 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     return math.copysign(min(unit, better, span), end - t)
 
 
-@kernel
+@inner_kernel
 def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
     """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
     if memory[ledger.STEP] != 0.0:
@@ -133,7 +133,7 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
     return True
 
 
-@kernel
+@inner_kernel
 def accept(t, step, clipped, lands, growth, factor, memory, counters):
     """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
 
@@ -156,7 +156,7 @@ def accept(t, step, clipped, lands, growth, factor, memory, counters):
         counters[ledger.NEXT_STOP] += 1
 
 
-@kernel
+@inner_kernel
 def reject(step, factor, memory, counters):
     """Enter a rejected step and shorten it; False when what is left is lost in rounding."""
     h = step * factor

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from gsp.kernels.addresses import call_jet
-from gsp.kernels.compilation import kernel
-from gsp.kernels.jets import flow_jet
+from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_algebra import factorise, solve
 
 CONVERGED = 0
@@ -40,7 +39,7 @@ GROWTH = 30.0
 PATIENCE = 8
 
 
-@kernel
+@inner_kernel
 def _size(y):
     total = 0.0
     for i in range(y.shape[0]):
@@ -48,7 +47,7 @@ def _size(y):
     return math.sqrt(total)
 
 
-@kernel
+@inner_kernel
 def _jacobian(d, slow, m, matrix, pivots):
     """LU factors of d(y^(m+1))/dy."""
     n = matrix.shape[0]
@@ -58,7 +57,7 @@ def _jacobian(d, slow, m, matrix, pivots):
     return factorise(matrix, pivots)
 
 
-@kernel
+@inner_kernel
 def _condition(d, slow, m, factors, pivots, column):
     """Largest diagonal entry of |J^-1| |J|, which does not depend on the units of y."""
     n = factors.shape[0]
@@ -79,7 +78,7 @@ def _condition(d, slow, m, factors, pivots, column):
     return largest
 
 
-@kernel
+@inner_kernel
 def _newton(v, slow, m, matrix, pivots, step):
     n = matrix.shape[0]
     for i in range(n):
@@ -87,7 +86,7 @@ def _newton(v, slow, m, matrix, pivots, step):
     solve(matrix, pivots, step)
 
 
-@kernel
+@inner_kernel
 def _move(y, step):
     """Add the step, cut to length 1 + |y|; returns its full length over 1 + |y|."""
     scale = 1.0 + _size(y)
@@ -98,13 +97,13 @@ def _move(y, step):
     return length
 
 
-@kernel
+@inner_kernel
 def _remainder(length):
     """What Newton's method may still be off after its last step, which rounding ended unless it was short."""
     return 0.0 if length <= QUADRATIC else length
 
 
-@kernel
+@inner_kernel
 def _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
     """One Newton step each at the orders 1, 3, 7, ... well below `order`: each squares the error before it."""
     m = 1
@@ -129,6 +128,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
     fast = ys.shape[1]
     v = np.empty((tape.shape[0], order + 3))
     d = np.empty((fast, tape.shape[0], order + 3))
+    no_tangents = d[:0]
     matrix = np.empty((fast, fast))
     pivots = np.empty(fast, dtype=np.int64)
     step = np.empty(fast)
@@ -159,7 +159,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
                     codes[point] = ILL_CONDITIONED
                     break
             else:
-                flow_jet(tape, constants, rates, epsilon, slow, x, y, order + 1, v)
+                call_jet(jet, tape, constants, rates, epsilon, slow, x, y, order + 1, v, no_tangents)
                 plain += 1
             _newton(v, slow, order, matrix, pivots, step)
             if fresh:

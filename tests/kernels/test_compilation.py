@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -226,3 +227,35 @@ def test_a_first_solve_does_without_the_linear_algebra_of_scipy() -> None:
         [sys.executable, "-c", text], capture_output=True, text=True, timeout=300, check=True
     )
     assert found.stdout.splitlines() == ["False", "True 2.0"], found.stdout
+
+
+def test_what_kernels_alone_call_has_no_way_in() -> None:
+    modules = [
+        import_module(f"gsp.kernels.{path.stem}")
+        for path in Path(compilation.__file__).parent.glob("[a-z]*.py")
+    ]
+    private = {
+        f"{module.__name__}.{name}": found.targetoptions.get("no_cpython_wrapper", False)
+        for module in modules
+        for name, found in vars(module).items()
+        if name.startswith("_") and hasattr(found, "targetoptions")
+    }
+    assert len(private) > 40
+    assert [name for name, has_none in private.items() if not has_none] == []
+
+
+def test_orbits_by_collocation_compile_the_elimination_alone(tmp_path: Path) -> None:
+    call = (
+        "from gsp.collocation.bordered import Conditions, Equations, linearise\n"
+        "from gsp.collocation.gauss import gauss\n"
+        "from gsp.lowering.compiled_function import compile_function\n"
+        "made = [compile_function(of, arguments=(x, y), epsilon=None, parameters=())\n"
+        "        for of in ([y, -x], [0, 1, -1, 0])]\n"
+        "equations = Equations(made[0].address, made[1].address, 0, 1)\n"
+        "states, stages = np.ones((4, 2)), np.ones((3, 2, 2))\n"
+        "first = linearise(equations, gauss(2), np.zeros(1), 1.0, np.ones(3) / 3, states, stages)\n"
+        "first.solve(Conditions(np.eye(3, 2), np.eye(3, 2)[::-1], np.eye(3, 1), np.ones(3)))"
+    )
+    assert compiled_by(call, tmp_path) == {
+        "evaluate.evaluate_many", "bordered_collocation.eliminate", "bordered_collocation.substitute",
+    }  # fmt: skip
