@@ -154,15 +154,17 @@ class Tracer(ABC, Generic[Node]):
     ) -> tuple[Node, float] | None:
         """Where `test`, with the values `ends`, changes its sign in the step of `length` from `here`, and how far on.
 
-        To within `apart` of the arclength. Where no step leads, as at a branch point, the solution with the least value
-        that was reached on the way; None when there is none.
+        To within `apart` of the arclength. Where no step leads, as at a branch point that is met exactly, one beside it
+        is taken, and where none leads there either the solution with the least value that was reached on the way; None
+        when there is none.
         """
         best: tuple[Node, float] | None = None
         least = np.inf
 
         def value(distance: float) -> float:
             nonlocal best, least
-            stride = self.step(here, distance)
+            strides = (self.step(here, distance + share * apart) for share in (0.0, -0.5, 0.5))
+            stride = next((stride for stride in strides if stride is not None), None)
             found = float("nan") if stride is None else test(stride.node)
             if stride is not None and abs(found) < least:
                 best, least = (stride.node, distance), abs(found)

@@ -155,6 +155,13 @@ def test_a_change_of_sign_in_a_step_is_located_and_its_step_known() -> None:
     assert found == (pytest.approx(1.3), pytest.approx(0.3))
 
 
+def test_where_no_step_leads_exactly_to_the_place_one_beside_it_is_taken() -> None:
+    line = Line(lambda at, _: abs(at - 1.25) < 1e-14)
+    found = line.located(1.0, 0.5, lambda at: at - 1.25, (-0.25, 0.25), apart=1e-12)
+    assert found is not None
+    assert 0.0 < abs(found[0] - 1.25) <= 1e-12
+
+
 def test_where_no_step_leads_the_least_value_on_the_way_is_kept() -> None:
     found = Line(lambda at, _: abs(at - 1.3) < 1e-3).located(
         1.0, 0.4, lambda at: at - 1.3, (-0.3, 0.1), apart=1e-12
