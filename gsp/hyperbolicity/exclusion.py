@@ -67,7 +67,8 @@ class Exclusion:
             f"{name} in [{min(box[name][0] for box in self.left):.6g}, {max(box[name][1] for box in self.left):.6g}]"
             for name in self.left[0]
         ]
-        return f"between them a loss is not excluded over {self.share:.2g} of the region, {', '.join(ends)}"
+        over = "the whole region" if self.share == 1.0 else f"a share of {self.share:.2g} of the region"
+        return f"between them a loss is not excluded over {over}, {', '.join(ends)}"
 
 
 def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exclusion:

@@ -92,15 +92,28 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     links = sampler.links(z[bounded], rows[bounded], x)
     z = z[bounded]
     if len(z) == 0:
-        raise BranchError(
-            f"the branch {branch} has no real point in the region {shown_region(box)}.",
-            "Move the region, or take another branch.",
-        )
+        raise _nothing_inside(branch, box)
     refuse_beyond_doubles(branch, z, box)
     eigenvalues = sampler.eigenvalues(z)
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
     return Samples(z[finite], eigenvalues[finite], links, missing, ends)
+
+
+def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
+    """What to say of a branch, or of its one sheet that is singled out, without a point in the region."""
+    if branch.seed is None:
+        return BranchError(
+            f"the branch {branch} has no real point in the region {shown_region(box)}.",
+            "Move the region, or take another branch.",
+        )
+    values = (*branch.seed[0], *branch.seed[1])
+    through = ", ".join(f"{s.name} = {value:.6g}" for s, value in zip(branch.system.states, values))
+    return BranchError(
+        f"the sheet of the branch {branch} through {through}, which is the one nearest to the start, has no point in "
+        f"the region {shown_region(box)}.",
+        "Start over slow values at which the region holds a point of the branch, or move the region.",
+    )
 
 
 def refuse_beyond_doubles(branch: Branch, z: np.ndarray, box: Mapping[str, Interval]) -> None:

@@ -157,7 +157,7 @@ def cover(
             axis, part.suspect = _axis(equations, part.box, region, centre)
             if axis is None:
                 continue
-            halves = _cut(part, axis, centre)
+            halves = _cut(equations, part, axis, centre)
             for half in halves:
                 heapq.heappush(waiting, (-share_of(half.box, region), next(order), half))
     except KeyboardInterrupt:
@@ -175,7 +175,7 @@ def refine(equations: Equations, part: Part, *, room: float) -> bool:
     if axis is None:
         return False
     trial = Part(part.box, near)
-    for half in _cut(trial, axis, near):
+    for half in _cut(equations, trial, axis, near):
         tube = enclose(equations, half.box, near, room=room)
         spectrum = None if tube is None else spectrum_at(equations, tube)
         if tube is None or spectrum is None:
@@ -190,15 +190,25 @@ def spectrum_at(equations: Equations, tube: Tube) -> Spectrum | None:
     return spectrum_of(tube.derivative, equations.nearby(tube.middle[None], tube.centre[None])[0][0])
 
 
-def _cut(part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
+def _cut(equations: Equations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
+    """Both halves, each with the branch followed to its middle, or `near` where it cannot be."""
     low, high = part.box[axis]
     at = low + 0.5 * (high - low)
-    boxes = [
-        tuple((ends if i == axis else side) for i, side in enumerate(part.box))
-        for ends in ((low, at), (at, high))
-    ]
-    part.axis, part.at, part.halves = axis, at, (Part(boxes[0], near), Part(boxes[1], near))
+    below, above = (
+        Part(half, _followed(equations, part.box, half, near))
+        for half in (
+            tuple((ends if i == axis else side) for i, side in enumerate(part.box))
+            for ends in ((low, at), (at, high))
+        )
+    )
+    part.axis, part.at, part.halves = axis, at, (below, above)
     return part.halves
+
+
+def _followed(equations: Equations, whole: Box, half: Box, near: np.ndarray) -> np.ndarray:
+    """The root from the middle of `whole` at that of `half`: Newton's method from afar may come to another one."""
+    found = equations.followed(middle_of(whole), middle_of(half), near)
+    return found[1] if found is not None and found[0] == 1.0 else near
 
 
 def _axis(

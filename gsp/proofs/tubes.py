@@ -29,7 +29,7 @@ Box = tuple[tuple[float, float], ...]
 FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
 # The least radius, relative to 1 + |y|.
 AT_A_POINT, OVER_A_BOX = 1e-15, 1e-12
-# A radius beyond this is on its way to infinity.
+# A radius beyond this, relative to 1 + the largest |y| on the tube's line, is on its way to infinity.
 FAR = 1e6
 
 
@@ -129,9 +129,10 @@ def krawczyk(
     # A tube over one point has to fit into tubes over boxes.
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
     radius = [room * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
+    far = FAR * (1.0 + max(balls.magnitude(y) for y in line))
     for _ in range(ROUNDS):
         # A radius that is not a number fails here as well.
-        if not all(r < FAR for r in radius):
+        if not all(r < far for r in radius):
             return None
         ball = [balls.hull(-r, r) for r in radius]
         y = [p + r for p, r in zip(line, ball)]
@@ -146,7 +147,7 @@ def krawczyk(
         if all(inside(value, r) for value, r in zip(image, radius)):
             return Tube(box, middle, centre, slope, np.array(radius), inverse, by_y)
         grown = [ROOM * balls.magnitude(value) for value in image]
-        if not all(r < FAR for r in grown):
+        if not all(r < far for r in grown):
             return None
         radius = [max(wide, r) for wide, r in zip(grown, radius)]
     return None

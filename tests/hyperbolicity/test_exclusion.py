@@ -11,7 +11,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import UnsupportedFunctionError
-from gsp.hyperbolicity.exclusion import MOST
+from gsp.hyperbolicity.exclusion import MOST, Exclusion
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.scenes.study import study_of
 from tests.cases import crossed, sampled, thinned
@@ -133,6 +133,34 @@ def test_built_in_scenes_raise_no_alarm(name: str) -> None:
     assert found.exclusion.tried <= 16
     assert found.evidence == f"sampled at {found.samples} points"
     assert "leave no loss" in str(found)
+
+
+def test_enclosures_do_not_depend_on_units() -> None:
+    # A reactor's flux, about 1e13 neutrons per square centimetre and second, over xenon's 1e15 per cubic centimetre.
+    flux = y * (Q(3, 100) - x * Q(1, 10**17) - y * Q(1, 10**15))
+    critical = gsp.solve_critical(gsp.SlowFastSystem(slow={x: 1}, fast={y: flux}, epsilon=eps))
+    found = classify(critical.nearest({"x": 1e15, "y": 2e13}), region={"x": (1e14, 2.5e15)})
+    assert found.kind is Kind.ATTRACTING
+    assert found.gap == pytest.approx(0.005, rel=1e-12)
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+
+
+def test_enclosures_keep_to_the_branch_that_was_sampled() -> None:
+    # The branches y = 0, 2 x/3 and x come near one another at the lower end.
+    system = gsp.SlowFastSystem(slow={x: 1}, fast={y: y * (x - y) * (2 * x - 3 * y)}, epsilon=eps)
+    (branch,) = (b for b in gsp.solve_critical(system).branches if b.points(3.0) == pytest.approx(2.0))
+    found = classify(branch, region={"x": (0.3, 1.6)})
+    assert found.kind is Kind.ATTRACTING
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+    assert gsp.certify(branch, region={"x": (0.3, 1.6)}).verdict == "proved"
+
+
+def test_what_is_left_of_the_whole_region_is_called_so() -> None:
+    left = ({"x": (0.0, 1.0)},)
+    assert str(Exclusion(9, left, 1.0)).endswith("not excluded over the whole region, x in [0, 1]")
+    assert str(Exclusion(9, left, 0.25)).endswith("over a share of 0.25 of the region, x in [0, 1]")
 
 
 def test_functions_without_an_enclosure_are_told() -> None:
