@@ -31,7 +31,7 @@ from tests.literature import FOLDER, VERBS, Ending, systems, tasks
 COORDINATES = {
     "two_pool": ({"p": "Y + Z"}, {"Y": "p - Z"}, ["Z"]),
     "brusselator": ({"p": "x + y"}, {"y": "p - x"}, ["x"]),
-    "enzyme_states": ({"p1": "s - e", "p2": "s + c"}, {"e": "s - p1", "c": "p2 - s"}, ["s"]),
+    "enzyme_states": ({"p1": "s + c", "p2": "e + c"}, {"e": "p2 - p1 + s", "c": "p1 - s"}, ["s"]),
     "goldbeter_circadian": (
         {"M": "M", "P0": "P0", "P1": "P1", "p": "P2 + PN"},
         {"PN": "p - P2"},

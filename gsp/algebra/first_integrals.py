@@ -7,6 +7,7 @@ and 3 (both by exact linear algebra over the field of parameters), and what one 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,8 @@ MAX_DEGREE = 3
 MAX_UNKNOWNS = 400
 # Terms of the components times unknown coefficients, which are all written out.
 MAX_PRODUCTS = 20_000
+# Sets of entries that are tried as the zeros of a sum of amounts.
+MOST_RAYS = 300
 # Longer quotients are not integrated.
 MAX_OPERATIONS = 60
 ELEMENTARY = (
@@ -89,11 +92,48 @@ def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
     return [-v for v in vector] if leading.could_extract_minus_sign() else vector
 
 
+def nonnegative_basis(vectors: list[list[sp.Expr]]) -> list[list[sp.Expr]]:
+    """A basis of the same space without negative entries, of the shortest vectors, where there is one; else `vectors`.
+
+    Amounts that a reaction conserves are sums of amounts, and a box of amounts bounds their sums, where differences
+    run over what no state has. Entries that are parameters are left as they are.
+    """
+    entries = [entry for vector in vectors for entry in vector]
+    if not any(entry.is_negative for entry in entries) or not all(entry.is_Rational for entry in entries):
+        return vectors
+    rays = _extreme_rays(sp.Matrix(vectors))
+    found: list[list[sp.Expr]] = []
+    for ray in sorted(rays, key=lambda r: (sum(v != 0 for v in r), sum(r), [-v for v in r])):
+        if sp.Matrix([*found, ray]).rank() > len(found):
+            found.append(ray)
+    return found if len(found) == len(vectors) else vectors
+
+
+def _extreme_rays(basis: sp.Matrix) -> list[list[sp.Expr]]:
+    """Primitive nonnegative vectors of least support in the row space of `basis`; none beyond `MOST_RAYS`."""
+    dimension, n = basis.shape
+    found: list[list[sp.Expr]] = []
+    if math.comb(n, dimension - 1) > MOST_RAYS:
+        return found
+    # An extreme ray vanishes on dimension - 1 independent entries.
+    for zeros in itertools.combinations(range(n), dimension - 1):
+        null = basis[:, list(zeros)].T.nullspace() if zeros else [sp.ones(dimension, 1)]
+        if len(null) != 1:
+            continue
+        vector = coprime_numerators(list(null[0].T * basis))
+        if vector is None:
+            continue
+        vector = _with_leading_sign(vector)
+        if all(entry >= 0 for entry in vector) and vector not in found:
+            found.append(vector)
+    return found
+
+
 def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
     numerators = coprime_numerators(direction)
     if numerators is None:
         return []
-    vectors = _left_null_space(_coefficient_rows(numerators, states))
+    vectors = nonnegative_basis(_left_null_space(_coefficient_rows(numerators, states)))
     integrals = [sp.Add(*[c * z for c, z in zip(vector, states)]) for vector in vectors]
     # Single states first, then in the order of the first state they contain.
     return sorted(integrals, key=lambda phi: [i for i, z in enumerate(states) if phi.has(z)])

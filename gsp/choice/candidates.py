@@ -99,7 +99,8 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
             failure = Failure.UNTOLD
             why = f"{failure}: {_untold(prediction, order)}"
         elif failure is Failure.END:
-            why = f"{failure} at t = {holds:.4g}: {prediction.runs[order].status.meaning}"
+            ended = min(holds, prediction.covered(order))
+            why = f"{failure} at t = {ended:.4g}: {prediction.runs[order].status.meaning}"
         elif failure is not None:
             why = f"{failure} at t = {holds:.4g}"
         elif predicted > limit:
@@ -189,6 +190,9 @@ def solved_candidate(
         why = f"{failure} at t = {run.t[-1]:.4g}: {run.status.meaning}"
     elif not surface.inside(times).all():
         why = "the run leaves the piece of the manifold that was solved"
+    elif not (within := surface.within_region(times)).all():
+        failure = Failure.REGION
+        why = f"{failure} at t = {times[np.argmin(within)]:.4g}"
     elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
         failure = Failure.ERROR
         why = f"{failure}"

@@ -166,6 +166,12 @@ class SurfaceOutlook:
         bounds = self.manifold.region.items()
         return np.all([(run[n] >= low) & (run[n] <= high) for n, (low, high) in bounds], axis=0)
 
+    def within_region(self, times: np.ndarray) -> np.ndarray:
+        """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows."""
+        run, prediction = self.run.sample(times), self.outlook.prediction
+        states = np.stack([run[s.name] for s in self.outlook.study.system.states], axis=1)
+        return prediction.sampler.inside(states, prediction.region)
+
 
 def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from gsp.critical.sampling import Sampler
+from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.slow.series import SeriesManifold
@@ -34,6 +35,9 @@ OUTSIDE = 1e-9
 # The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
 CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
 
+# A run that ends where its fast eigenvalues are this far from the axis, relative to the largest, has lost its series
+# there and not its hyperbolicity: losses are located to about a root of rounding.
+CLEAR = 1e-6
 # At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
 MAX_STEPS = 20_000
 
@@ -112,7 +116,7 @@ class Prediction:
 
     def failures(self, order: int, times: np.ndarray, limit: float) -> list[Failure | None]:
         """Why the run of this order does not hold at each of `times`; None where it does."""
-        found: list[Failure | None] = [Failure.END] * len(times)
+        found: list[Failure | None] = [self.end_of(order)] * len(times)
         alive = np.flatnonzero(times <= self.covered(order))
         if not alive.size:
             return found
@@ -151,19 +155,29 @@ class Prediction:
         """
         low, high = after, min(last, self.covered(order))
         if high <= after:
-            return after, Failure.END
+            return after, self.end_of(order)
         why: Failure | None = None
         for _ in range(1 + REFINEMENTS):
             times = np.linspace(low, high, CHECKS)
             found = self.failures(order, times, limit)
             first = next((i for i, failure in enumerate(found) if failure is not None), None)
             if first is None:
-                return (last, None) if high == last else (high, Failure.END)
+                return (last, None) if high == last else (high, self.end_of(order))
             why = found[first]
             if first == 0:
                 break
             low, high = float(times[first - 1]), float(times[first])
         return low, why
+
+    def end_of(self, order: int) -> Failure:
+        """What a run of this order that ended early ended of: its series, where M0 still attracts, or what it met."""
+        run = self.runs[order]
+        if order == 0 or run.status is not Status.HYPERBOLICITY_LOST:
+            return Failure.END
+        z, _, _ = self._places(run, run.t[-1:])
+        eigenvalues = self.sampler.eigenvalues(z)[0]
+        attracts = bool((eigenvalues.real < -CLEAR * np.abs(eigenvalues).max(initial=0.0)).all())
+        return Failure.ORDER if attracts else Failure.END
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""

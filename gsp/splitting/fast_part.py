@@ -21,6 +21,8 @@ from gsp.systems.system import VectorField
 # Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.
 SEARCH_STARTS = 64
 SEARCH_STEPS = 60
+# Where that finds nothing, so many sets of units are tried for the states, over these decades, from fewer starts each.
+UNITS, DECADES, STARTS_IN_UNITS = 32, (-12.0, 16.0), 8
 SEARCH_TOLERANCE = 1e-10
 RANK_TOLERANCE = 1e-7
 # Expressions with more operations are not rewritten for looks.
@@ -70,7 +72,8 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         for outputs in (layer, matrix)
     ]
     p = compile_flow(field).constants
-    z = np.random.default_rng(0).standard_normal((SEARCH_STARTS, len(states)))
+    random = np.random.default_rng(0)
+    z = random.standard_normal((SEARCH_STARTS, len(states)))
     z[: SEARCH_STARTS // 2] = np.abs(z[: SEARCH_STARTS // 2])
     found: list[tuple[int, int]] = []
     for start in z:
@@ -78,9 +81,16 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
         if converged:
             there = _matrix(compiled[1], point, p)
             found.append((_numerical_rank(there), _numerical_rank(there @ there)))
+    for _ in range(0 if found else UNITS):
+        # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre.
+        units = 10.0 ** random.uniform(*DECADES, len(states))
+        found = _ranks_in_units(z[:: SEARCH_STARTS // STARTS_IN_UNITS], units, compiled, p)
+        if found:
+            break
     if not found:
         raise SplittingError(
-            f"the fast part {shown(field, layer)} has no real equilibrium, so there is no critical manifold.",
+            f"no real equilibrium of the fast part {shown(field, layer)} was found, and without one there is no "
+            "critical manifold.",
             "A fast rotation or drift is averaged, not reduced; or check the parameters' values.",
         )
     if max(rank for rank, _ in found) == 0:
@@ -101,6 +111,37 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
             "Rescale the fast variables, or average.",
         )
     return rank
+
+
+def _ranks_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarray) -> list[tuple[int, int]]:
+    """Ranks of DL and of its square at the zeros found from `starts` (m, n), the states in `units` (n,).
+
+    What is a zero, and what is a rank, is judged relative to the terms, each state in units of its value.
+    """
+
+    def values(z: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return compiled[0](z * units, p) / units
+
+    def matrix(z: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return (_matrix(compiled[1], z * units, p) * units / units[:, None]).ravel()
+
+    found: list[tuple[int, int]] = []
+    for start in starts:
+        z, converged = _equilibrium(start, (values, matrix), p)
+        there = _matrix(matrix, z, p)
+        sizes = np.abs(there) @ np.abs(z)
+        if not converged or (np.abs(values(z, p)) > SEARCH_TOLERANCE * sizes).any():
+            continue
+        own = np.where(z == 0.0, 1.0, np.abs(z))
+        there = there * own / own[:, None]
+        found.append((_numerical_rank(_by_rows(there)), _numerical_rank(_by_rows(there @ there))))
+    return found
+
+
+def _by_rows(matrix: np.ndarray) -> np.ndarray:
+    """Each row relative to its largest entry, those of zeros as they are."""
+    largest = np.abs(matrix).max(axis=1, keepdims=True)
+    return matrix / np.where(largest > 0.0, largest, 1.0)
 
 
 def _refuse_constants(layer: list[sp.Expr], field: VectorField) -> None:

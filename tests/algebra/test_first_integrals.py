@@ -46,6 +46,19 @@ def test_states_that_stand_still_come_first_and_keep_their_names() -> None:
     assert first_integrals([sp.Integer(0), sp.Integer(0), y - z], (x, y, z), wanted=2) == [x, y]
 
 
+def test_amounts_are_summed_where_a_basis_of_sums_exists() -> None:
+    bound = x * y - z
+    assert set(first_integrals([-bound, -bound, bound], (x, y, z), wanted=2)) == {x + z, y + z}
+    # Two molecules of x in one of y, of which a third x makes z: amounts of x, and of what binds it.
+    first, second = x * u - y, x * y - z
+    layer = [-first - second, first - second, second, -first]
+    assert set(first_integrals(layer, (x, y, z, u), wanted=2)) == {x + y + 2 * z, u + y + z}
+    # An exchange in opposite directions conserves a difference and no sum; coefficients that are parameters stay.
+    assert first_integrals([x - y, x - y], (x, y), wanted=1) == [x - y]
+    (p,) = first_integrals([a * (x - y), b * (y - x)], (x, y), wanted=1)
+    assert sp.expand(p - (b * x + a * y)) == 0
+
+
 def test_coefficients_are_primitive_and_free_of_denominators() -> None:
     (p,) = first_integrals([a * x / b, -x * (1 + a**2) / (a * b)], (x, y), wanted=1)
     assert sp.expand(p - ((1 + a**2) * x + a**2 * y)) == 0

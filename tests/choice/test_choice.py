@@ -376,6 +376,44 @@ def test_leaving_the_region_and_a_long_layer_are_reasons() -> None:
     assert "layer takes" in layer.candidates[0].why_not
 
 
+def test_a_run_whose_series_ends_is_not_said_to_lose_hyperbolicity() -> None:
+    # A gene's messenger far from rest: the base point of order 2 lies where no term of the series falls; g_y is -1.
+    gene = scene(
+        *(y - 7 * x / 10, 10 / (1 + (10 * x / 13) ** sp.Rational(5, 2)) - y),
+        **{"region": {"x": (0.1, 8)}, "start": {"x": 0.5, "y": 0.2}, "epsilon": 0.05, "span": (0, 5)},
+    )
+    choice = choose(gene)
+    assert choice.candidates[2].failure is Failure.ORDER
+    assert "hyperbolicity" not in str(choice)
+    assert "smaller epsilon" in choice.verdict.remedy
+    # Where the manifold itself loses it, the run of order 0 ends of that.
+    asked = scene(sp.Integer(1), (x - 3) * (y + x), region={"x": (0, 5)}, start={"x": 1, "y": -1}, span=(0, 4))
+    assert foresee(asked, (0, 1)).prediction.end_of(0) is Failure.END
+
+
+def test_the_solved_manifold_is_not_run_beyond_the_region() -> None:
+    asked = {"start": {"x": 1, "y": 0.92}, "span": (0, 2), "epsilon": 0.05, "tolerance": 1e-7}
+    # x' = sin x from 1 passes 2 at t = log(tan(1)/tan(1/2)); about then sin x is below 0.9 again.
+    regions = {
+        "wide": {"x": (0, 4)},
+        "narrow": {"x": (0, 2)},
+        "bounded": {"x": (0, 4), "y": (0.9, 2)},
+    }
+    found = {
+        name: choose(scene(y, sp.sin(x) - y, region=region, **asked), orders=(0, 1)).candidates[2]
+        for name, region in regions.items()
+    }
+    assert all(candidate.kind is ModelKind.SOLVED for candidate in found.values())
+    assert found["wide"].valid
+    for name in ("narrow", "bounded"):
+        solved = found[name]
+        assert not solved.valid
+        assert solved.failure is Failure.REGION
+        assert solved.why_not.startswith("the region is left at t = ")
+        left = float(solved.why_not.rpartition(" ")[2])
+        assert left == pytest.approx(np.log(np.tan(1.0) / np.tan(0.5)), abs=0.15)
+
+
 def test_a_full_system_that_stops_on_the_piece_is_told() -> None:
     choice = choose(scene(-x, 1 + y**2))
     assert not choice.model.valid
