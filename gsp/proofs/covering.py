@@ -205,12 +205,15 @@ def _cut(equations: Equations, part: Part, axis: int, near: np.ndarray) -> tuple
     return part.halves
 
 
+@np.errstate(all="ignore")
 def _followed(equations: Equations, whole: Box, half: Box, near: np.ndarray) -> np.ndarray:
     """The root from the middle of `whole` at that of `half`: Newton's method from afar may come to another one."""
     found = equations.followed(middle_of(whole), middle_of(half), near)
     return found[1] if found is not None and found[0] == 1.0 else near
 
 
+# On the way to a pole values overflow.
+@np.errstate(all="ignore")
 def _axis(
     equations: Equations, box: Box, region: Box, near: np.ndarray
 ) -> tuple[int | None, np.ndarray | None]:
