@@ -199,6 +199,9 @@ def test_a_reduced_flow_that_serves_part_of_the_span_is_kept_for_simulation() ->
     assert model.kind is ModelKind.FULL
     assert partial is parts[2]
     assert select(candidate(None, 1.0), [replace(parts[0], holds_until=0.01)], (0, 1))[1] is None
+    # Whenever the clock began.
+    later = [replace(part, holds_until=10 + until) for part, until in zip(parts, (0.1, 0.9, 0.2))]
+    assert select(candidate(None, 1.0), later, (10, 11))[1] is later[1]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Simulation: reduced where it holds and full where it does not, over folds, regions and layers, in one solution."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import sympy as sp
 from gsp import models
 from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import choose
+from gsp.choice.model_switching import _Nearness, _Switcher
 from gsp.choice.prediction import Failure
 from gsp.choice.simulation import simulate
 from gsp.errors import DeclarationError, GspError, Status
@@ -193,6 +195,23 @@ def test_a_simulation_does_not_depend_on_when_the_clock_began() -> None:
     assert later.sample(times + 7)["y"] == pytest.approx(here.sample(times)["y"], abs=1e-3)
 
 
+def test_of_two_sheets_the_one_that_is_landed_on_first_is_taken() -> None:
+    def near(first: int) -> _Nearness:
+        return _Nearness(np.arange(20) >= first, np.zeros(20), np.ones(20))
+
+    switcher = _Switcher.__new__(_Switcher)
+    switcher.epsilon, switcher.barred = 0.5, -np.inf
+    times = np.arange(20.0)
+    run = SimpleNamespace(y=np.zeros((2, 20)))
+    for first, second, taken in ((9, 4, 1), (4, 9, 0), (4, 4, 0)):
+        found = dict(zip("ab", (near(first), near(second))))
+        switcher.sheets = list(found)
+        switcher._nearness = lambda sheet, states, found=found: found[sheet]
+        landing = switcher._landing(run, times, 1.0)
+        assert landing is not None
+        assert landing[:2] == ("ab"[taken], min(first, second))
+
+
 def test_what_cannot_be_reduced_is_run_in_full() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: y - x}, epsilon=eps)
     scene = Scene(system, {"x": (-5, 5)}, {"x": 1, "y": 0.5}, (0, 0.05), 0.01, (0.02, 0.01), 1e-5)
@@ -231,6 +250,7 @@ def test_it_is_read_like_a_trajectory(oscillation) -> None:
         "full",
     ]
     assert not oscillation.t.flags.writeable
+    assert not oscillation.sample([1.0, 2.0]).t.flags.writeable
     assert "18 changes of model" in str(oscillation)
     assert "\n" not in repr(oscillation)
     assert "t=0..8, " in repr(oscillation)

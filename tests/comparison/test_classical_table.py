@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from gsp import integrate, load, models
 from gsp.algebra.ring import LocalisedRing
 from gsp.cli import cli
-from gsp.comparison import classical_table
+from gsp.comparison import classical_methods, classical_table
 from gsp.comparison.classical_methods import FraserRoussel, csp, ildm, quasi_steady_state
 from gsp.comparison.classical_table import MethodTable, method_table
 from gsp.comparison.comparison import slope
@@ -249,6 +249,17 @@ def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(
     assert "81 segments, estimated error" in table.endings["solved", 0.005]
     assert "the 153 points allowed do not resolve the surface along u, v, the next grid has 289" in str(table)
     assert table["Fraser-Roussel 3"].evaluations < 10
+
+
+def test_a_grid_that_may_not_be_finer_leaves_the_iterates_unresolved(monkeypatch) -> None:
+    # M0 is 1/(1 + 25 x^2), for which 9 points are far too few; at a tenth of the region they are not.
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: 1 / (1 + 25 * x**2) - y}, epsilon=epsilon)
+    branch = solve_critical(system).branches[0]
+    wide, narrow = np.linspace(-1, 1, 5)[:, None], np.linspace(-0.002, 0.002, 5)[:, None]
+    assert FraserRoussel.over(branch, wide, epsilon=0.01, iterates=2).resolved
+    monkeypatch.setattr(classical_methods, "MOST_POINTS", classical_methods.FIRST)
+    assert not FraserRoussel.over(branch, wide, epsilon=0.01, iterates=2).resolved
+    assert FraserRoussel.over(branch, narrow, epsilon=0.01, iterates=2).resolved
 
 
 def test_the_critical_manifold_is_followed_once_for_all_epsilons(monkeypatch) -> None:

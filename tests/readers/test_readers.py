@@ -296,6 +296,17 @@ HOSTILE = {
 }
 
 
+def test_a_call_counts_once_for_itself_and_once_for_each_that_is_nested_in_it() -> None:
+    # sqrt(1 + cos(..)) weighs 1 + 3 (1 + 1) = 7, and 120 are allowed.
+    def text(count: int) -> str:
+        return " + ".join(f"sqrt(1 + cos({k + 1}*x))" for k in range(count))
+
+    x = sp.Symbol("x")
+    assert parse_expression(text(17), symbols={"x": x}).has(sp.cos(17 * x))
+    with pytest.raises(ModelFileError, match="more than 120 functions"):
+        parse_expression(text(18), symbols={"x": x})
+
+
 @pytest.mark.parametrize("key", HOSTILE)
 def test_hostile_text_is_refused_at_once(key):
     # Unguarded, these take minutes or the memory of the machine.

@@ -1,0 +1,61 @@
+"""What segments of orbits are made of: interpolants exact for polynomials, and tracks that end before a fold."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.slow.orbit_segments import SCHEME, SegmentSolver
+from gsp.slow.slow_track import LEFT, follow_slow_flow
+from gsp.systems.system import SlowFastSystem
+from tests.example_systems import epsilon, x, y
+
+
+@pytest.fixture(scope="module")
+def solver() -> SegmentSolver:
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y}, epsilon=epsilon)
+    return SegmentSolver(solve_critical(system).branches[0], epsilon=0.1, unstable=0, tolerance=1e-10)
+
+
+def test_an_element_in_halves_has_the_same_polynomial(solver: SegmentSolver) -> None:
+    places = np.append(0.0, SCHEME.c)
+    for degree in range(len(places)):
+        values = solver.halving @ (1.0 + places) ** degree
+        halves = np.concatenate([SCHEME.c / 2, [0.5], 0.5 + SCHEME.c / 2])
+        assert values == pytest.approx((1.0 + halves) ** degree, rel=1e-12)
+
+
+def test_guesses_inside_an_element_are_exact_for_a_cubic(solver: SegmentSolver) -> None:
+    def curve(t):
+        return np.stack([1 - 2 * t + 3 * t**2 - 4 * t**3, 5 * t**3 - t], axis=-1)
+
+    def slope(t):
+        return np.stack([-2 + 6 * t - 12 * t**2, 15 * t**2 - 1], axis=-1)
+
+    ends, lengths = np.array([[0.5, 0.75, 2.0]]), np.array([[0.25, 1.25]])
+    inside = ends[:, :-1, None] + lengths[:, :, None] * SCHEME.c
+    assert solver._stages(lengths, curve(ends), slope(ends)) == pytest.approx(curve(inside), rel=1e-12)
+
+
+def test_a_track_that_is_cut_at_a_fold_ends_where_what_is_felt_of_it_is_least() -> None:
+    # On y = -sqrt(x) of x' = 1, epsilon y' = y^2 - x the decay from x_0 back to x is 4/3 (x_0^(3/2) - x^(3/2))/epsilon;
+    # the drift epsilon/(4 x) is infinite at the fold, x = 0, which is upstream.
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: y**2 - x}, epsilon=epsilon)
+    branch = solve_critical(system).nearest({"x": 1.0, "y": -1.0})
+    value, first = 0.01, 0.5
+    track = follow_slow_flow(
+        branch,
+        np.array([[first]]),
+        np.array([[-(first**0.5)]]),
+        epsilon=value,
+        goal=np.array([400.0]),
+        side=LEFT,
+        unstable=0,
+    )
+    assert track.cut[0]
+    last = track.states[0, track.counts[0], 0]
+    decay = 4 / 3 * (first**1.5 - last**1.5) / value
+    assert track.decayed[0] == pytest.approx(decay, rel=0.2)
+    assert track.drift[0] == pytest.approx(value / (4 * last), rel=1e-6)
+    # -ln x - decay is least where x^(3/2) = epsilon/2, and the steps are as long as that.
+    assert 0.25 < last / (value / 2) ** (2 / 3) < 4
