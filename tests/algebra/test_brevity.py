@@ -19,6 +19,15 @@ def test_a_long_sum_shows_its_first_terms_and_how_many_there_are() -> None:
     text = brief(sp.Add(*x))
     assert text.endswith(" ... (100 terms)")
     assert len(text) <= SHOWN + 20
+    # Whole terms.
+    assert f"{sp.Add(*x)} ".startswith(text.removesuffix("... (100 terms)"))
+
+
+def test_a_long_product_shows_its_first_characters_and_how_many_there_are() -> None:
+    product = sp.Mul(*sp.symbols("x0:100"))
+    assert brief(product) == f"{str(product)[:SHOWN]} ... ({len(str(product))} characters)"
+    longest = sp.Symbol("x" * SHOWN)
+    assert brief(longest) == longest.name
 
 
 def test_a_branch_of_many_variables_is_shown_in_a_line() -> None:
