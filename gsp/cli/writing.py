@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiled_by_two, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 
@@ -29,7 +29,7 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
 
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
     check_folder(folder)
-    with progress_bar("") as show:
+    with compiled_by_two(), progress_bar("") as show:
         from gsp.analysis.analysis import STAGES, analyse
         from gsp.report import write_report
 

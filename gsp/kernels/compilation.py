@@ -29,6 +29,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _kept(njit(error_model="numpy", nogil=True)(function), function)
 
 
+def is_kept(kernel: Any, arguments: tuple[Any, ...]) -> bool:
+    """Whether the machine code of `kernel` for these types of arguments is on disk, or can never be."""
+    files = kernel._cache
+    return not isinstance(files, _Cache) or files.has(arguments, kernel.targetctx)
+
+
 def inner_kernel(function: Callable[..., Any]) -> Any:
     """A kernel that kernels alone call: no code is made for calls from Python or by address."""
     return _kept(njit(error_model="numpy", nogil=True, **_NO_WAYS_IN)(function), function)
@@ -96,6 +102,13 @@ class _Cache(FunctionCache):
         except Exception:
             # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
             return None
+
+    def has(self, sig, target_context) -> bool:
+        try:
+            return self._cache_file.load(self._index_key(sig, target_context.codegen())) is not None
+        except Exception:
+            # As above.
+            return False
 
     def save_overload(self, sig, data):
         try:

@@ -1,0 +1,120 @@
+"""Kernels compiled by a second process, from the last that a report needs to the first, while the report compiles them
+from the first on.
+
+Whatever one of the two has compiled the other reads from numba's cache, so that they meet, and each has done its share.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from numba import types
+
+from gsp.kernels.addresses import JET, METHOD
+from gsp.kernels.bordered_collocation import eliminate, substitute
+from gsp.kernels.compilation import is_kept
+from gsp.kernels.dense_output import interpolate_many
+from gsp.kernels.dop853 import dop853
+from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.grid import doubt_grid, read_grid, runs_along
+from gsp.kernels.jets import flow_jet_with_tangents
+from gsp.kernels.landing import land
+from gsp.kernels.launch import launch, launch_watched, rate_at_start
+from gsp.kernels.radau import radau
+from gsp.kernels.taylor import taylor
+from gsp.kernels.zero_derivative import at_order, to_tolerance
+
+_REAL, _WHOLE = types.float64, types.int64
+_REALS, _ROWS, _LAYERS = (types.Array(_REAL, axes, "C") for axes in (1, 2, 3))
+_WHOLES, _TAPE = types.Array(_WHOLE, 1, "C"), types.Array(_WHOLE, 2, "C")
+_KEPT = tuple(types.Array(_REAL, axes, "C", readonly=True) for axes in (1, 2, 3))
+_RECORD = (_REALS, _ROWS, _LAYERS)
+_LAUNCHED = (_REALS, _REALS, _WHOLE, _REALS, _WHOLES, *_RECORD)
+_POINTS = (_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE, _ROWS, _ROWS)
+
+IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+    (evaluate_many, (_WHOLE, _ROWS, _REALS, _ROWS)),
+    (runs_along, (_REALS, _REAL, _REAL)),
+    (rate_at_start, (_WHOLES, _REALS, _WHOLE)),
+    (radau, METHOD.args),
+    (launch, (_WHOLES, *_LAUNCHED)),
+    (read_grid, (_WHOLE, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _ROWS)),
+    (dop853, METHOD.args),
+    (launch_watched, (_WHOLES, _WHOLES, *_LAUNCHED)),
+    (taylor, METHOD.args),
+    (interpolate_many, (*_KEPT, _REALS, _ROWS)),
+    (flow_jet_with_tangents, JET.args),
+    (at_order, (*_POINTS, _WHOLE, _REALS, _WHOLES)),
+    (to_tolerance, (*_POINTS, _REAL, _WHOLE, _WHOLES, _REALS, _WHOLES)),
+    (eliminate, (_LAYERS, _LAYERS, _ROWS, _ROWS, _LAYERS)),
+    (substitute, (_LAYERS, _REALS, _LAYERS, _ROWS)),
+    (
+        doubt_grid,
+        (_WHOLE, _WHOLES, types.none, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _WHOLES, _WHOLES),
+    ),
+    (
+        land,
+        (
+            _WHOLES,
+            _REALS,
+            _REAL,
+            _REAL,
+            _REALS,
+            _ROWS,
+            _REALS,
+            _WHOLES,
+            _ROWS,
+            _WHOLES,
+            _REALS,
+            types.Tuple(_RECORD),
+        ),
+    ),
+)
+"""What `gsp report` runs, each for the arguments that it has there, as it comes to be needed."""
+
+
+@contextmanager
+def compiled_ahead() -> Iterator[None]:
+    """Have a second process compile `IN_ORDER` from its end, while the context lasts, unless all of it is on disk.
+
+    Where no process can be begun this one compiles alone.
+    """
+    process: Any = None
+    if not all(is_kept(*asked) for asked in IN_ORDER):
+        process = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
+        try:
+            process.start()
+        except OSError:
+            process = None
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.kill()
+            process.join()
+
+
+def compile_backwards() -> None:
+    """Compile `IN_ORDER`, the last first; what is on disk is read from there."""
+    for kernel, arguments in reversed(IN_ORDER):
+        kernel.compile(arguments)
+
+
+def _help() -> None:
+    """What the second process does. Ctrl-C is the first one's to answer, with which this one ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    compile_backwards()
+
+
+def _end_with(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
