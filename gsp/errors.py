@@ -201,6 +201,11 @@ class Status(Enum):
         "normal hyperbolicity is lost",
         "lower epsilon, or shrink the region to where the fast eigenvalues keep their type",
     )
+    SERIES_ENDS = (
+        EndKind.ENDS,
+        "the terms of the series fall no further",
+        "lower epsilon, or take the reduced flow of a lower order",
+    )
     HISTORY_ENDS = (
         EndKind.ENDS,
         "the orbits that fix the slow manifold begin too near to where it ends",

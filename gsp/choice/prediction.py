@@ -35,9 +35,6 @@ OUTSIDE = 1e-9
 # The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
 CLEARER, SMALLEST_RTOL = 1e-3, 1e-13
 
-# A run that ends where its fast eigenvalues are this far from the axis, relative to the largest, has lost its series
-# there and not its hyperbolicity: losses are located to about a root of rounding.
-CLEAR = 1e-6
 # At a fold a reduced flow turns back on itself, and an integrator would chatter there for ever.
 MAX_STEPS = 20_000
 
@@ -170,14 +167,11 @@ class Prediction:
         return low, why
 
     def end_of(self, order: int) -> Failure:
-        """What a run of this order that ended early ended of: its series, where M0 still attracts, or what it met."""
+        """What a run of this order that ended early ended of: its series, or what it met."""
         run = self.runs[order]
-        if order == 0 or run.status is not Status.HYPERBOLICITY_LOST:
-            return Failure.END
-        z, _, _ = self._places(run, run.t[-1:])
-        eigenvalues = self.sampler.eigenvalues(z)[0]
-        attracts = bool((eigenvalues.real < -CLEAR * np.abs(eigenvalues).max(initial=0.0)).all())
-        return Failure.ORDER if attracts else Failure.END
+        # Where a run has no length, it is the series of its base point that leads out of the field's domain.
+        begins = order == 0 or run.t[-1] > run.t[0]
+        return Failure.END if begins and run.status is not Status.SERIES_ENDS else Failure.ORDER
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""

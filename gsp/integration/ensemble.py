@@ -57,6 +57,7 @@ _WORST_FIRST = (
     Status.STEP_TOO_SMALL,
     Status.TOO_MANY_STEPS,
     Status.HYPERBOLICITY_LOST,
+    Status.SERIES_ENDS,
     Status.FOLD_REACHED,
     Status.INTERRUPTED,
     Status.SUCCESS,

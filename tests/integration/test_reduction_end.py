@@ -248,7 +248,7 @@ def test_a_run_ends_at_a_pole_of_the_fast_field(g, order):
     if trajectory.status is not Status.NON_FINITE:
         # Where the series ends before.
         assert order > 0
-        assert trajectory.status is Status.HYPERBOLICITY_LOST
+        assert trajectory.status is Status.SERIES_ENDS
         return
     pole = 1 - np.pi / 2 if g.has(sp.tan) else 0.0
     assert trajectory.t[-1] == pytest.approx(1.0 - pole, abs=1e-9)
@@ -348,11 +348,38 @@ def test_the_series_is_left_at_the_distance_from_the_fold_where_it_stops_being_a
     assert np.abs(full["y"] - trajectory.sample(grid)["y"]).max() < 30 * epsilon ** (order + 1) + 1e-10
 
 
+def test_a_series_that_ends_where_the_manifold_attracts_is_no_loss_of_hyperbolicity():
+    # A mirror in a driven cavity: the eigenvalues are -1/2 and a detuning, and det g_y varies with the place y.
+    a, b, p = sp.symbols("a b p")
+    turn = (2 * y - 5) / 10
+    system = SlowFastSystem(
+        slow={y: p, p: -y - p / 20 + 2 * (a**2 + b**2) / 5},
+        fast={a: -a / 2 - turn * b + sp.Rational(6, 5), b: -b / 2 + turn * a},
+        epsilon=eps,
+    )
+    start = {"y": 0, "p": 0, "a": 1.2, "b": -1.2}
+    ended = run(system, start, order=3, span=(0, 6), epsilon=0.3)
+    assert ended.status is Status.SERIES_ENDS
+    assert "the terms of the series" in ended.message
+    assert "hyperbolicity" not in ended.message
+    assert run(system, start, order=0, span=(0, 6), epsilon=0.3).status is Status.SUCCESS
+
+
+def test_a_start_without_a_real_point_is_outside_the_domain():
+    gene = SlowFastSystem(slow={y: x - y}, fast={x: 10 / (1 + y ** sp.Rational(5, 2)) - x}, epsilon=eps)
+    (branch,) = gsp.solve_critical(gene).branches
+    for order in (1, 2):
+        flow = gsp.restrict(gsp.expand(branch, order=order))
+        ended = integrate(flow, start={"y": -0.2}, span=(0, 1), epsilon=0.05)
+        assert ended.status is Status.NON_FINITE
+        assert "terms" not in ended.message
+
+
 def test_near_a_transcritical_point_the_distance_is_the_root_of_epsilon():
     system = SlowFastSystem(slow={y: ONE}, fast={x: x**2 - y**2 + eps / 2}, epsilon=eps)
     for epsilon in (1e-2, 1e-4):
         trajectory = run(system, {"x": -1, "y": -1}, order=1, span=(0, 3), epsilon=epsilon)
-        assert trajectory.status is Status.HYPERBOLICITY_LOST
+        assert trajectory.status is Status.SERIES_ENDS
         # l = 2 y: 2 epsilon = 4 y^2.
         assert trajectory["y"][-1] == pytest.approx(-np.sqrt(epsilon / 2), rel=1e-8)
         assert "order 0" in trajectory.message

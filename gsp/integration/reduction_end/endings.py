@@ -233,6 +233,8 @@ class Ending:
         return self._without_series(search.refined(column, t, piece))
 
     def _without_series(self, settled: Settled) -> Settled:
+        if not np.isfinite(self.validity.lift(settled.y[None], self.stepper.p)).all():
+            return self._beyond_domain(settled)
         values = self._eigenvalues(settled.y)
         least = values[np.argmin(np.abs(values))]
         shown = f"{least.real:.3g}" if abs(least.imag) <= IMAGINARY * abs(least) else f"{least:.3g}"
@@ -242,7 +244,7 @@ class Ending:
         if fold is None:
             return replace(
                 settled,
-                status=Status.HYPERBOLICITY_LOST,
+                status=Status.SERIES_ENDS,
                 note=f"{fact} at {self._shown(settled.y)}",
                 remedy=f"lower {epsilon}, or take the reduced flow of order 0, which holds up to the loss itself",
             )
