@@ -138,6 +138,7 @@ def test_every_face_shows_the_same_verdict(name: str, tmp_path, monkeypatch) -> 
     assert rows == pytest.approx({c.label: 1e6 * c.seconds for c in choice.candidates}, nan_ok=True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name", sampled(["michaelis_menten", "van_der_pol", "chaplygin_sleigh"], always=["chaplygin_sleigh"])
 )

@@ -168,6 +168,7 @@ def test_every_fitted_order_of_the_table_is_the_expected_one(enzyme: MethodTable
     assert max(solved.errors) < 1e-10
 
 
+@pytest.mark.exhaustive
 def test_the_reference_has_a_second_route(enzyme: MethodTable) -> None:
     assert set(enzyme.references) == {"orbit segments"}
     assert max(enzyme.floor) < 1e-12
@@ -208,6 +209,7 @@ def test_a_field_that_is_split_and_two_slow_variables_are_tabulated() -> None:
     assert table["ILDM"].fitted == pytest.approx(3, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_a_series_too_long_to_run_is_omitted_with_its_length_and_no_other_is_expanded_twice(
     monkeypatch,
 ) -> None:

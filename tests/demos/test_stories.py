@@ -113,6 +113,7 @@ def test_the_picture_in_space_is_turned(page, tmp_path) -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_the_canard_value_that_is_told_is_the_one_that_is_computed(page, tmp_path) -> None:
     scene = models.load("van_der_pol")
     system = scene.system.with_parameters(a=1)

@@ -261,6 +261,7 @@ def test_a_run_that_passes_the_fold_and_comes_back_is_no_shadow() -> None:
         project(sheet, {"y": -0.6, "x": 2}, epsilon=0.1, numeric=True)
 
 
+@pytest.mark.exhaustive
 def test_an_epsilon_beyond_the_manifold_s_life_is_named() -> None:
     with pytest.raises(HyperbolicityError, match="not separated from its neighbours"):
         project(SLEIGH, SLIDING, epsilon=1, numeric=True)

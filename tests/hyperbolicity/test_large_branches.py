@@ -135,6 +135,7 @@ def test_sparse_linear_algebra_is_that_of_dense_matrices() -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_eigenvalues_are_followed_by_shift_and_invert() -> None:
     n = 40
     y = sp.symbols(f"y1:{n + 1}")

@@ -352,7 +352,7 @@ def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
     assert_named(name, None)
 
 
-@pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("cubic", "nilpotent")))
+@pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("nilpotent",)))
 def test_a_branch_that_is_singular_everywhere_is_named_in_disguise(name) -> None:
     assert_named(name, 4)
 
@@ -381,7 +381,7 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize("name", thinned(HIDDEN, 2))
 def test_a_time_scale_hidden_in_the_fast_block_is_named(name) -> None:
     rates = HIDDEN[name]
     hidden, _, T = disguised(Case({x: -x}, dict(zip((y, z), rates)), START, BOX, LossKind.HIDDEN_TIME_SCALE), 1)
@@ -531,7 +531,7 @@ def test_a_built_in_scene_raises_no_alarm(name) -> None:
     assert verdict.kind is not Kind.LOST
 
 
-@pytest.mark.parametrize("seed", sampled(range(6), always=range(2)))
+@pytest.mark.parametrize("seed", sampled(range(6), always=range(1)))
 def test_random_hyperbolic_systems_raise_no_alarm(seed) -> None:
     rng = np.random.default_rng(seed)
     ys = (y, z, w)

@@ -197,6 +197,7 @@ def test_searches_next_to_the_end_of_a_sheet_stop_when_their_steps_are_spent(mon
     assert found.kind is Kind.LOST
 
 
+@pytest.mark.exhaustive
 def test_parts_over_which_the_sheet_ends_are_not_judged(monkeypatch) -> None:
     branch, region = fast_epidemics()
     found = classify(branch, region=region)

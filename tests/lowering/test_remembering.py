@@ -150,13 +150,14 @@ orders = json.loads(sys.argv[1])
 print(json.dumps([alone, *map(after, orders)]))
 """
 ORDERS = {
-    "both ways": [list(range(19)), list(range(19))[::-1]],
+    "forwards": [list(range(19))],
+    "backwards": [list(range(19))[::-1]],
     "shuffled": [np.random.default_rng(seed).permutation(19).tolist() for seed in range(2)],
 }
 
 
 @pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="fresh processes are made by fork")
-@pytest.mark.parametrize("orders", sampled(ORDERS, always=["both ways"]))
+@pytest.mark.parametrize("orders", sampled(ORDERS, always=["backwards"]))
 def test_no_answer_depends_on_what_ran_before(orders):
     done = subprocess.run(
         [sys.executable, "-c", SERVER, json.dumps(ORDERS[orders])],

@@ -355,6 +355,7 @@ def test_the_disc_keeps_only_its_lean_as_a_state_and_goes_through_the_pipeline()
         assert slope == pytest.approx(order + 1, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_a_disc_described_in_fixed_directions_is_the_same_disc() -> None:
     one, two = falling_disc(), falling_disc(aligned=False)
     start = {"theta": 0.3, "phidot": 1, "thetadot": 0.1, "psidot": 2.5, "w1": 0.1, "phi": 0.4}

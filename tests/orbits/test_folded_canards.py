@@ -263,6 +263,7 @@ def test_a_canard_followed_in_epsilon_is_the_one_found_there(koper: gsp.CanardOr
 # -- the self-coupled FitzHugh-Nagumo system -------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_the_folded_node_of_the_self_coupled_neuron(neuron: gsp.CanardOrbits) -> None:
     place = {name: float(value) for name, value in neuron.singularity.point.items()}
     assert place["v"] == pytest.approx(-0.49001, abs=1e-5)
@@ -271,6 +272,7 @@ def test_the_folded_node_of_the_self_coupled_neuron(neuron: gsp.CanardOrbits) ->
     assert neuron.expected == 27
 
 
+@pytest.mark.exhaustive
 def test_canards_of_the_neuron_are_found_where_they_were_matched_by_hand(neuron: gsp.CanardOrbits) -> None:
     times = np.array(
         [[neuron[f"xi_{k}"].time_before / 0.015, neuron[f"xi_{k}"].time_after / 0.015] for k in range(3, 9)]
@@ -280,6 +282,7 @@ def test_canards_of_the_neuron_are_found_where_they_were_matched_by_hand(neuron:
     assert neuron["xi_3"].point["v"] == pytest.approx(-0.9509381, abs=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_the_neuron_has_its_secondary_canards_through_the_last(neuron: gsp.CanardOrbits) -> None:
     turns = {c.index: c.half_turns for c in neuron.canards if c.index is not None}
     assert all(turns[k] == 2 * k + 1 for k in range(3, 28))

@@ -14,6 +14,7 @@ from gsp.analysis.analysis import Analysis, analyse
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.report import hyperbolicity_as_json, write_report
+from tests.analyses import analysis_of
 
 x, y, eps = sp.symbols("x y epsilon")
 
@@ -25,7 +26,7 @@ def branch(g: sp.Expr):
 
 @pytest.fixture(scope="module")
 def van_der_pol() -> Analysis:
-    return analyse(gsp.models.load("van_der_pol"), order=1, orders=(0, 1))
+    return analysis_of("van_der_pol")
 
 
 def test_a_proof_stands_beside_the_verdict() -> None:
@@ -84,7 +85,11 @@ def test_ctrl_c_during_a_proof_goes_on_upwards(monkeypatch: pytest.MonkeyPatch) 
         found.with_proof()
 
 
-def test_a_report_proves_and_says_so(van_der_pol: Analysis, tmp_path: Path) -> None:
+def test_a_report_proves_and_says_so(
+    van_der_pol: Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = {"proof": charts.applicable(van_der_pol)["proof"]}
+    monkeypatch.setattr(charts, "applicable", lambda _: drawn)
     certificate = van_der_pol.hyperbolicity.certificate
     assert certificate is not None
     assert certificate.verdict.name == "PROVED"

@@ -31,6 +31,7 @@ def test_van_der_pol_is_followed_over_both_folds_again_and_again():
     assert run["x"].min() < -1.9
 
 
+@pytest.mark.exhaustive
 def test_kopers_mixed_modes_are_counted():
     found = phenomenon("koper")
     assert isinstance(found, MixedMode)

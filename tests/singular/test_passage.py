@@ -24,6 +24,7 @@ from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_measurement import fit_omega0, fold_exit
 from gsp.singular.passage.folds import fold_passage, omega0
 from gsp.singular.passage.losses_met import Outcome, first_zero
+from tests.cases import thinned
 
 eps, x, y, z, w, t, s = sp.symbols("epsilon x y z w t s")
 R = sp.Rational
@@ -75,12 +76,15 @@ def test_the_exit_obeys_the_quotient_of_airy_functions() -> None:
 
 @pytest.mark.parametrize(
     ("of", "point", "section"),
-    [
-        (NORMAL, {"x": 0, "y": 0}, {"x": 1}),
-        (VAN_DER_POL, {"x": 1, "y": -0.667}, None),
-        (VAN_DER_POL, {"x": -1, "y": 0.667}, None),
-        (TWO_AND_TWO, dict.fromkeys("xyzw", 0), {"x": 0.5}),
-    ],
+    thinned(
+        [
+            (NORMAL, {"x": 0, "y": 0}, {"x": 1}),
+            (VAN_DER_POL, {"x": 1, "y": -0.667}, None),
+            (VAN_DER_POL, {"x": -1, "y": 0.667}, None),
+            (TWO_AND_TWO, dict.fromkeys("xyzw", 0), {"x": 0.5}),
+        ],
+        2,
+    ),
     ids=["normal form", "van der Pol", "van der Pol, other fold", "two fast and two slow"],
 )
 def test_omega0_and_the_logarithm_come_out_of_a_fit(of, point, section) -> None:
@@ -306,6 +310,7 @@ def test_the_transcritical_canard_value_is_one() -> None:
     ] == pytest.approx(2)
 
 
+@pytest.mark.exhaustive
 def test_a_transcritical_escape_takes_the_time_of_the_parabolic_cylinder() -> None:
     of = system({y: 1}, {x: y * x + x**2 + eps / 2})
     found = entry_exit(branch(of, {"x": 0, "y": -1}), start={"y": -1})
@@ -483,7 +488,7 @@ def test_a_passage_that_takes_too_many_digits_is_refused_with_the_epsilon_that_i
     assert least < 1.05 * 0.5 / 1980 / math.log(10)
 
 
-@pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13, Method.RODAS5P])
+@pytest.mark.parametrize("method", thinned([Method.RADAU5, Method.RADAU9, Method.RADAU13, Method.RODAS5P], 2))
 def test_early_exits_of_runs_that_round_differently_lie_well_within_their_band(method: Method) -> None:
     # Starts moved by 1e-9 round differently all along, as another processor does.
     found = entry_exit(branch(SHISHKOVA), start={"t": -2})

@@ -39,8 +39,8 @@ FORMS = {
     "error function": (1 + sp.erf((x - a) / b)) / 2,
 }
 
-# Those of every run: a parameter, a slope, a rate, an exponential of a quotient.
-FEW = ("boltzmann with a slope", "tanh gate", "sodium decay", "arrhenius", "hill")
+# Those of every run: a parameter, an exponential of a quotient, a power.
+FEW = ("boltzmann with a slope", "arrhenius", "hill")
 
 
 def defect(series: SeriesManifold, at: float, value: float) -> mpmath.mpf:

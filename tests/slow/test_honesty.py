@@ -19,7 +19,7 @@ from gsp.slow.solved_manifold import solve_manifold
 from tests.cases import sampled
 from tests.choice.test_choice import measured_errors, predicted_errors, random_scene
 
-SEEDS = sampled(range(20, 32), always=(21, 27, 30))
+SEEDS = sampled(range(20, 32), always=(21, 27))
 EPSILONS = (0.1, 0.03, 0.01)
 # The reference's own tolerance, and what is left of the layer where it is looked at.
 TIGHT, SETTLED = 1e-13, 1e-14

@@ -53,7 +53,7 @@ def test_any_number_of_processes_leaves_the_same_bytes(tmp_path: Path) -> None:
 
 def test_a_scene_is_swept_like_its_name(tmp_path: Path) -> None:
     asked = {
-        "over": {"kappa": (0.5, 1.0), "epsilon": (0.01, 0.02)},
+        "over": {"kappa": (0.5,), "epsilon": (0.01, 0.02)},
         "workers": 1,
         "options": {"orders": [0, 1]},
     }
