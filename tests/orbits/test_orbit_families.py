@@ -256,6 +256,11 @@ def test_points_used_up() -> None:
     assert family.status is Status.TOO_MANY_POINTS
     assert len(family) == 5
     assert "raise max_points" in family.message
+    last = family.orbits[-1]
+    assert (
+        f"{family.parameter} = {last.constants[family.parameter]:.6g}, period {last.period:.6g}"
+        in family.message
+    )
 
 
 def test_a_family_reads_by_name(explosion) -> None:
