@@ -177,7 +177,8 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
     begun = time.perf_counter()
     branch, prediction = outlook.study.branch, outlook.prediction
-    guide = prediction.runs[max(prediction.runs)]
+    # Of those that come furthest, for a series of high order may end early, the one of the highest order.
+    guide = prediction.runs[max(prediction.runs, key=lambda k: (prediction.covered(k), k))]
     region = {}
     for s in outlook.study.system.x:
         low, high = float(guide[s.name].min()), float(guide[s.name].max())

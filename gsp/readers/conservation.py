@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -55,3 +56,22 @@ def conserved(stoichiometry: Mapping[str, Mapping[str, Fraction]]) -> list[Law] 
         }
         laws.append(Law(species[j], others))
     return laws
+
+
+def most_of(laws: Sequence[Law], amounts: Mapping[str, float]) -> dict[str, float]:
+    """The most there can be of each species in a sum of `laws`, given all `amounts`; none negative, and no coefficient.
+
+    >>> most_of([Law("e", {"c": Fraction(-2)})], {"e": 1.0, "c": 0.5})
+    {'e': 2.0, 'c': 1.0}
+    """
+    found: dict[str, float] = {}
+    for law in laws:
+        shares = {law.species: 1.0} | {name: float(-c) for name, c in law.others.items()}
+        total = sum(share * amounts[name] for name, share in shares.items())
+        if (
+            min(shares.values()) > 0.0
+            and min(amounts[name] for name in shares) >= 0.0
+            and 0.0 < total < math.inf
+        ):
+            found |= {name: min(total / share, found.get(name, math.inf)) for name, share in shares.items()}
+    return found

@@ -15,7 +15,7 @@ from typing import Any
 import sympy as sp
 
 from gsp.errors import ModelFileError, is_hidden
-from gsp.readers.conservation import Law, conserved
+from gsp.readers.conservation import Law, conserved, most_of
 from gsp.readers.foreign import SMALL, ForeignModel, counted, number_in
 from gsp.readers.sbml_document import library, read_document
 from gsp.readers.sbml_math import names_in
@@ -84,7 +84,7 @@ class _Reader(Quantities):
         if self.time_used:
             self.add_state(self.clock, "1", sp.Integer(0))
             result.windows[self.clock] = 0.0, number_in(TOTAL, "the span")
-        self.choose_windows(moving)
+        self.choose_windows(moving, laws)
         self.take_notes(laws)
         return result
 
@@ -306,12 +306,26 @@ class _Reader(Quantities):
 
     # For the reader.
 
-    def choose_windows(self, moving: list[str]) -> None:
-        """A guess: from nothing to the start and as much again as the most of any species."""
-        words = [self.state_word(identifier) for identifier in moving if identifier not in self.totals]
-        starts = {word: number_in(self.result.starts[word], word) for word in words}
+    def choose_windows(self, moving: list[str], laws: list[Law]) -> None:
+        """From nothing to what a conserved sum leaves room for, or, a guess, to the start and as much again as the most
+        of any species.
+        """
+        names = {name for law in laws for name in (law.species, *law.others)}
+        weights = {name: float(self.weight(name)[1]) for name in names}
+        values = {name: float(self.state_value(name)) for name in names}
+        room = {
+            # Of what is all there a sum of doubles may come out a little less.
+            name: max(amount / weights[name], values[name])
+            for name, amount in most_of(laws, {name: weights[name] * values[name] for name in names}).items()
+        }
+        kept = [identifier for identifier in moving if identifier not in self.totals]
+        starts = {s: number_in(self.result.starts[self.state_word(s)], self.state_word(s)) for s in kept}
         most = max((value for value in starts.values() if value > 0), default=1.0)
-        self.result.windows |= {word: (0.0, value + most) for word, value in starts.items() if value >= 0}
+        self.result.windows |= {
+            self.state_word(s): (0.0, room.get(s, value + most)) for s, value in starts.items() if value >= 0
+        }
+        if not room.keys().isdisjoint(starts):
+            self.result.notes.append("region: what a conserved sum holds goes from 0 to all of it")
 
     def take_notes(self, laws: list[Law]) -> None:
         result, notes = self.result, self.result.notes

@@ -472,6 +472,19 @@ def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
     assert surface.errors(grid).max() <= 30 * measured
 
 
+def test_a_series_that_ends_early_does_not_keep_the_manifold_from_being_solved() -> None:
+    # A covalent switch under a signal x: where it is steep the runs of order 2 and 3 end, those of 0 and 1 go on.
+    switch = 2 * x * (4 - y) / (sp.Rational(9, 2) - y) - 3 * y / (sp.Rational(1, 2) + y)
+    asked = scene(
+        *(3 - 4 * x / 5 - y / 50, switch),
+        **{"region": {"x": (0, 10), "y": (0, 4)}, "start": {"x": 1, "y": 0}, "span": (0, 10), "epsilon": 0.02},
+        tolerance=1e-6,
+    )
+    choice = choose(asked)
+    assert choice.candidates[3].failure in (Failure.ORDER, Failure.END)
+    assert choice.candidates[4].valid
+
+
 def test_a_surface_in_machine_code_is_the_interpolant() -> None:
     asked = models.load("koper")
     branch = study_of(asked).branch

@@ -41,6 +41,17 @@ def test_a_model_is_read(tmp_path: Path) -> None:
     assert scene.title == "enzyme"
 
 
+def test_the_region_of_what_is_conserved_is_all_of_it(tmp_path: Path) -> None:
+    # S + C + P = 10 and E + C = 1: there is no more, and no less can be asked about.
+    assert read(tmp_path, ENZYME).region == {"S": (0.0, 10.0), "C": (0.0, 1.0)}
+    # Two of y make one z, 2 z + y = 5. What only a source makes has no bound, and keeps the guess.
+    pairs = """J1: 2 y -> z; k*y^2/eps; J2: z -> 2 y; k*z/eps; J3: -> w; k*z
+    y = 4; z = 0.5; w = 1; k = 1; eps = 0.1"""
+    kept = read(tmp_path, pairs).region
+    assert kept["w"] == (0.0, 2.0)
+    assert [kept[name] for name in kept if name != "w"] in ([(0.0, 5.0)], [(0.0, 2.5)])
+
+
 @pytest.mark.parametrize(
     "line",
     [
