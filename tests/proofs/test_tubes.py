@@ -9,6 +9,7 @@ import sympy as sp
 from flint import arb
 
 from gsp.proofs import tangential
+from gsp.proofs.anchors import ball_at
 from gsp.proofs.covering import Piece
 from gsp.proofs.equations import Equations
 from gsp.proofs.programs import Rejected
@@ -47,6 +48,16 @@ def test_a_single_eigenvalue_is_its_own_spectrum(entry: float, expected: tuple) 
     assert (found.stable, found.unstable, list(found.signs)) == expected
     assert found.gap == pytest.approx(abs(entry), rel=1e-12)
     assert spectrum_of([arb(0, 1)], np.array([[0.0]])) is None
+
+
+@pytest.mark.parametrize(("graph", "width"), [((x / 3 + 1,), 1e-14), ((1 / x,), 1e-6), (None, 1e-6)])
+def test_a_point_of_a_branch_is_held_where_its_formula_has_no_value(graph, width: float) -> None:
+    # y + y^3 = x + 2, at x = 0.
+    equations = Equations([x], [y], [x + 2 - y - y**3])
+    (ball,) = ball_at(equations, (np.array([0.0]), np.array([1.0])), graph) or [arb(0, 1)]
+    assert ball.contains(arb(1))
+    assert ball.is_finite()
+    assert float(ball.rad()) <= width
 
 
 def test_growth_along_the_slow_flow_is_bounded_no_closer_than_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -610,6 +610,34 @@ def test_the_root_without_a_degree_is_the_square_root(tmp_path: Path) -> None:
     assert rates(scene_of(tmp_path, text))["x"].has(sp.sqrt(x))
 
 
+@pytest.mark.parametrize(("dimensions", "guessed"), [("0", False), ("1", True), ("3", True)])
+def test_a_size_that_is_not_given_is_one_and_is_told(tmp_path: Path, dimensions: str, guessed: bool) -> None:
+    text = document(
+        compartments=f'<compartment id="c" spatialDimensions="{dimensions}" constant="true"/>',
+        species=species("A", "3a", hasOnlySubstanceUnits="true" if dimensions == "0" else "false"),
+        parameters=parameter("eps", "0.1"),
+        reactions=reaction("r", "A", "", "A/eps"),
+    )
+    scene = scene_of(tmp_path, text)
+    assert dict(scene.start) == {"A": 3.0}
+    assert ("sizes that are not given are 1: c" in scene.description) is guessed
+
+
+@pytest.mark.parametrize(("assigned", "coefficient"), [("", 1), ("2*h", 6)])
+def test_a_stoichiometry_is_the_number_written_or_the_one_assigned(
+    tmp_path: Path, assigned: str, coefficient: int
+) -> None:
+    given = f'<initialAssignment symbol="n">{math(assigned or "1")}</initialAssignment>'
+    text = document(
+        species=species("A", "1") + species("B", "1"),
+        parameters=parameter("eps", "0.1") + parameter("h", "3"),
+        reactions=reaction("r", "A", "", "c*A/eps", extra='id="n"') + reaction("s", "B", "", "c*B"),
+        **({"initialAssignments": given} if assigned else {}),
+    )
+    A, B, eps = sp.symbols("A B eps")
+    assert rates(scene_of(tmp_path, text)) == {"A": -coefficient * A / eps, "B": -B}
+
+
 def test_a_point_without_a_size_is_no_parameter(tmp_path: Path) -> None:
     for dimensions, names in (("0", {"eps"}), ("1", {"eps", "c"}), ("3", {"eps", "c"})):
         place = f'<compartment id="c" spatialDimensions="{dimensions}" constant="true"/>'

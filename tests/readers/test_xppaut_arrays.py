@@ -107,10 +107,15 @@ def test_sums_and_shifts_are_written_out() -> None:
     assert without_sums("2*sum(0,2)of(i'*shift(x0,i'))", states, longest=99) == "2*(((0)*x0)+((1)*x1)+((2)*x2))"
     assert without_sums("shift(x1,mod(-1,3)-(2*1-1))+pi'", states, longest=99) == "x2+pi'"
     assert without_sums("sum(1,0)of(y)", states, longest=99) == "(0)"
+    assert without_sums("shift(x1,mod(7,1)+mod(1,2))", states, longest=99) == "x2"
     assert without_sums("shift(x0,1+2)-shift(y,1-2*2)+shift(x1,-mod(5,2))", states, longest=99) == "y-x0+x0"
 
 
-@pytest.mark.parametrize("by", ["3", "-2", "mod(1,0)", "mod(1,-2)", "mod(1)", "2*", "1.5", "10000000000"])
+# What was closed before makes no room for more.
+DEEP = "+".join(["(0)"] * 60 + ["(" * 51 + "1" + ")" * 51])
+
+
+@pytest.mark.parametrize("by", ["3", "-2", "mod(1,0)", "mod(1,-2)", "mod(1)", "2*", "1.5", "10000000000", DEEP])
 def test_a_shift_to_no_state_is_refused(by: str) -> None:
     with pytest.raises(ModelFileError):
         without_sums(f"shift(x1,{by})", ("x0", "x1", "x2", "y"), longest=99)
