@@ -19,6 +19,7 @@ def test_a_long_sum_shows_its_first_terms_and_how_many_there_are() -> None:
     text = brief(sp.Add(*x))
     assert text.endswith(" ... (100 terms)")
     assert len(text) <= SHOWN + 20
+    assert brief(sp.Symbol("u" * SHOWN) + sp.Symbol("v")).endswith(" ... (2 terms)")
     # Whole terms.
     assert f"{sp.Add(*x)} ".startswith(text.removesuffix("... (100 terms)"))
 

@@ -276,6 +276,15 @@ def test_the_normal_rate_has_to_dominate_where_epsilon_is_given() -> None:
 # -- budgets, interrupts, bad input ---------------------------------------------
 
 
+def test_plain_values_are_those_that_are_proved_and_none_where_there_are_none() -> None:
+    # x' = -x and y' = (2 x - 4 y)/epsilon: the rates are 1 and 4/epsilon.
+    proved = certify(branch({y: 2 * x - 4 * y}, slow={x: -x}), region={"x": (0, 1)}, epsilon=0.125).as_dict()
+    assert proved["gap"] == pytest.approx(4, rel=1e-12)
+    assert proved["rate_ratio"] == pytest.approx(32, rel=1e-9)
+    without = certify(branch({y: 2 * x - 4 * y}, slow={x: -x}), region={"x": (0, 1)}).as_dict()
+    assert (without["gap"], without["rate_ratio"]) == (proved["gap"], None)
+
+
 def test_a_budget_that_ends_leaves_what_was_proved() -> None:
     found = certify(van_der_pol(), region={"x": (-2 / 3 + 1e-9, 2.0)}, most_boxes=7)
     assert found.verdict is UNDECIDED
