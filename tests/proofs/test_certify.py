@@ -2,6 +2,7 @@
 
 import math
 import random
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -57,6 +58,8 @@ def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
         low, high = found.witness.box[name]
         assert Fraction(low) <= value <= Fraction(high)
         assert high - low < 1e-9
+    told = {name: float(value) for name, value in re.findall(r"(\w) = ([-\d.e]+)", found.witness.statement)}
+    assert told == pytest.approx({"x": -2 / 3, "y": 1}, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", SCENES)
