@@ -17,7 +17,7 @@ from typing import Any
 from numba import types
 
 from gsp.kernels.addresses import JET, METHOD
-from gsp.kernels.bordered_collocation import eliminate, substitute
+from gsp.kernels.bordered_collocation import border, condense
 from gsp.kernels.compilation import is_kept
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -32,6 +32,7 @@ from gsp.kernels.zero_derivative import at_order, to_tolerance
 
 _REAL, _WHOLE = types.float64, types.int64
 _REALS, _ROWS, _LAYERS = (types.Array(_REAL, axes, "C") for axes in (1, 2, 3))
+_SHEETS = types.Array(_REAL, 4, "C")
 _WHOLES, _TAPE = types.Array(_WHOLE, 1, "C"), types.Array(_WHOLE, 2, "C")
 _KEPT = tuple(types.Array(_REAL, axes, "C", readonly=True) for axes in (1, 2, 3))
 _RECORD = (_REALS, _ROWS, _LAYERS)
@@ -52,8 +53,25 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     (flow_jet_with_tangents, JET.args),
     (at_order, (*_POINTS, _WHOLE, _REALS, _WHOLES)),
     (to_tolerance, (*_POINTS, _REAL, _WHOLE, _WHOLES, _REALS, _WHOLES)),
-    (eliminate, (_LAYERS, _LAYERS, _ROWS, _ROWS, _LAYERS)),
-    (substitute, (_LAYERS, _REALS, _LAYERS, _ROWS)),
+    (
+        condense,
+        (
+            _WHOLE,
+            _WHOLE,
+            _WHOLE,
+            _REALS,
+            _REAL,
+            _REALS,
+            _ROWS,
+            _REALS,
+            _ROWS,
+            _LAYERS,
+            _WHOLE,
+            _LAYERS,
+            _LAYERS,
+        ),
+    ),
+    (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
     (
         doubt_grid,
         (_WHOLE, _WHOLES, types.none, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _WHOLES, _WHOLES),
