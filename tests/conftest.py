@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 from collections.abc import Iterator
 
@@ -10,15 +11,29 @@ import pytest
 
 from tests.demos.browser import Page, windows
 
+# A session of so many tests asks for every kernel.
+MANY = 2000
 
-def pytest_collection_finish() -> None:
+
+def pytest_collection_finish(session: pytest.Session) -> None:
     """Leave what is loaded to itself: a pass over all of it costs as much as a test, and came after every few tests.
 
     What tests make is looked through less often too: expressions are many, and few of them lie in cycles.
     """
+    if len(session.items) > MANY:
+        compile_together(os.environ.get("PYTEST_XDIST_WORKER", ""))
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 10, 10)
+
+
+def compile_together(worker: str) -> None:
+    """Have two processes compile the kernels from both ends, and not each of them all as their tests come to them."""
+    if worker in ("gw0", "gw1"):
+        from gsp.kernels import ahead
+
+        for kernel, arguments in ahead.IN_ORDER if worker == "gw0" else reversed(ahead.IN_ORDER):
+            kernel.compile(arguments)
 
 
 @pytest.fixture
