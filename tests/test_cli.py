@@ -65,7 +65,7 @@ def test_expand_prints_every_order_in_slow_and_in_raw_variables() -> None:
 
 
 def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, capsys) -> None:
-    assert exit_status(monkeypatch, "check", "van_der_pol") == 0
+    assert exit_status(monkeypatch, "check", "linear") == 0
     file = tmp_path / "fold.toml"
     file.write_text(FOLD)
     assert exit_status(monkeypatch, "check", str(file)) == 1

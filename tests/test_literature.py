@@ -129,7 +129,7 @@ SAMPLE = ("selkov", "brusselator", "hindmarsh_rose")
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=() if name in SAMPLE or name in COORDINATES else pytest.mark.exhaustive)
+        pytest.param(name, marks=() if name in SAMPLE else pytest.mark.exhaustive)
         for name in systems()
         if name not in BEYOND_THE_BUDGET
     ],

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from gsp import compare, load, models
+from gsp import load
 from gsp.cli import program as command
 from gsp.errors import ModelFileError, OutputError, printable
 from gsp.results.files import write_file, write_rows
+from tests.analyses import analysis_of
 from tests.cases import sampled
 
 MODEL = """
@@ -105,7 +106,7 @@ def test_a_full_device_is_an_output_error():
 def test_a_chart_is_written_as_its_ending_says(kind, begin, tmp_path):
     from gsp import charts
 
-    found = compare(models.load("linear"))
+    found = analysis_of("linear").comparison
     first, second = (
         charts.save(charts.error_against_epsilon(found), tmp_path / f"{n}.{kind}").read_bytes() for n in "ab"
     )

@@ -128,6 +128,8 @@ def test_a_dip_of_an_implicit_branch_is_found(how: str) -> None:
 def test_built_in_scenes_raise_no_alarm(name: str) -> None:
     study = study_of(gsp.models.load(name))
     found = study.hyperbolicity
+    assert found.losses == ()
+    assert found.kind is not Kind.LOST
     assert found.exclusion is not None
     assert found.exclusion.is_complete
     assert found.exclusion.tried <= 16

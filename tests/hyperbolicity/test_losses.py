@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
@@ -17,7 +16,6 @@ from gsp.errors import BranchError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.kinds import Loss, LossKind
-from gsp.scenes.study import study_of
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 from tests.cases import sampled, thinned
@@ -498,19 +496,6 @@ HYPERBOLIC = {
     "slowly damped": {y: -y / 1000 + 5 * z, z: -5 * y - z / 1000 + x},
     "nearly folded": {y: x - y**3 / 3 - y / 1000 - y**5},
 }
-SCENES = (
-    "chaplygin_sleigh",
-    "nonholonomic_particle",
-    "rolling_ball",
-    "ball_on_turntable",
-    "michaelis_menten",
-    "davis_skodje",
-    "lindemann",
-    "koper",
-    "van_der_pol",
-    "fitzhugh_nagumo",
-    "linear",
-)
 
 
 @pytest.mark.parametrize("name", thinned(HYPERBOLIC, 2))
@@ -521,14 +506,6 @@ def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
     assert ("neutral" in name) is bool(verdict.looked_at)
     if verdict.looked_at:
         assert verdict.looked_at[0].kind is LossKind.NEUTRAL_SADDLE
-
-
-@pytest.mark.parametrize("name", sampled(SCENES, always=("chaplygin_sleigh", "koper", "fitzhugh_nagumo")))
-def test_a_built_in_scene_raises_no_alarm(name) -> None:
-    study = study_of(models.load(name))
-    verdict = classify(study.branch, region=study.region)
-    assert verdict.losses == ()
-    assert verdict.kind is not Kind.LOST
 
 
 @pytest.mark.parametrize("seed", sampled(range(6), always=range(1)))

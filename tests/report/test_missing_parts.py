@@ -127,7 +127,7 @@ def test_a_run_that_ends_where_it_starts_is_drawn_as_its_start(combined):
     "stage",
     sampled(
         ["boundary_of", "Expansion", "compare", "choose", "ladder_of", "landing_runs"],
-        always=["Expansion", "compare"],
+        always=["Expansion"],
     ),
 )
 def test_a_stage_that_fails_costs_what_is_made_of_it(stage, combined, monkeypatch, tmp_path):
