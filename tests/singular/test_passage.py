@@ -145,6 +145,15 @@ def test_a_scaled_fold_scales_its_delay() -> None:
     assert passage.delay(1e-6) == pytest.approx(omega0() * 30 ** (-1 / 3) * 1e-4)
 
 
+def test_a_slow_rate_that_switches_elsewhere_changes_nothing_at_the_fold() -> None:
+    # As a gate does, the rate jumps where x = -9/10, far from the fold.
+    gated = fold_passage(
+        system({y: -x * (1 + sp.sign(x + R(9, 10))) / 2}, {x: y - x**3 / 3 + x}), {"x": 1, "y": -2 / 3}
+    )
+    smooth = fold_passage(VAN_DER_POL, {"x": 1, "y": -2 / 3})
+    assert str(gated) == str(smooth)
+
+
 def test_a_drop_in_a_region_may_leave_it_and_without_one_may_escape() -> None:
     region = {"x": (-3, 1.5), "y": (-2, 2)}
     left = fold_passage(VAN_DER_POL, {"x": -1, "y": 2 / 3}, region=region)

@@ -29,6 +29,7 @@ from types import MappingProxyType
 import flint
 import numpy as np
 
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.continuation.special_points import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
@@ -266,7 +267,7 @@ def _slow_rates(system: SlowFastSystem, u: np.ndarray, r: np.ndarray) -> tuple[n
     """f and F = f_y r at epsilon = 0."""
     rates = [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f]
     m, n = len(system.x), len(system.y)
-    outputs = [*rates, *(0 if rate == 0 else rate.diff(s) for rate in rates for s in system.y)]
+    outputs = [*rates, *(0 if rate == 0 else derivative(rate, s) for rate in rates for s in system.y)]
     compiled = compile_function(
         outputs, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
     )

@@ -21,6 +21,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent, vanishes
 from gsp.errors import GspError
 from gsp.systems.arguments import check_noun
@@ -49,14 +50,14 @@ class Desingularised:
     @property
     def trace(self) -> sp.Expr:
         """T of (2)."""
-        return sp.Add(*[sp.diff(self.g, s) * sp.diff(rate, self.y) for s, rate in zip(self.x, self.f)])
+        return sp.Add(*[sp.diff(self.g, s) * derivative(rate, self.y) for s, rate in zip(self.x, self.f)])
 
     @property
     def determinant(self) -> sp.Expr:
         """D of (2)."""
-        along = sp.Add(*[rate * sp.diff(self.q, s) for s, rate in zip(self.x, self.f)])
+        along = sp.Add(*[rate * derivative(self.q, s) for s, rate in zip(self.x, self.f)])
         turning = sp.Add(*[rate * sp.diff(self.g, s, self.y) for s, rate in zip(self.x, self.f)])
-        return sp.diff(self.g, self.y, 2) * along - turning * sp.diff(self.q, self.y)
+        return sp.diff(self.g, self.y, 2) * along - turning * derivative(self.q, self.y)
 
 
 def desingularise(system: SlowFastSystem) -> Desingularised:
