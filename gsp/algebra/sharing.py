@@ -7,7 +7,7 @@ number of its operations.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from hashlib import blake2b
 from typing import Any
@@ -15,6 +15,8 @@ from typing import Any
 import sympy as sp
 
 Expr = Any
+# Brackets of a text stand at most so deep in each other: compilers count them.
+DEEP = 12
 
 
 @lru_cache(maxsize=65536)
@@ -165,6 +167,48 @@ def times(*factors: Expr) -> Expr:
 def reciprocal(factor: Expr) -> Expr:
     """One over it."""
     return 1 / factor if factor.is_Number else _made("SharedPower", [factor, sp.S.NegativeOne])
+
+
+def is_shared(expression: Expr) -> bool:
+    """Whether it is left as it is; a sum that SymPy made of shared parts is not."""
+    return isinstance(expression, _Shared)
+
+
+def named_parts(
+    outputs: Sequence[Expr], names: Iterator[sp.Symbol], rule: Mapping[Expr, Expr]
+) -> tuple[list[tuple[sp.Symbol, Expr]], list[Expr]]:
+    """(parts by name, outputs), as `sympy.cse` gives them: what is used more than once, or is too deep, has a name.
+
+    The expressions share nothing any more, and are left as they are. `rule` puts other symbols for theirs.
+    """
+    order: list[Expr] = []
+    uses: dict[Expr, int] = dict.fromkeys(outputs, 1)
+    stack: list[tuple[Expr, bool]] = [(output, False) for output in reversed(outputs)]
+    entered: set[Expr] = set()
+    while stack:
+        part, is_done = stack.pop()
+        if is_done:
+            order.append(part)
+        elif part.args and part not in entered:
+            entered.add(part)
+            stack.append((part, True))
+            for inner in part.args:
+                uses[inner] = uses.get(inner, 0) + 1
+                stack.append((inner, False))
+    plain: dict[Expr, Expr] = {}
+    depth: dict[Expr, int] = {}
+    named: list[tuple[sp.Symbol, Expr]] = []
+    for part in order:
+        kind = next((kind.__mro__[2] for kind in _KINDS.values() if isinstance(part, kind)), part.func)
+        written = kind(*(plain.get(inner, rule.get(inner, inner)) for inner in part.args), evaluate=False)
+        deep = 1 + max(depth.get(inner, 0) for inner in part.args)
+        if uses[part] > 1 or deep >= DEEP:
+            symbol = next(names)
+            named.append((symbol, written))
+            plain[part] = symbol
+        else:
+            plain[part], depth[part] = written, deep
+    return named, [plain.get(output, rule.get(output, output)) for output in outputs]
 
 
 def size(expression: Expr) -> Expr:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 
 import sympy as sp
 
+from gsp.algebra.sharing import is_shared
+from gsp.errors import BudgetError
 from gsp.exports.body import body_of, commented, named, starts_of, values_of
 from gsp.exports.c_text import c_text
 from gsp.exports.languages import (
@@ -87,6 +89,11 @@ def ode_text(model: ReducedModel) -> str:
 
 def latex_text(model: ReducedModel) -> str:
     """An `align` environment of amsmath: rates, then the slow manifold, a row for each power of epsilon."""
+    if any(is_shared(term) for row in (*model.rate_terms, *model.manifold_terms) for term in row):
+        raise BudgetError(
+            "the coefficients are programs of many steps, which share their parts, and no formulas.",
+            "Export to another format, or at order 0.",
+        )
     names = renamed(model.symbols, reserved=())
     symbols = {s: sp.Symbol(name) for s, name in names.items()}
     power = symbols[model.epsilon]

@@ -10,6 +10,7 @@ import sympy as sp
 from sympy.printing.codeprinter import CodePrinter
 
 from gsp.algebra.doubles import nearest_double
+from gsp.algebra.sharing import is_shared, named_parts
 from gsp.errors import UnsupportedFunctionError
 
 # Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
@@ -52,8 +53,12 @@ class Printer(CodePrinter):
         # Symbols of the text's own names: what SymPy puts in order is then in the same order every time.
         places = {symbol: sp.Symbol(name) for symbol, name in self._names.items()}
         self._names.update({place: place.name for place in places.values()})
-        placed = [output.xreplace(places) for output in outputs]
-        shared, results = sp.cse(placed, symbols=map(sp.Symbol, fresh), order="none")
+        symbols = map(sp.Symbol, fresh)
+        if any(map(is_shared, outputs)):
+            shared, results = named_parts(outputs, symbols, places)
+        else:
+            placed = [output.xreplace(places) for output in outputs]
+            shared, results = sp.cse(placed, symbols=symbols, order="none")
         lines = []
         for symbol, expression in shared:
             lines.append((symbol.name, self.text(expression)))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.sharing import is_shared, plus, replaced, times
 from gsp.comparison.comparison import compare
 from gsp.errors import BranchError, BudgetError, GspError, printable
 from gsp.scenes.study import Study
@@ -57,7 +58,7 @@ class ReducedModel:
         return self._summed(self.manifold_terms)
 
     def _summed(self, rows: Sequence[Sequence[sp.Expr]]) -> list[sp.Expr]:
-        return [sp.Add(*(self.epsilon**k * term for k, term in enumerate(terms))) for terms in zip(*rows)]
+        return [_sum([(term, self.epsilon**k) for k, term in enumerate(terms)]) for terms in zip(*rows)]
 
     def comment(self, names: Mapping[sp.Symbol, str]) -> list[str]:
         """Lines that say what the text is, with what `names` renames; nothing in them acts in any language."""
@@ -67,6 +68,12 @@ class ReducedModel:
         """What the text is, a sentence or two each, with what `names` renames."""
         changed = [f"{symbol.name} to {name}" for symbol, name in names.items() if symbol.name != name]
         return [*self.facts, *([f"Renamed: {', '.join(changed)}."] if changed else [])]
+
+
+def _sum(terms: Sequence[tuple[sp.Expr, sp.Expr]]) -> sp.Expr:
+    if any(is_shared(term) for term, _ in terms):
+        return plus([times(term, power) for term, power in terms])
+    return sp.Add(*(power * term for term, power in terms))
 
 
 def inert(text: str) -> str:
@@ -105,8 +112,9 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
     if scene.reconstruction:
         names = ", ".join(s.name for s in scene.reconstruction)
         facts.append(f"Not in this text, for they are driven by the flow: {names}.")
+    coefficients, field = series.nested if fixed else (series.coefficients, series.coordinate_field)
     manifold = [
-        (*(graph[s] if k == 0 else sp.Integer(0) for s in given), *h) for k, h in enumerate(series.coefficients)
+        (*(graph[s] if k == 0 else sp.Integer(0) for s in given), *h) for k, h in enumerate(coefficients)
     ]
     return ReducedModel(
         facts=tuple(facts),
@@ -117,8 +125,8 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
         parameters=kept,
         start=tuple(start[s.name] for s in series.coordinates),
         span=scene.span,
-        rate_terms=tuple(tuple(e.xreplace(apart) for e in row) for row in series.coordinate_field),
-        manifold_terms=tuple(tuple(e.xreplace(apart) for e in row) for row in manifold),
+        rate_terms=tuple(tuple(replaced(e, apart) for e in row) for row in field),
+        manifold_terms=tuple(tuple(replaced(e, apart) for e in row) for row in manifold),
     )
 
 

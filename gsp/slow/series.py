@@ -74,6 +74,14 @@ class SeriesManifold(Card):
         return self._components(moving(self.chart, self._f), self.coordinates)
 
     @cached_property
+    def nested(self) -> tuple[tuple[Components, ...], tuple[Components, ...]]:
+        """`coefficients` and `coordinate_field` by Horner's scheme: for evaluation, where they are too long to read."""
+        rows = self._h, moving(self.chart, self._f)
+        symbols = self.branch.system.y, self.coordinates
+        h, f = (self._components(r, s, self.chart.ring.horner) for r, s in zip(rows, symbols))
+        return h, f
+
+    @cached_property
     def sizes(self) -> tuple[int, ...]:
         """Terms in the longest numerator of h_k and f_k, for k = 0, ..., n: what printing them would take.
 
@@ -234,11 +242,9 @@ class SeriesManifold(Card):
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    def _components(self, rows: list[list[Element]], symbols) -> tuple[Components, ...]:
-        ring = self.chart.ring
-        return tuple(
-            Components(symbols, [ring.to_sympy(row[k]) for row in rows]) for k in range(self.order + 1)
-        )
+    def _components(self, rows: list[list[Element]], symbols, write=None) -> tuple[Components, ...]:
+        write = write or self.chart.ring.to_sympy
+        return tuple(Components(symbols, [write(row[k]) for row in rows]) for k in range(self.order + 1))
 
     def _order(self, order: int | None) -> int:
         return self.order if order is None else self.at_order(order).order

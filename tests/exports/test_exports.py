@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import gsp
 from gsp import models
 from gsp.cli import cli
-from gsp.errors import DeclarationError, UnsupportedFunctionError
+from gsp.errors import BudgetError, DeclarationError, UnsupportedFunctionError
 from gsp.exports.formats import FORMATS
 from gsp.exports.languages import JAVASCRIPT, PYTHON, XPPAUT, C
 from gsp.exports.printing import Language, Printer
@@ -342,3 +342,43 @@ def test_the_command_prints_or_writes_the_text(tmp_path: Path, monkeypatch: pyte
     assert Path("model.c").read_text(encoding="utf-8") == wanted
     written = json.loads(CliRunner().invoke(cli, [*arguments, "--json"]).stdout)
     assert written == {"name": "linear", "order": 2, "format": "c", "text": wanted}
+
+
+def coupled(n: int) -> gsp.Scene:
+    """So many fast variables that the coefficients are programs, on an implicit branch."""
+    fast, x, epsilon = sp.symbols(f"y0:{n}"), sp.Symbol("x"), sp.Symbol("epsilon")
+    rates = {
+        y: x / (i + 1) - 2 * y + sum(fast) / (4 * n) - y**3 / 3 - fast[(i + 1) % n] ** 2 / 5
+        for i, y in enumerate(fast)
+    }
+    system = gsp.SlowFastSystem(slow={x: -fast[0] - x**3 * fast[-1]}, fast=rates, epsilon=epsilon)
+    start = {"x": 0.8, **{y.name: 0.2 for y in fast}}
+    return gsp.Scene(system, {"x": (0.1, 1.0)}, start, (0, 1), 0.01, (0.02, 0.01), 1e-6)
+
+
+def test_coefficients_that_are_programs_are_exported_step_by_step(tmp_path: Path) -> None:
+    made = gsp.study(coupled(7))
+    assert made.series(1).is_program
+    flow = made.reduced(1)
+    state = np.array([flow.initial({"x": 0.6})])
+    function = compile_function(flow.rates, arguments=flow.states, epsilon=flow.epsilon, parameters=())
+    wanted = function(state, np.array([0.01]))
+    names = run_python(gsp.export(made, order=1, to="python"))
+    np.testing.assert_allclose(names["rates"](0.0, state[0]), wanted[0], rtol=1e-12)
+    rates, _ = run_c(gsp.export(made, order=1, to="c"), tmp_path, state, 0.01, (8, 7))
+    np.testing.assert_allclose(rates, wanted, rtol=1e-12)
+    with pytest.raises(BudgetError, match=r"programs of many steps.*another format"):
+        gsp.export(made, order=1, to="latex")
+
+
+def test_coefficients_too_long_to_read_are_nested(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gsp.exports.reduced_model.READABLE", 1)
+    made = gsp.study(models.load("michaelis_menten"))
+    names = run_python(gsp.export(made, order=ORDER, to="python"))
+    points, rates, manifold = expected("michaelis_menten")
+    np.testing.assert_allclose(names["rates"](0.0, points.T).T, rates, rtol=1e-12)
+    np.testing.assert_allclose(names["slow_manifold"](points.T).T, manifold, rtol=1e-12)
+    h, f = made.series(ORDER, symbolic=False).nested
+    series = made.series(ORDER, symbolic=False)
+    for nested, plain in ((h, series.coefficients), (f, series.coordinate_field)):
+        assert all(sp.cancel(a - b) == 0 for rows in zip(nested, plain) for a, b in zip(*rows))

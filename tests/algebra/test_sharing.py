@@ -1,0 +1,40 @@
+"""Shared parts with names: each is written once, and the text is no deeper than it may be."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from gsp.algebra.sharing import DEEP, is_shared, named_parts, plus, times
+
+x, y = sp.symbols("x y")
+
+
+def depth(expression: sp.Expr) -> int:
+    return 1 + max(map(depth, expression.args), default=-1)
+
+
+def test_a_part_that_is_used_twice_is_written_once_and_means_what_it_did() -> None:
+    # Each doubles the one before: as a tree it has 2^60 leaves.
+    doubled = plus([x, times(sp.Integer(2), y)])
+    for _ in range(60):
+        doubled = plus([doubled, doubled])
+    named, (result,) = named_parts([doubled], iter(sp.symbols("u0:100")), {x: sp.Symbol("s")})
+    assert len(named) == 60
+    values = {sp.Symbol("s"): sp.Integer(1), y: sp.Integer(3)}
+    for symbol, part in named:
+        assert not is_shared(part)
+        values[symbol] = part.xreplace(values)
+    assert result.xreplace(values) == 7 * 2**60
+
+
+def test_what_is_deep_has_names_on_the_way() -> None:
+    deep = x
+    for _ in range(5 * DEEP):
+        deep = plus([y, times(y, deep)])
+    named, results = named_parts([deep, x], iter(sp.symbols("u0:100")), {})
+    assert max(depth(part) for part in (*(part for _, part in named), *results)) <= DEEP
+    assert results[1] == x
+    values = {x: sp.Integer(1), y: sp.Integer(1)}
+    for symbol, part in named:
+        values[symbol] = part.xreplace(values)
+    assert results[0].xreplace(values) == 5 * DEEP + 1
