@@ -335,3 +335,18 @@ def test_the_result_is_frozen_and_prints_its_ratio() -> None:
         node.s_max = 3  # type: ignore[misc]
     assert repr(node) == "FoldedSingularity(folded node at x = 0, y = 0, z = 0, mu = 0.111111)"
     assert "secondary canards: 4" in str(node)
+
+
+def test_slow_rates_that_switch_elsewhere_change_nothing_at_a_folded_singularity() -> None:
+    x, y, z, eps = sp.symbols("x y z epsilon")
+    region = {"x": (-1, 1), "y": (-1, 1), "z": (-1, 1)}
+
+    def found(gate: sp.Expr):
+        slow = {y: -(z + 2 * x) * gate, z: gate / 10}
+        return folded_singularities(
+            gsp.SlowFastSystem(slow=slow, fast={x: y + x**2}, epsilon=eps), region=region
+        )
+
+    (smooth,) = found(sp.Integer(1))
+    (gated,) = found((1 + sp.sign(x + sp.Rational(3, 2))) / 2)
+    assert str(gated) == str(smooth)

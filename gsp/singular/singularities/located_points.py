@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import AlgebraicPoint, arb, rational_point, real_points
+from gsp.algebra.differentiation import jacobian
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 
@@ -93,9 +94,8 @@ def locate(
     exact = real_points(equations, unknowns)
     if exact is not None:
         return [Located(equations, unknowns, point, {}) for point in exact]
-    matrix = sp.Matrix(list(equations))
     compiled = compile_function(
-        [*matrix, *matrix.jacobian(list(unknowns))], arguments=unknowns, epsilon=None, parameters=[]
+        [*equations, *jacobian(equations, unknowns)], arguments=unknowns, epsilon=None, parameters=[]
     )
     count = len(equations)
 
@@ -144,12 +144,12 @@ def polish(
     Multiple roots are approached linearly, and roots at infinity by steps that do not shrink.
     """
     matrix = sp.Matrix(list(equations))
-    jacobian = matrix.jacobian(list(unknowns))
+    slopes = jacobian(equations, unknowns)
     u = {s: sp.Float(near[s], digits + 10) for s in unknowns}
     size = sp.Float(1, 20)
     for _ in range(40):
         value = matrix.xreplace(u).evalf(digits + 10)
-        slope = jacobian.xreplace(u).evalf(digits + 10)
+        slope = slopes.xreplace(u).evalf(digits + 10)
         if all(entry == 0 for entry in value):
             return u, sp.Float(10, 20) ** (-digits)
         try:
