@@ -72,16 +72,23 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
     return found
 
 
+# Whether something else in this process has put objects out of the collector's sight. They are counted one by one, 10
+# ms for a million, so that once they were seen nobody asks again.
+_others_freeze = False
+
+
 @contextmanager
 def _collector_at_rest() -> Iterator[None]:
     """No look for cycles while a file is read, whose expressions are kept and which is too short to leave much else."""
+    global _others_freeze
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         if was_enabled:
-            if gc.get_freeze_count() == 0:
+            _others_freeze = _others_freeze or gc.get_freeze_count() > 0
+            if not _others_freeze:
                 # What was read joins the oldest objects, without a look at each.
                 gc.freeze()
                 gc.unfreeze()

@@ -11,7 +11,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import ModelFileError
-from gsp.readers import nodes
+from gsp.readers import loading, nodes
 from gsp.readers.parts import Parts
 from gsp.readers.toml import read_model
 from gsp.systems import declaration
@@ -99,3 +99,17 @@ def test_nothing_is_collected_while_a_file_is_read(enabled: bool, tmp_path: Path
         gc.callbacks.pop()
         gc.set_threshold(*threshold)
         (gc.enable if before else gc.disable)()
+
+
+def test_objects_that_others_have_frozen_are_counted_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "small.toml"
+    file.write_text(model('x0 = "-x0/e + x1"\nx1 = "-x1"\n', 2))
+    asked: list[str] = []
+    monkeypatch.setattr(loading, "_others_freeze", False)
+    monkeypatch.setattr(gc, "get_freeze_count", lambda: asked.append("count") or 1_000_000)
+    monkeypatch.setattr(gc, "unfreeze", lambda: asked.append("unfreeze"))
+    for _ in range(3):
+        gsp.load(file)
+    assert asked == ["count"]
