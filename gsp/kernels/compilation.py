@@ -36,8 +36,14 @@ def is_kept(kernel: Any, arguments: tuple[Any, ...]) -> bool:
 
 
 def inner_kernel(function: Callable[..., Any]) -> Any:
-    """A kernel that kernels alone call: no code is made for calls from Python or by address."""
-    return _kept(njit(error_model="numpy", nogil=True, **_NO_WAYS_IN)(function), function)
+    """A kernel that kernels alone call: no code is made for calls from Python or by address.
+
+    Called from Python, as by the `py_func` of another kernel, it is interpreted.
+    """
+    dispatcher: Any = _kept(njit(error_model="numpy", nogil=True, **_NO_WAYS_IN)(function), function)
+    # Python would call what is compiled at an address where there is nothing.
+    dispatcher._insert, dispatcher._compile_for_args = (lambda *_: None), (lambda *_, **__: function)
+    return dispatcher
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Any:

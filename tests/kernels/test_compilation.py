@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import float64
 from numba.core.caching import IndexDataCacheFile
 
-from gsp.kernels import compilation
+from gsp.kernels import compilation, step_control
 from gsp.kernels.compilation import CacheWarning, kernel
 from gsp.kernels.engine import processor
 
@@ -260,3 +261,10 @@ def test_orbits_by_collocation_compile_their_linear_system_alone(tmp_path: Path)
         "bordered_collocation.condense", "bordered_collocation.border",
         "linear_algebra.factorise", "linear_algebra.solve",
     }  # fmt: skip
+
+
+def test_an_inner_kernel_is_interpreted_where_python_calls_it() -> None:
+    # Compiled before, for the kernels that call it; at no address that Python could call.
+    step_control.smallest_step.compile((float64,))
+    assert step_control.smallest_step(1.0) == step_control.smallest_step.py_func(1.0)
+    assert type(step_control.smallest_step(1.0)) is float
