@@ -17,7 +17,7 @@ def export(scene: Scene | Study, *, order: int = 1, to: str = "python") -> str:
     and the error measured at the scene's epsilon; what is driven by the flow (`reconstruction`) is left out. On an
     implicit branch the states are coordinates of the critical manifold, which the slow variables are read from as the
     fast ones are. Raises `DeclarationError` for another format, `UnsupportedFunctionError` for a function that the
-    language lacks, and what the stages before raise.
+    language lacks, `BudgetError` for coefficients too long for a text, and what the stages before raise.
 
     >>> from gsp import export, models
     >>> print(export(models.load("linear"), order=1).splitlines()[-1].strip())

@@ -382,3 +382,16 @@ def test_coefficients_too_long_to_read_are_nested(monkeypatch: pytest.MonkeyPatc
     series = made.series(ORDER, symbolic=False)
     for nested, plain in ((h, series.coefficients), (f, series.coordinate_field)):
         assert all(sp.cancel(a - b) == 0 for rows in zip(nested, plain) for a, b in zip(*rows))
+
+
+def test_coefficients_too_long_for_a_text_are_refused_with_the_order_that_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = gsp.study(models.load("michaelis_menten"))
+    sizes = made.series(ORDER, symbolic=False).sizes
+    assert sizes[0] < sizes[1]
+    monkeypatch.setattr("gsp.exports.reduced_model.READABLE", 0)
+    monkeypatch.setattr("gsp.exports.reduced_model.LONGEST", sizes[0])
+    with pytest.raises(BudgetError, match=rf"order 1 have up to {sizes[1]} terms.*Export at order 0"):
+        gsp.export(made, order=ORDER)
+    assert "order 0" in gsp.export(made, order=0)

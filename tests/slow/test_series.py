@@ -210,12 +210,13 @@ def test_the_optimal_order_is_as_good_as_the_best_within_a_factor_ten(epsilon: f
     assert 1 <= series.truncation_error(1.0, epsilon) / errors[order] < 30
 
 
-def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges() -> None:
+@pytest.mark.parametrize("last", [45, pytest.param(60, marks=pytest.mark.exhaustive)])
+def test_optimal_truncation_of_the_sleigh_is_told_where_the_series_diverges(last: int) -> None:
     # epsilon = 0.2, (v, p/J) = (1/2, -2): terms fall to about 1e-6 near order 25 and pass 1 before order 60.
-    series = expand(branch_of(systems.sleigh()), order=45)
+    series = expand(branch_of(systems.sleigh()), order=last)
     point, exact = {"v": 0.5, "p": -2 * 1.04}, 0.14688108653956
     errors = np.abs(np.cumsum(series.terms(point, 0.2)[:, 0]) - exact)
-    assert errors[45] > 100 * errors.min()
+    assert errors[last] > {45: 100 * errors.min(), 60: 1}[last]
     order = series.optimal_order(point, 0.2)
     assert 1 <= series.truncation_error(point, 0.2) / errors[order] < 30
     # One sum may be right by accident, two neighbours are not.
