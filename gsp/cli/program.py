@@ -83,7 +83,12 @@ def main() -> None:
     written: list[Path] = []
     try:
         with noticing() as check:
-            status = cli.main(standalone_mode=False, obj={CHECK: check, WRITTEN: written})
+            try:
+                status = cli.main(standalone_mode=False, obj={CHECK: check, WRITTEN: written})
+            except Exception:
+                # An interrupt in compiled code can come out as an error of its own, such as that an import failed.
+                check()
+                raise
             check()
     except GspError as error:
         with suppress(OSError):

@@ -353,3 +353,22 @@ def test_a_command_started_with_it_ignored_goes_on(tmp_path):
     done = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0
     assert "van_der_pol" in done.stdout
+
+
+@pytest.mark.parametrize(("begins", "status"), [("signal.raise_signal(signal.SIGINT)", 130), ("pass", 70)])
+def test_one_that_comes_out_as_an_error_ends_the_command_as_an_interrupt(begins: str, status: int) -> None:
+    # As where a compiled module is being imported: its error says that its initialisation failed.
+    lines = [
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)",
+        "import gsp.cli, gsp.models",
+        "def summary():",
+        "    try:",
+        f"        {begins}",
+        "    except KeyboardInterrupt:",
+        "        pass",
+        "    raise ImportError('initialization failed')",
+        "gsp.models.summary = summary; sys.argv = ['gsp', 'models']; gsp.cli.main()",
+    ]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == status
+    assert ("interrupted; nothing was written" in done.stderr) == (status == 130)
