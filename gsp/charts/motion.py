@@ -109,9 +109,10 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
     line = full.sample(np.unique([*full.t, *np.linspace(full.t[0], full.t[-1], 3000)]))
     other = None if limit is None else limit.sample(np.linspace(limit.t[0], limit.t[-1], 1000))
     first, second = motion.plane
+    across, up, against = along(line, first), along(line, second), line[motion.against_time]
     left.set(
-        xlim=motion.ranges.get(first) or _ends(along(line, first), motion),
-        ylim=motion.ranges.get(second) or _ends(along(line, second), motion),
+        xlim=motion.ranges.get(first) or _ends(across, motion),
+        ylim=motion.ranges.get(second) or _ends(up, motion),
         xlabel=mathematics(first),
         ylabel=mathematics(second),
     )
@@ -131,11 +132,11 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
         right.plot(other.t, other[motion.against_time], color=BLUE, lw=1.2, ls=(0, (5, 3)))
     right.set(
         xlim=(full.t[0], full.t[-1]),
-        ylim=margins(line[motion.against_time]),
+        ylim=margins(against),
         xlabel="slow time $t$",
         ylabel=mathematics(motion.against_time),
     )
-    right.plot(line.t, line[motion.against_time], color=INK, lw=0.8, alpha=0.2)
+    right.plot(line.t, against, color=INK, lw=0.8, alpha=0.2)
     for axes in (left, right):
         add_units(axes, motion.units)
     figure.suptitle(motion.title, fontsize="medium", color=GREY)
@@ -155,19 +156,23 @@ def _animation(motion: Motion, frames: int) -> FuncAnimation:
     figure.canvas.draw()
     figure.set_layout_engine("none")
 
+    # Read once: an observable is worked out anew whenever it is asked for.
+    places = np.column_stack([along(run, first), along(run, second)])
+    against_now = run[motion.against_time]
+    angles = None if body is None else run[body.angle]
+
     def draw(frame: int) -> Sequence:
         t = times[frame]
         until = np.searchsorted(line.t, t, side="right")
-        trail.set_data(along(line, first)[:until], along(line, second)[:until])
-        past.set_data(line.t[:until], line[motion.against_time][:until])
-        x, y = along(run, first)[frame], along(run, second)[frame]
-        dot.set_data([x], [y])
-        now.set_data([t], [run[motion.against_time][frame]])
-        if body is not None:
-            angle = run[body.angle][frame]
+        trail.set_data(across[:until], up[:until])
+        past.set_data(line.t[:until], against[:until])
+        dot.set_data(*places[frame, :, None])
+        now.set_data([t], [against_now[frame]])
+        if body is not None and angles is not None:
+            angle = angles[frame]
             turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
             for outline, (points, _) in zip(outlines, body.parts):
-                outline.set_data(*(points @ turn + (x, y)).T)
+                outline.set_data(*(points @ turn + places[frame]).T)
         return trail, dot, past, now, *outlines
 
     return FuncAnimation(figure, draw, frames=frames, blit=False)

@@ -129,6 +129,7 @@ def _is_fold(branch: Branch, x: np.ndarray, y: np.ndarray) -> bool:
     return bool(least <= ON_FOLD * sizes.max())
 
 
+@np.errstate(all="ignore")
 def solve_critical(system: SlowFastSystem) -> CriticalManifold:
     """The critical manifold of a system in standard form.
 

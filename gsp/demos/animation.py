@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
+from gsp.charts.style import plain
 from gsp.demos.demo import body_of
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
@@ -57,8 +58,8 @@ def animate(
 def _view(scene: Scene, name: str | None) -> View | None:
     """The view that is asked for; without a name the first plane one, if the scene has no path."""
     if name is None:
-        plane = (view for view in scene.views.values() if view.z is None)
-        return None if scene.path is not None else next(plane, None)
+        flat = (view for view in scene.views.values() if view.z is None)
+        return None if scene.path is not None else next(flat, None)
     found = view_named(scene.views, name)
     if found.z is not None:
         raise DeclarationError(
@@ -73,11 +74,11 @@ def _view(scene: Scene, name: str | None) -> View | None:
 def _motion(study: Study, view: View | None = None) -> Motion:
     scene = study.scene
     epsilon = f"$\\epsilon = {scene.epsilon:g}$"
-    title = f"{scene.title or scene.name or 'a run'}, {epsilon}".replace("_", " ")
+    title = f"{_plain_title(scene.title or scene.name or 'a run')}, {epsilon}"
     fast = study.system.y[0].name
     raw = [s.name for s in (*scene.full_flow.states, *scene.full_flow.observables)]
     if view is not None:
-        title = f"{view.title or title}".replace("_", " ")
+        title = _plain_title(view.title) if view.title else title
     elif scene.path is not None:
         body = body_of(scene)
         shown = None
@@ -109,6 +110,10 @@ def _motion(study: Study, view: View | None = None) -> Motion:
         ranges={} if view is None else view.ranges,
         units=scene.units,
     )
+
+
+def _plain_title(text: str) -> str:
+    return plain(text.replace("_", " "), width=80)
 
 
 def _limit(study: Study) -> Trajectory | None:

@@ -126,26 +126,23 @@ def reduced_model(study: Study, order: int) -> ReducedModel:
         epsilon=system.epsilon,
         value=scene.epsilon,
         parameters=kept,
-        start=tuple(start[s.name] for s in series.coordinates),
+        start=start,
         span=scene.span,
         rate_terms=tuple(tuple(replaced(e, apart) for e in row) for row in field),
         manifold_terms=tuple(tuple(replaced(e, apart) for e in row) for row in manifold),
     )
 
 
-def _start(study: Study) -> dict[str, float]:
-    """The scene's start, moved to M0 over its slow variables."""
-    branch, system = study.branch, study.system
-    slow = [study.start[s.name] for s in system.x]
-    if branch.is_explicit:
-        return {s.name: value for s, value in zip(system.x, slow)}
-    if branch.seed is None:
+def _start(study: Study) -> tuple[float, ...]:
+    """The scene's start in the states of the text, moved to M0 over its slow variables."""
+    branch = study.branch
+    if not branch.is_explicit and branch.seed is None:
         raise BranchError(
             f"{branch} is implicit, and no sheet of it is chosen, on which the reduced flow could start.",
             "Give the scene a start on one sheet.",
         )
-    values = np.concatenate([slow, branch.over(np.array(slow))])
-    return {s.name: float(value) for s, value in zip(system.states, values)}
+    slow = {s.name: study.start[s.name] for s in study.system.x}
+    return study.reduced(0, reconstructed=False).initial(slow)
 
 
 def _on_the_branch(

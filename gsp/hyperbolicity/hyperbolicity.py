@@ -153,6 +153,7 @@ class Hyperbolicity(Card):
         return "\n".join(lines)
 
 
+@np.errstate(all="ignore")
 def classify(
     branch: Branch, *, region: Mapping[str, Interval], epsilon: float | None = None, prove: bool = False
 ) -> Hyperbolicity:

@@ -276,6 +276,8 @@ class Study(Card):
     def _expansion(self) -> Expansion:
         return self._once(("expansion",), lambda: Expansion(self.branch))
 
+    # What is not finite is looked at by every stage, and not warned of.
+    @np.errstate(all="ignore")
     def _once(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
         return self._kept.once(key, make)
 

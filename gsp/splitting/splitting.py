@@ -131,6 +131,7 @@ class Splitting(Card):
         return self.explain()
 
 
+@np.errstate(all="ignore")
 def split(field: VectorField | SlowFastSystem) -> Splitting:
     """Slow and fast variables of a field z' = F(z, epsilon) with a simple pole in epsilon.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -187,4 +188,10 @@ def test_a_view_that_no_film_can_show_is_refused(tmp_path: Path) -> None:
 
 def test_a_demo_has_the_units_for_its_axes(tmp_path: Path) -> None:
     page = gsp.demo(seen(tmp_path)).html
-    assert '"units": {"s": "mol", "t": "min"}' in page or '"units":{"s":"mol","t":"min"}' in page
+    assert '"units":{"s":"mol","t":"min"}' in page.replace(" ", "")
+
+
+def test_a_title_is_text_and_no_mathematics(tmp_path: Path) -> None:
+    scene = replace(seen(tmp_path), title=r"what $\frac{ costs", views={})
+    title = still(animation._motion(gsp.study(scene)))._fig._suptitle.get_text()
+    assert title.startswith(r"what \$\frac{ costs, $\epsilon")

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from pathlib import Path
 
 from gsp.errors import GspError
@@ -38,6 +39,8 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="folder for the inputs of findings")
     options = parser.parse_args()
     signal.signal(signal.SIGVTALRM, stopped)
+    # What is not finite is an answer to look at; a user has no use for NumPy's word on it.
+    warnings.simplefilter("error", RuntimeWarning)
     begun = time.monotonic()
     counts = {"read": 0, "refused": 0, "found": 0}
     seen: set[str] = set()

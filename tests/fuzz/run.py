@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 from gsp.errors import GspError
@@ -25,10 +24,8 @@ def read(text: str, folder: Path) -> Scene | GspError:
 def check(scene: Scene) -> str:
     """What `gsp check` answers; anything but an error of our own goes through."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            study = study_of(scene)
-            verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
+        study = study_of(scene)
+        verdict = classify(study.branch, region=study.region, epsilon=scene.epsilon)
     except GspError as error:
         return f"refused: {error}"
     return str(verdict)
