@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import flint
 import sympy as sp
+from sympy.polys.orderings import grevlex
 from sympy.polys.polyerrors import PolynomialError
 
 from gsp.algebra.polynomials import rational
@@ -23,6 +24,8 @@ BEZOUT_LIMIT = 200
 SOLUTION_LIMIT = 16
 # Linear forms u + c s + c^2 a that are tried as separating elements after the coordinates.
 FORMS = (1, 2, 3, 5, 7)
+# Precision at which coordinates are rounded to doubles.
+BITS = 80
 
 
 class InfinitelyManyPoints(GspError):
@@ -113,8 +116,9 @@ class AlgebraicPoint:
         return {symbol: self.field.expression(value) for symbol, value in self.values.items()}
 
     def numbers(self) -> dict[sp.Symbol, float]:
-        """The coordinates as floats."""
-        return {symbol: float(self.field.ball(value, 80).mid()) for symbol, value in self.values.items()}
+        """The coordinates as floats, the same for equal ones in whatever field they are given."""
+        with flint.ctx.workprec(BITS):
+            return {symbol: float(self.field.ball(value, BITS).mid()) for symbol, value in self.values.items()}
 
     def value(self, expression: sp.Expr) -> flint.fmpq_poly:
         """The element that a rational function of the coordinates takes here."""
@@ -193,7 +197,7 @@ def real_points(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol]) -> 
             f"the equations {', '.join(f'{e} = 0' for e in equations)} have solutions that are not isolated "
             f"in {', '.join(map(str, symbols))}."
         )
-    if _too_many_solutions([polynomial.LM(order="grevlex").exponents for polynomial in basis.polys]):
+    if _too_many_solutions([polynomial.LM(order=grevlex).exponents for polynomial in basis.polys]):
         return None
     eliminants = [_eliminant(basis.exprs, [*extra, *symbols], s) for s in symbols]
     squarefree = [sp.Mul(*[factor for factor, _ in sp.factor_list(p)[1]]) for p in eliminants]

@@ -73,7 +73,7 @@ class Rationals:
             power = sp.Rational(1, 2) if exponent is None else rational(flint.fmpq(exponent))
             value = rational(flint.fmpq(a)) ** power
             if value.is_Rational:
-                return self.number(value)
+                return flint.fmpq(int(value.p), int(value.q))
         raise Inexact(name)
 
     def expression(self, a: Scalar) -> sp.Expr:

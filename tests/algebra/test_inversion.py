@@ -29,6 +29,11 @@ SOLVABLE = [
     {p: sp.tanh(x - z)},
     {p: sp.asin(z) + sp.sinh(x)},
     {p: x / (1 + y), q: y - z},
+    {p: z - 3 * x**5},
+    {p: a * x**3 / 7},
+    {p: z * sp.log(3 * x + z) - a},
+    {p: 2 - z * sp.sinh(a * x - 1) / 3},
+    {p: 3 * x - a * y / 2 + 1, q: 5 * y - z * x},
 ]
 
 

@@ -158,6 +158,18 @@ def test_an_algebraic_fold_is_solved_in_its_number_field() -> None:
     assert abs(numerical - sp.N(canard.partial_sum(sp.Rational(1, 50)), 15)) < 1e-6
 
 
+def test_a_root_that_is_rational_at_an_algebraic_fold_stays_in_its_number_field() -> None:
+    # sqrt(x^2 + 2) is 2 at x = sqrt(2); its Taylor polynomial there is rational in w = x^2 - 2.
+    w = x**2 - 2
+    roots = (sp.sqrt(x**2 + 2), 2 + w / 4 - w**2 / 64 + w**3 / 512)
+    with_root, plain = (
+        canard_value(planar(y - x**3 / 3 + 2 * x, a - x + eps * root, a=1), parameter=a, order=2)
+        for root in roots
+    )
+    assert with_root.is_exact
+    assert with_root.coefficients == plain.coefficients
+
+
 def test_a_transcendental_fold_gives_floats_and_says_so() -> None:
     # The fold of y = exp(x) - 2 x is at log 2; g = y - exp(x) + 2 x with x = u + log 2 is y - 2 exp(u) + 2 u + c.
     canard = canard_value(planar(y - sp.exp(x) + 2 * x, a - x, a=0.5), parameter=a, order=3)

@@ -167,3 +167,59 @@ def test_where_no_step_leads_the_least_value_on_the_way_is_kept() -> None:
         1.0, 0.4, lambda at: at - 1.3, (-0.3, 0.1), apart=1e-12
     )
     assert found is None or abs(found[0] - 1.3) < 0.1
+
+
+def test_the_pace_follows_its_rule_exactly() -> None:
+    pace = Pace(1.0, 10.0, 0.1, corrections=4, turn=0.2, growth=3.0)
+    # 2^((4 - corrections)/2) and turn/angle, the lesser of them, between a half and `growth`, at most the longest.
+    assert pace.after(1.0, 4, 0.1) == pytest.approx(1.0)
+    assert pace.after(1.0, 3, 0.01) == pytest.approx(2**0.5)
+    assert pace.after(1.0, 1, 0.1) == pytest.approx(2.0)
+    assert pace.after(1.0, 1, 0.25) == pytest.approx(0.8)
+    assert pace.after(1.0, 0, 0.0) == 3.0
+    assert pace.after(1.0, 9, 0.0) == pace.after(1.0, 0, 3.0) == 0.5
+    assert pace.after(4.0, 0, 0.0) == 10.0
+    plain = Pace(1.0, 100.0, 0.1)
+    assert plain.after(1.0, 99, 3.0) == 2.0
+    # No pair of tangents counts as nearer than a thousandth.
+    assert Pace(1.0, 1e9, 0.1, turn=0.01, growth=1e9).after(1.0, 0, 1e-9) == pytest.approx(10.0)
+
+
+def test_an_ending_of_the_work_a_refused_arrival_and_the_onward_node_are_heeded() -> None:
+    class Turned(Line):
+        def arrived(self, trace, here, stride, length):
+            if len(trace.nodes) == 2 and not trace.rejected:
+                return None
+            return Arrival([(stride.node, length)], onward=stride.node + 1.0)
+
+        def spent(self):
+            return Status.INTERRUPTED if len(self.seen) > 3 else None
+
+    line, seen = Turned(lambda *_: False), []
+    line.seen = seen  # pyright: ignore[reportAttributeAccessIssue]
+    trace = Trace([0.0])
+    line.follow(trace, progress=seen.append)
+    assert trace.rejected == 1
+    # Each step starts one further on than the solution that the last one ended in.
+    assert np.diff(trace.nodes) == pytest.approx([trace.lengths[0], *(1.0 + s for s in trace.lengths[1:])])
+    assert seen == pytest.approx([len(trace.nodes[: k + 2]) / 50 for k in range(len(seen))])
+    assert trace.ending is Status.INTERRUPTED
+
+
+def test_a_turn_exactly_as_far_as_allowed_is_taken() -> None:
+    line = Line(lambda *_: False, turn=0.5)
+    line.follow(trace := Trace([0.0]))
+    assert trace.rejected == 0
+    assert line.taken[0] == 0.1
+
+
+def test_the_place_beside_is_before_the_one_that_was_asked_for() -> None:
+    asked = []
+
+    def refuse(at: float, _: float) -> bool:
+        asked.append(at)
+        return abs(at - 1.25) < 1e-4
+
+    Line(refuse).located(1.0, 0.5, lambda at: at - 1.25, (-0.25, 0.25), apart=0.01)
+    first = next(i for i, at in enumerate(asked) if abs(at - 1.25) < 1e-4)
+    assert asked[first + 1] == pytest.approx(asked[first] - 0.005)
