@@ -128,6 +128,8 @@ def test_a_composite_reads_like_a_trajectory() -> None:
     assert fine["omega"][0] == pytest.approx(1.5, abs=1e-3)
     assert jump == pytest.approx(0.2 * 0.5 / 1.04, abs=0.03)
     assert solution.status.ok
+    # The fast rate of the sleigh is -J w/(I m) at leading order.
+    assert solution.layer_time == pytest.approx(0.01 * 1.0 / 1.04)
     assert "order=1" in repr(solution)
     with pytest.raises(GspError, match="no state and no observable"):
         solution["theta"]

@@ -78,6 +78,16 @@ def test_the_full_period_differs_by_a_multiple_of_epsilon(name):
 
 
 @pytest.mark.exhaustive
+def test_nonlinear_coordinates_change_the_coefficients_of_the_folds_and_not_the_period(van_der_pol):
+    # x = X + X^2/10 and y = Y + Y^2/10, both increasing where the orbit is.
+    dx, dy = 1 + x / 5, 1 + y / 5
+    X, Y = x + x**2 / 10, y + y**2 / 10
+    system = SlowFastSystem(slow={y: -X / dy}, fast={x: (Y - X**3 / 3 + X) / dx}, epsilon=epsilon)
+    orbit = singular_orbit(solve_critical(system).branches[0], {"x": 1.7, "y": 0.5})
+    assert orbit.coefficients == pytest.approx(van_der_pol.coefficients, rel=1e-7)
+    assert all(abs(piece.fold.d) > 0.1 for piece in orbit.cycle)
+
+
 def test_a_slaved_variable_changes_nothing(van_der_pol):
     system = SlowFastSystem(slow={y: -x, z: x - z}, fast={x: CUBIC}, epsilon=epsilon)
     orbit = orbit_of(system, {"x": 2, "y": 0.6, "z": 0})
