@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import sympy as sp
@@ -205,10 +206,18 @@ def _antiderivative(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
     SymPy's general `integrate` can take minutes to fail. Other symbols count as positive meanwhile, so that no
     case distinctions arise; the caller checks what comes back.
     """
-    from sympy.integrals.manualintegrate import manualintegrate
-
     if not _is_tractable(expression, t):
         return None
+    constant, integrand = expression.as_independent(t, as_Add=False)
+    found = _by_rules(integrand, t)
+    return None if found is None else constant * found
+
+
+# The same integrand comes with every order of the variables, and each may take seconds.
+@lru_cache(maxsize=64)
+def _by_rules(expression: sp.Expr, t: sp.Symbol) -> sp.Expr | None:
+    from sympy.integrals.manualintegrate import manualintegrate
+
     stand_in = {s: sp.Dummy(s.name, positive=True) for s in expression.free_symbols if s != t}
     back = {dummy: s for s, dummy in stand_in.items()}
     result = manualintegrate(expression.xreplace(stand_in), t).xreplace(back)

@@ -71,6 +71,9 @@ def _is_long_root(base: sp.Rational, exponent: sp.Rational) -> bool:
         except OverflowError:
             # Beyond doubles; SymPy fails in the same way when it takes the root, which is caught there.
             continue
+        except ValueError:
+            # SymPy's factorisation fails on some numbers of a hundred digits, and would when it takes the root.
+            return True
         left = [(prime, times * power % exponent.q) for prime, times in primes]
         shared = math.gcd(*(times for _, times in left))
         if shared and sum(times // shared * int(prime).bit_length() for prime, times in left) > BITS:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import sympy as sp
@@ -79,8 +79,7 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     for start in z:
         point, converged = _equilibrium(start, compiled, p)
         if converged:
-            there = _matrix(compiled[1], point, p)
-            found.append((_numerical_rank(there), _numerical_rank(there @ there)))
+            found += _ranks(_matrix(compiled[1], point, p))
     for _ in range(0 if found else UNITS):
         # Amounts may be of any size: molecules in a cubic centimetre, moles in a litre.
         units = 10.0 ** random.uniform(*DECADES, len(states))
@@ -133,9 +132,18 @@ def _ranks_in_units(starts: np.ndarray, units: np.ndarray, compiled, p: np.ndarr
         if not converged or (np.abs(values(z, p)) > SEARCH_TOLERANCE * sizes).any():
             continue
         own = np.where(z == 0.0, 1.0, np.abs(z))
-        there = there * own / own[:, None]
-        found.append((_numerical_rank(_by_rows(there)), _numerical_rank(_by_rows(there @ there))))
+        found += _ranks(there * own / own[:, None], _by_rows)
     return found
+
+
+def _ranks(
+    matrix: np.ndarray, scaled: Callable[[np.ndarray], np.ndarray] = np.asarray
+) -> list[tuple[int, int]]:
+    """The ranks of a matrix and of its square, each `scaled`; nothing where the square is beyond doubles."""
+    square = matrix @ matrix
+    if not np.isfinite(square).all():
+        return []
+    return [(_numerical_rank(scaled(matrix)), _numerical_rank(scaled(square)))]
 
 
 def _by_rows(matrix: np.ndarray) -> np.ndarray:
@@ -159,7 +167,11 @@ def _equilibrium(start: np.ndarray, compiled, p: np.ndarray) -> tuple[np.ndarray
         value = compiled[0](z, p)
         if not np.isfinite(value).all():
             return z, False
-        step = np.linalg.lstsq(_matrix(compiled[1], z, p), value, rcond=1e-10)[0]
+        try:
+            step = np.linalg.lstsq(_matrix(compiled[1], z, p), value, rcond=1e-10)[0]
+        except np.linalg.LinAlgError:
+            # Entries near the largest double.
+            return z, False
         if not np.isfinite(step).all():
             return z, False
         length = np.linalg.norm(step)

@@ -7,6 +7,7 @@ import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from gsp.algebra import first_integrals as integrals
 from gsp.algebra.first_integrals import common_factor, first_integrals
 
 x, y, z, u, a, b = sp.symbols("x y z u a b")
@@ -120,3 +121,14 @@ def test_permuted_states_permute_the_integrals(order: list[int]) -> None:
 def test_rational_quotients_without_useful_antiderivative_are_not_tried() -> None:
     layer = [(a * y**3 + b * y + 1) * x**3 * (x**3 + b), (y**2 + u * y + 2) * (x**2 + a)]
     assert first_integrals(layer, (x, y), wanted=1) == []
+
+
+def test_an_integrand_is_tried_once_whatever_stands_before_it() -> None:
+    x, y, a = sp.symbols("x y a")
+    # The exponential integral, which is not elementary.
+    integrand = sp.exp(a * y) / y
+    integrals._by_rules.cache_clear()
+    assert integrals._antiderivative(integrand, y) is None
+    assert integrals._antiderivative(integrand / (10 * x), y) is None
+    assert integrals._by_rules.cache_info().misses == 1
+    assert integrals._antiderivative(3 * a * sp.cos(a * y), y) == 3 * sp.sin(a * y)
