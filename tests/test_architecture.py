@@ -128,6 +128,18 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_what_a_name_needs_is_imported_without_looks_for_cycles() -> None:
+    code = (
+        "import gc, gsp\n"
+        "looks = []\n"
+        "gc.callbacks.append(lambda phase, about: looks.append(phase))\n"
+        "gsp.integrate\n"
+        "print(len(looks), gc.isenabled())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "True"]
+
+
 def test_a_run_of_a_declared_field_imports_nothing_of_series() -> None:
     code = (
         "import sys, sympy, gsp; x = sympy.Symbol('x');"

@@ -1,5 +1,6 @@
 """The command line: what it prints, what it writes, and its exit status."""
 
+import gc
 import json
 import subprocess
 import sys
@@ -282,3 +283,14 @@ def test_the_package_run_as_a_module_is_the_command_line() -> None:
             [sys.executable, "-m", name, "--version"], capture_output=True, text=True, timeout=300, check=False
         )
         assert found.stdout.startswith("gsp, version"), found.stderr
+
+
+def test_a_command_looks_for_cycles_a_hundredth_as_often_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = gc.get_threshold()
+    monkeypatch.setattr(sys, "argv", ["gsp", "--version"])
+    try:
+        with pytest.raises(SystemExit):
+            main()
+        assert gc.get_threshold()[0] >= 100 * 700
+    finally:
+        gc.set_threshold(*before)

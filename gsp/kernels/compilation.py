@@ -13,6 +13,7 @@ from typing import Any
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime.nrt import rtsys
 from numba.core.types import unliteral
 
 
@@ -102,12 +103,17 @@ class _Cache(FunctionCache):
         )
 
     def load_overload(self, sig, target_context):
-        _ready()
+        # numba's own way makes ready all that typing and lowering need, as long as all else in a process's first solve.
+        # Machine code needs the functions for memory alone, and who compiles makes the rest ready.
+        rtsys.initialize(target_context)
         try:
-            return super().load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
         except Exception:
             # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
-            return None
+            found = None
+        if found is None:
+            _ready()
+        return found
 
     def has(self, sig, target_context) -> bool:
         try:
@@ -129,8 +135,8 @@ class _Cache(FunctionCache):
 def _ready() -> None:
     """Have numba's functions on arrays ready without SciPy's BLAS, which no kernel calls.
 
-    numba imports SciPy's linear algebra to see that it is there, as long as all else in a process's first solve. Here
-    it is: the package requires SciPy. Whoever multiplies matrices in compiled code still has numba look for it then.
+    numba imports SciPy's linear algebra to see that it is there. Here it is: the package requires SciPy. Whoever
+    multiplies matrices in compiled code still has numba look for it then.
     """
     linalg: Any = import_module("numba.np.linalg")
     look = linalg.ensure_blas

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from gsp.errors import DeclarationError, ModelFileError
@@ -14,6 +12,7 @@ from gsp.readers.foreign import ForeignModel, Import, imported
 from gsp.readers.sbml import read_sbml
 from gsp.readers.toml import BYTES, parsed, read_document, scene_of, text_of
 from gsp.readers.xppaut import read_ode
+from gsp.results.collector import collector_at_rest
 from gsp.scenes.scene import Scene
 from gsp.systems.arguments import shown
 
@@ -42,7 +41,7 @@ def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
     """What `load` returns, and notes on what was understood of a foreign model, [] for TOML."""
     file = _path(path, "load")
     try:
-        with _collector_at_rest():
+        with collector_at_rest():
             if file.suffix.lower() not in FORMATS:
                 return scene_of(read_document(file), file), []
             found, scene = _imported(file)
@@ -65,34 +64,11 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
                 "Give such a file.",
                 got=f"{file.suffix[:20]!r}",
             )
-        with _collector_at_rest():
+        with collector_at_rest():
             found, _ = _imported(file, small)
     except (ModelFileError, DeclarationError) as error:
         raise ModelFileError.of(error, file.name) from None
     return found
-
-
-# Whether something else in this process has put objects out of the collector's sight. They are counted one by one, 10
-# ms for a million, so that once they were seen nobody asks again.
-_others_freeze = False
-
-
-@contextmanager
-def _collector_at_rest() -> Iterator[None]:
-    """No look for cycles while a file is read, whose expressions are kept and which is too short to leave much else."""
-    global _others_freeze
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            _others_freeze = _others_freeze or gc.get_freeze_count() > 0
-            if not _others_freeze:
-                # What was read joins the oldest objects, without a look at each.
-                gc.freeze()
-                gc.unfreeze()
-            gc.enable()
 
 
 def _path(path: str | os.PathLike[str], verb: str) -> Path:

@@ -230,6 +230,21 @@ def test_a_first_solve_does_without_the_linear_algebra_of_scipy() -> None:
     assert found.stdout.splitlines() == ["False", "True 2.0"], found.stdout
 
 
+def test_kernels_that_are_on_disk_are_read_without_what_compiling_needs() -> None:
+    text = (
+        "import sys, gsp, sympy as sp\n"
+        "from numba.core.registry import cpu_target\n"
+        "x = sp.Symbol('x')\n"
+        "field = gsp.VectorField({x: -1000 * (x - sp.cos(x))}, epsilon=None)\n"
+        "gsp.integrate(field, start={x: 2}, span=(0, 3), rtol=1e-6)\n"
+        "print('numba.np.arraymath' in sys.modules, len(cpu_target.typing_context._functions))"
+    )
+    run = [sys.executable, "-c", text]
+    for _ in range(2):  # the first puts them there
+        found = subprocess.run(run, capture_output=True, text=True, timeout=300, check=True)
+    assert found.stdout.split() == ["False", "0"]
+
+
 def test_what_kernels_alone_call_has_no_way_in() -> None:
     modules = [
         import_module(f"gsp.kernels.{path.stem}")

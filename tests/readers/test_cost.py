@@ -11,9 +11,10 @@ import sympy as sp
 
 import gsp
 from gsp.errors import ModelFileError
-from gsp.readers import loading, nodes
+from gsp.readers import nodes
 from gsp.readers.parts import Parts
 from gsp.readers.toml import read_model
+from gsp.results import collector
 from gsp.systems import declaration
 
 
@@ -107,7 +108,7 @@ def test_objects_that_others_have_frozen_are_counted_once(
     file = tmp_path / "small.toml"
     file.write_text(model('x0 = "-x0/e + x1"\nx1 = "-x1"\n', 2))
     asked: list[str] = []
-    monkeypatch.setattr(loading, "_others_freeze", False)
+    monkeypatch.setattr(collector, "_others_freeze", False)
     monkeypatch.setattr(gc, "get_freeze_count", lambda: asked.append("count") or 1_000_000)
     monkeypatch.setattr(gc, "unfreeze", lambda: asked.append("unfreeze"))
     for _ in range(3):
