@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.loop import Record, Run, advance
+from gsp.integration.loop import Run, advance
 from gsp.integration.methods import Method
+from gsp.integration.room import Record
 from gsp.kernels import ledger
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.scan import DIP, SUBDIVISIONS

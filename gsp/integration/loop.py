@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, Status
-from gsp.integration.methods import MILD_ATTEMPTS, Method, begins_with_series, choose_method, solver_of
+from gsp.integration.methods import MILD, MILD_ATTEMPTS, Method, begins_with_series, choose_method
+from gsp.integration.room import (
+    Record,
+    RecordInRoom,
+    Stats,
+    counters_in,
+    cut,
+    layout_of,
+    next_room,
+    steps_in,
+    time_in,
+)
 from gsp.kernels import ledger
 from gsp.kernels.grid import runs_along
-from gsp.kernels.launch import launch, launch_watched, rate_at_start
+from gsp.kernels.launch import Y, begins_mildly, launch, launch_watched
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
@@ -34,19 +44,6 @@ STATUS = {
 }
 
 
-@dataclass(frozen=True)
-class Stats:
-    """What an integration cost. `stiff` is a finding of the explicit method: stability bounds its step."""
-
-    method: Method
-    steps: int
-    rejected: int
-    field_calls: int
-    jacobian_calls: int
-    decompositions: int
-    stiff: bool = False
-
-
 def remedy_of(status: Status, stats: Stats) -> str:
     """What to do about a run that ended so; `status.remedy` where the counters add nothing to it."""
     if status is Status.TOO_MANY_STEPS and stats.stiff:
@@ -58,32 +55,6 @@ def remedy_of(status: Status, stats: Stats) -> str:
 
 Numbers = Sequence[float] | np.ndarray
 Watch = Callable[[np.ndarray, np.ndarray, np.ndarray], bool]
-
-
-class Record(NamedTuple):
-    """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
-
-    `counters` are the ledger's up to STIFF. The first `series` steps were made by Taylor series, before the method.
-    """
-
-    times: np.ndarray
-    states: np.ndarray
-    dense: np.ndarray
-    status: Status
-    method: Method
-    counters: list[int]
-    series: int = 0
-
-    @property
-    def stats(self) -> Stats:
-        """Method and counters by name."""
-        *counts, stiff = self.counters
-        return Stats(self.method, *counts, stiff=stiff == 1)
-
-    @property
-    def attempts(self) -> int:
-        """Steps taken and rejected."""
-        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
 class Tests(NamedTuple):
@@ -107,7 +78,7 @@ class Run(NamedTuple):
     p: Numbers
     y: Numbers
     first: float
-    stops: np.ndarray
+    stops: Numbers
     method: Method | None
     rtol: float
     atol: float
@@ -138,7 +109,7 @@ def run(asked: Run) -> Record:
     used = record.attempts
     if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= asked.max_steps:
         return record
-    t, stops = record.times[-1], asked.stops
+    t, stops = record.times[-1], np.asarray(asked.stops)
     ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
     left = asked._replace(y=record.states[-1], first=float(t), stops=ahead, max_steps=asked.max_steps - used)
     return _joined(record, advance(left, chosen))
@@ -185,67 +156,70 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         tests,
         _,
     ) = asked
-    n = len(y)
-    given = np.array((first, rtol, atol, *y, *p), float)
-    if tries:
-        times = rate_at_start(compiled.derivatives_program, given, n) * abs(stops[-1] - first)
-        if begins_with_series(compiled, rtol, times):
-            method, max_steps = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps)
-    solver = solver_of(method, rtol)
-    program = solver.program(compiled)
-    work = np.zeros(solver.memory_size(n) + n + (0 if tests is None else tests.count))
-    if first_step != 0.0:
-        work[ledger.STEP], work[-n:] = first_step, compiled.rates(y, p)
-    counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
-    # The start is row 0, so that a run of one piece is its own record.
+    layout = layout_of(compiled, method, rtol)
+    solver, program, enter, constants, memory, before = layout
+    n, many, rows = len(y), len(stops), solver.rows
+    watches = 0 if tests is None else tests.count
     length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
-    all_times, all_states = times, states = np.empty(length + 1), np.empty((length + 1, n))
-    records = np.empty((length if dense else 0, solver.rows, n))
-    pieces = []
-    kept = 0
+    between = length if dense else 0
+    room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
+    # As `kernels.launch` orders them.
+    enter(
+        room, 0,
+        0, max_steps, n, constants, many, memory, watches, length, between, rows,
+        first, rtol, atol, first_step, *y, *p, stops[0],
+    )  # fmt: skip
+    if many > 1:
+        end = Y + n + constants
+        room[end : end + many] = stops
+    if (
+        tries
+        and begins_mildly(compiled.derivatives_program, room, MILD)
+        and begins_with_series(compiled, rtol, 0.0)
+    ):
+        return advance(asked._replace(max_steps=min(MILD_ATTEMPTS, max_steps)), Method.TAYLOR)
+    full: list[np.ndarray] = []
     code = ledger.RECORD_FULL
     status = None
     try:
         while True:
-            if tests is None:
-                code = launch(program, given, stops, max_steps, work, counters, times, states, records)
-            else:
-                code = launch_watched(
-                    program, tests.functions, given, stops, max_steps, work, counters, times, states, records
-                )
+            code = launch(program, room) if tests is None else launch_watched(program, tests.functions, room)
             if watch is not None:
-                new = int(counters[ledger.STEPS]) - kept
-                if watch(times[1 : new + 1], states[1 : new + 1], records[:new]):
+                made = cut(room, steps_in(full[-1]) if full else 0)
+                if watch(made.times[1:], made.states[1:], made.dense):
                     status = Status.EVENT_REACHED
             if progress is not None:
-                progress((float(work[ledger.TIME]) - first) / (float(stops[-1]) - first))
+                progress((time_in(room) - first) / (float(stops[-1]) - first))
             if status is not None or (code != ledger.RECORD_FULL and code != ledger.LOOPS_WANTED):
                 break
             if code == ledger.LOOPS_WANTED:
                 solver.give_loops(program)
-            new = int(counters[ledger.STEPS]) - kept
-            pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
-            kept += new
-            times, states = np.empty(rows_kept + 1), np.empty((rows_kept + 1, n))
-            records = np.empty((rows_kept if dense else 0, solver.rows, n))
+            full, room = [*full, room], next_room(room, rows_kept)
     except KeyboardInterrupt:
         if not keeps:
             raise
         status = Status.INTERRUPTED
         # It may have come between any two lines above, even before the start was entered.
-        all_times[0], all_states[0] = first, y
-    # What counts is what the counters say.
-    counts = counters.tolist()[: ledger.STIFF + 1]
-    steps = counts[ledger.STEPS]
-    if not pieces:
-        all_times, all_states, records = all_times[: steps + 1], all_states[: steps + 1], records[:steps]
-    else:
-        new = steps - sum(len(piece[0]) for piece in pieces)
-        first_rows = 1 + len(pieces[0][0])
-        pieces[0] = (all_times[:first_rows], all_states[:first_rows], pieces[0][2])
-        pieces.append((times[1 : new + 1], states[1 : new + 1], records[:new]))
-        all_times, all_states, records = (np.concatenate(arrays) for arrays in zip(*pieces))
-    return Record(all_times, all_states, records, status or STATUS[code], method, counts)
+        start = cut((full or [room])[0])
+        start.times[0], start.states[0] = first, y
+    status = status or STATUS[code]
+    if not full:
+        return RecordInRoom(room, status, method)
+    return _gathered([*full, room], status, method)
+
+
+def _gathered(rooms: list[np.ndarray], status: Status, method: Method) -> Record:
+    """The record of a run that has gone through several rooms."""
+    earlier = [0, *map(steps_in, rooms[:-1])]
+    begun, *rest = [cut(room, steps) for room, steps in zip(rooms, earlier)]
+    return Record(
+        np.concatenate([begun.times, *(piece.times[1:] for piece in rest)]),
+        np.concatenate([begun.states, *(piece.states[1:] for piece in rest)]),
+        np.concatenate([begun.dense, *(piece.dense for piece in rest)]),
+        status,
+        method,
+        counters_in(rooms[-1]),
+    )
 
 
 def standing(t: float, y: np.ndarray, status: Status, method: Method) -> Record:
@@ -328,9 +302,7 @@ def check_grid(at: ArrayLike, first: float, last: float) -> np.ndarray:
 def stops_of(grid: np.ndarray | None, first: float, last: float) -> np.ndarray:
     """Times (s,) at which steps end: those of the grid ahead of the start, and the end."""
     if grid is None:
-        stops = np.empty(1)
-        stops[0] = last
-        return stops
+        return np.array([last])
     ahead = grid[1:] if grid[0] == first else grid
     return ahead.copy() if ahead.size and ahead[-1] == last else np.append(ahead, last)
 

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from gsp.integration.loop import Numbers, Record
+from gsp.integration.loop import Numbers
 from gsp.integration.methods import Method, Solver, solver_of
+from gsp.integration.room import Record, RecordInRoom
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
 from gsp.kernels.landing import LANDING_RECORD, land
+from gsp.kernels.launch import read_room
 from gsp.lowering.compiled_flow import CompiledFlow
-
-
-class Output(NamedTuple):
-    """The states (reached, n) at the first times of a grid, as many as a run `reached`."""
-
-    states: np.ndarray
-    reached: int
 
 
 def read(
     compiled: CompiledFlow, p: Numbers, record: Record, grid: np.ndarray, *, rtol: float, atol: float
-) -> Output:
-    """The states at the times `grid` (m,), writable, that `record` covers; what that costs is added to its counters.
+) -> tuple[np.ndarray, int]:
+    """The states (reached, n) at the times `grid` (m,) that `record` covers, writable, and how many those are.
 
-    The first `record.series` steps were made by Taylor series, before its method went on.
+    What that costs is added to the record's counters. Its first `series` steps were made by Taylor series, before its
+    method went on.
     """
+    out = np.empty((len(grid), compiled.size))
+    if type(record) is RecordInRoom:
+        # In one call, without cutting the record out.
+        solver = solver_of(record.method, rtol)
+        reached, looks = divmod(read_room(solver.check, record.room, grid, out), 2)
+        if looks:
+            part = record.times, record.states, record.dense
+            _land(compiled, p, solver, record, part, grid[:reached], out[:reached], rtol=rtol, atol=atol)
+        return (out if reached == len(grid) else out[:reached]), reached
     times, states, dense, series = record.times, record.states, record.dense, record.series
-    out = np.empty((len(grid), states.shape[1]))
     parts = [(record.method, times, states, dense)]
     if series:
         parts = [
@@ -37,32 +41,33 @@ def read(
             (record.method, times[series:], states[series:], dense[series:]),
         ]
     reached = 0
-    for method, ends, values, between in parts:
+    for method, *part in parts:
         before = reached
         solver = solver_of(method, rtol)
-        reached, looks = kernels.read_grid(solver.check, rtol, atol, ends, values, between, grid, before, out)
+        reached, looks = kernels.read_grid(solver.check, rtol, atol, *part, grid, before, out)
         if looks:
             new = slice(before, reached)
-            spent = _land(compiled, p, solver, ends, values, between, grid[new], out[new], rtol=rtol, atol=atol)
-            for i in range(len(record.counters)):
-                record.counters[i] += spent[i]
-    return Output(out if reached == len(grid) else out[:reached], reached)
+            _land(compiled, p, solver, record, part, grid[new], out[new], rtol=rtol, atol=atol)
+    return (out if reached == len(grid) else out[:reached]), reached
 
 
 def _land(
     compiled: CompiledFlow,
     p: Numbers,
     solver: Solver,
-    times: np.ndarray,
-    states: np.ndarray,
-    dense: np.ndarray,
+    record: Record,
+    part: Sequence[np.ndarray],
     grid: np.ndarray,
     out: np.ndarray,
     *,
     rtol: float,
     atol: float,
-) -> list[int]:
-    """Replace the rows of `out` (m, n) that are in doubt by landing on their times `grid` (m,); what that costs."""
+) -> None:
+    """Replace the rows of `out` (m, n) that are in doubt by landing on their times `grid` (m,).
+
+    `part` is times, states and dense output of the steps in question; `record` is told what it costs.
+    """
+    times, states, dense = part
     program, constants = solver.program(compiled), np.array(p, float)
     doubts, counters = np.empty(len(grid), np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
     linear = None if solver.check == kernels.CHECKS_EXPLICIT else program
@@ -78,4 +83,5 @@ def _land(
             == ledger.LOOPS_WANTED
         ):
             solver.give_loops(program)
-    return counters.tolist()
+    for i, spent in enumerate(counters[: len(record.counters)].tolist()):
+        record.counters[i] += spent

@@ -64,7 +64,7 @@ class ReducedFlow(Flow, Card):
         known = plain(start, names) if names else None
         if known is not None:
             if over is not None:
-                known += over(np.array(known)).tolist()
+                known = (*known, *over(np.array(known)).tolist())
                 known = [known[place] for place in places]
             return (*known, *rest)
         given = named(start, what="start")

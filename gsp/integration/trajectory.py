@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import sympy as sp
@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.crossings import LOOK, Stepper
-from gsp.integration.events import NOT_MET, Crossings, Event, compile_events, met_within
+from gsp.integration.events import NOT_MET, CompiledEvents, Crossings, Event, compile_events, met_within
 from gsp.integration.explanations import explain
 from gsp.integration.loop import (
     RECORD,
-    Record,
     Run,
     Stats,
     check_grid,
@@ -36,7 +35,8 @@ from gsp.integration.methods import (
     choose_method,
     fast_times,
 )
-from gsp.integration.output import Output, read
+from gsp.integration.output import read
+from gsp.integration.room import Record
 from gsp.integration.watching import ending_of, pair_passed, search_of
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow
@@ -62,28 +62,30 @@ class Trajectory(Drawn, Tabular):
 
     flow: Flow
     epsilon: float | None
-    t: np.ndarray
-    y: np.ndarray
     events: Mapping[str, Crossings]
     _record: Record
-    _note: str
-    _remedy: str
+    _note: str = ""
+    _remedy: str = ""
 
     def __init__(
-        self,
-        flow: Flow,
-        epsilon: float | None,
-        t: np.ndarray,
-        y: np.ndarray,
-        events: Mapping[str, Crossings],
-        _record: Record,
-        _note: str,
-        _remedy: str,
+        self, flow: Flow, epsilon: float | None, record: Record, told: dict[str, Any] | None = None
     ) -> None:
-        # At once: the __init__ written for a frozen class, attribute by attribute, is a tenth of a short run.
-        self.__dict__.update(
-            flow=flow, epsilon=epsilon, t=t, y=y, events=events, _record=_record, _note=_note, _remedy=_remedy
-        )
+        # Past the frozen class's own way of setting an attribute, which takes twice as long. `told` is
+        # what there is beside the record: `t` and `y` where they are not its own, and all that has a default.
+        mine = self.__dict__
+        mine["flow"], mine["epsilon"], mine["events"], mine["_record"] = flow, epsilon, NOT_MET, record
+        if told is not None:
+            mine.update(told)
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        """The times (m,), in the order of integration."""
+        return frozen(self._record.times)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        """The states (n_states, m) over `t`."""
+        return frozen(frozen(self._record.states).T)
 
     @property
     def status(self) -> Status:
@@ -122,7 +124,7 @@ class Trajectory(Drawn, Tabular):
             raise GspError(
                 "t is a number or a one-dimensional array.", got=f"the shape {times.shape}", value=times.shape
             )
-        ends, states, dense = self._record.times, self._record.states, self._record.dense
+        ends, states, dense = map(frozen, (self._record.times, self._record.states, self._record.dense))
         if len(dense) < len(ends) - 1:
             raise GspError(
                 "the trajectory holds no values between its steps.",
@@ -143,7 +145,9 @@ class Trajectory(Drawn, Tabular):
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
-        return replace(self, t=frozen(times), y=frozen(self.at(times)))
+        told = {"t": frozen(times), "y": frozen(self.at(times)), "events": self.events}
+        told |= {"_note": self._note, "_remedy": self._remedy}
+        return Trajectory(self.flow, self.epsilon, self._record, told)
 
     @cached_property
     def _observed(self) -> np.ndarray:
@@ -285,54 +289,77 @@ def trajectory_of(
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
     asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
-    search = ending = begun = None
     # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
     # where events are looked for, since a step may pass over a pulse.
     reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
-    stops = stops_of(None if reads else grid, first, last)
-    tries = asked is not None and chosen is None and flow.is_stiff
-    if tries and begins_with_series(
-        compiled, rtol, fast_times(compiled, np.array(p), np.array(y), first, last)
+    stops = (last,) if reads or grid is None else stops_of(grid, first, last)
+    if asked is not None and chosen is None and flow.is_stiff:
+        times = fast_times(compiled, np.array(p), np.array(y), first, last)
+        if begins_with_series(compiled, rtol, times):
+            # A step is gone over again by the method that made it, so that a watched run keeps to one.
+            found = trajectory_of(
+                flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
+                max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
+            )  # fmt: skip
+            if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
+                return found
+    reduced = flow.is_reduced
+    # Most runs of a reduced flow keep clear of every loss; what is seen of one that does not is made and told again.
+    tests = cast("ReducedFlow", flow).tests if reduced and asked is None and progress is None else None
+    # By place, at a third of what so many names cost.
+    wanted = Run._make(
+        (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
+         RECORD if tests is None else LOOK, 0.0, keeps, tests, grid.size if reads and grid is not None else 0)
+    )  # fmt: skip
+    record = run(wanted) if tests is not None or not (reduced or asked is not None) else None
+    told = None
+    if (
+        record is None
+        or record.status is not Status.SUCCESS
+        or (reduced and cast("ReducedFlow", flow).leaves_pairs)
     ):
-        # A step is gone over again by the method that made it, so that a watched run keeps to one.
-        found = trajectory_of(
-            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
-            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
-        )  # fmt: skip
-        if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
-            return found
-    record = None
-    if flow.is_reduced and asked is None and progress is None:
-        # Most runs keep clear of every loss; what is seen of one that does not is made and told again below.
-        # By place, at a third of what so many names cost.
-        tests = cast("ReducedFlow", flow).tests
-        record = run(
-            Run._make(
-                (compiled, p, y, first, stops, chosen, rtol, atol, limit, True, None, None, LOOK, 0.0, keeps, tests, 0)
-            )
-        )  # fmt: skip
+        record, told = _told(flow, wanted, record, asked, (first, last), grid)
+    if grid is not None:
+        states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)
+        if not dense:
+            record = record.replaced(dense=record.dense[:0].copy())
+        told = told or {}
+        # What was not reached is left out.
+        told["t"] = frozen(grid if reached == len(grid) else grid[:reached])
+        told["y"] = frozen(frozen(states).T)
+    # The checked float, which prints.
+    return Trajectory(flow, None if flow.epsilon is None else p[0], record, told)
+
+
+def _told(
+    flow: Flow,
+    wanted: Run,
+    record: Record | None,
+    asked: CompiledEvents | None,
+    span: tuple[float, float],
+    grid: np.ndarray | None,
+) -> tuple[Record, dict[str, Any]]:
+    """What is made of a run that is looked at from Python or has failed, and what is told of it.
+
+    `record` is that of the quick run, if there was one.
+    """
+    compiled, p, y = wanted.compiled, np.array(wanted.p), np.array(wanted.y)
+    first, last = span
     status = None if record is None else record.status
-    if status is Status.SUCCESS:
-        pass
-    elif asked is not None or flow.is_reduced:
-        chosen = chosen or choose_method(compiled, rtol)
-        stepper = Stepper(compiled, np.array(p), chosen, rtol, atol)
-        state = np.array(y)  # pyright: ignore[reportAssignmentType]
+    search = ending = begun = None
+    if status is not Status.SUCCESS and (asked is not None or flow.is_reduced):
+        chosen = wanted.method or choose_method(compiled, wanted.rtol)
+        wanted = wanted._replace(method=chosen)
+        stepper = Stepper(compiled, p, chosen, wanted.rtol, wanted.atol)
         if flow.is_reduced:
-            ending = ending_of(flow, stepper, (first, last), state, stops_of(grid, first, last))  # pyright: ignore[reportArgumentType]
-            begun = ending.at_start(first, state)  # pyright: ignore[reportArgumentType]
-        search = search_of(asked, ending, stepper, (first, last), state)  # pyright: ignore[reportArgumentType]
+            ending = ending_of(flow, stepper, span, y, stops_of(grid, first, last))
+            begun = ending.at_start(first, y)
+        search = search_of(asked, ending, stepper, span, y)
     if begun is not None:
-        record = standing(first, np.array(y), begun.status, chosen or choose_method(compiled, rtol))
-    elif record is None or (status is not Status.SUCCESS and status is not Status.INTERRUPTED):
+        record = standing(first, y, begun.status, wanted.method or choose_method(compiled, wanted.rtol))
+    elif record is None or (search is not None and status is not Status.INTERRUPTED):
         rows = LOOK if search is not None and search.can_end else RECORD
-        keeps_dense = dense or reads or search is not None
-        record = run(
-            Run._make(
-                (compiled, p, y, first, stops, chosen, rtol, atol, limit, keeps_dense, progress, search, rows, 0.0,
-                 keeps, None, grid.size if reads and grid is not None else 0)
-            )
-        )  # fmt: skip
+        record = run(wanted._replace(watch=search, dense=True, rows_kept=rows, tests=None))
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: Mapping[str, Crossings] = NOT_MET
     if search is not None:
@@ -352,36 +379,9 @@ def trajectory_of(
         record, note, override = cut
         crossings = met_within(crossings, first, float(record.times[-1]))
     if record.status is not Status.SUCCESS:
-        known, remedy = explain(flow, np.array(p), record, last)
+        known, remedy = explain(flow, p, record, last)
         note, override = note or known, override or remedy
-    # The checked float, which prints.
-    small = None if flow.epsilon is None else p[0]
-    output = None
-    if grid is not None:
-        output = read(compiled, p, record, grid, rtol=rtol, atol=atol)
-        if not dense:
-            record = record._replace(dense=record.dense[:0].copy())
-    return _trajectory(flow, small, grid, record, output, crossings, note, override)
-
-
-def _trajectory(
-    flow: Flow,
-    epsilon: float | None,
-    grid: np.ndarray | None,
-    record: Record,
-    output: Output | None,
-    crossings: Mapping[str, Crossings],
-    note: str,
-    remedy: str,
-) -> Trajectory:
-    t, states = record.times, record.states
-    for array in (t, states, record.dense):
-        array.setflags(write=False)
-    y = states.T
-    if grid is not None and output is not None:
-        # What was not reached is left out.
-        t, y = frozen(grid[: output.reached]), frozen(output.states.T)
-    return Trajectory(flow, epsilon, t, y, crossings, record, note, remedy)
+    return record, {"events": crossings, "_note": note, "_remedy": override}
 
 
 def _start(flow: Flow, start: Point) -> tuple[float, ...]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from gsp.integration.crossings import Search, Stepper
 from gsp.integration.events import CompiledEvents
-from gsp.integration.loop import Record
+from gsp.integration.room import Record
 from gsp.systems.flow import Flow
 
 if TYPE_CHECKING:
@@ -29,11 +28,11 @@ def ending_of(
     return Ending(flow, stepper, span, y, stops)
 
 
-def pair_passed(flow: Flow, p: Sequence[float], record: Record) -> tuple[Record, str, str] | None:
+def pair_passed(flow: Flow, p: np.ndarray, record: Record) -> tuple[Record, str, str] | None:
     """Of the run of a reduced flow that has passed an imaginary pair unseen, what holds; a note and a remedy."""
     from gsp.integration.reduction_end.passed_pairs import cut_at_pair
 
-    return cut_at_pair(cast("ReducedFlow", flow), np.array(p), record)
+    return cut_at_pair(cast("ReducedFlow", flow), p, record)
 
 
 def search_of(

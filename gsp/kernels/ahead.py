@@ -22,10 +22,10 @@ from gsp.kernels.compilation import is_kept
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.evaluate import evaluate_many
-from gsp.kernels.grid import doubt_grid, read_grid, runs_along
+from gsp.kernels.grid import doubt_grid, runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
-from gsp.kernels.launch import launch, launch_watched, rate_at_start
+from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_room
 from gsp.kernels.radau import radau
 from gsp.kernels.taylor import taylor
 from gsp.kernels.zero_derivative import at_order, to_tolerance
@@ -36,18 +36,17 @@ _SHEETS = types.Array(_REAL, 4, "C")
 _WHOLES, _TAPE = types.Array(_WHOLE, 1, "C"), types.Array(_WHOLE, 2, "C")
 _KEPT = tuple(types.Array(_REAL, axes, "C", readonly=True) for axes in (1, 2, 3))
 _RECORD = (_REALS, _ROWS, _LAYERS)
-_LAUNCHED = (_REALS, _REALS, _WHOLE, _REALS, _WHOLES, *_RECORD)
 _POINTS = (_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE, _ROWS, _ROWS)
 
 IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     (evaluate_many, (_WHOLE, _ROWS, _REALS, _ROWS)),
     (runs_along, (_REALS, _REAL, _REAL)),
-    (rate_at_start, (_WHOLES, _REALS, _WHOLE)),
+    (begins_mildly, (_WHOLES, _REALS, _REAL)),
     (radau, METHOD.args),
-    (launch, (_WHOLES, *_LAUNCHED)),
-    (read_grid, (_WHOLE, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _ROWS)),
+    (launch, (_WHOLES, _REALS)),
+    (read_room, (_WHOLE, _REALS, _REALS, _ROWS)),
     (dop853, METHOD.args),
-    (launch_watched, (_WHOLES, _WHOLES, *_LAUNCHED)),
+    (launch_watched, (_WHOLES, _WHOLES, _REALS)),
     (taylor, METHOD.args),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
     (flow_jet_with_tangents, JET.args),

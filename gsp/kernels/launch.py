@@ -1,64 +1,148 @@
-"""A run from its start, as Python calls it: few arrays, because each costs 50 ns, and what is cheap here done here.
+"""A run from its start, as Python calls it: each array of a call costs 50 ns, and all of a run lies in one, its room.
 
-    launch(program, given, stops, max_steps, work, counters, times, states, dense)
+    launch(program, room)
 
-calls the integrator of `program` with the start, tolerances, y and p of `given`, with `memory` and `rate` from `work`,
-and with a record behind row 0 of `times` (k + 1,) and `states` (k + 1, n), which is filled with where the run stands.
-Before that `counters` holds zeros, and `work` too, but for a step to try first with its rate. The same `given`, `work`
-and `counters` go on with a run whose record is full. The code is the ledger's.
+begins the run that the room describes, or goes on with it, by the integrator of `program`; the code is the ledger's.
+The room (k,) is, one part behind the other,
+
+    whole numbers     the ledger's limit of steps and what HEAD names, as bits
+    counters          the ledger's
+    given             the time of the start, the tolerances, a first step to try or 0, then y (n,), which moves with the
+                      run, then p, then the stops
+    work              the integrator's memory, the signs of what is watched, the rate (n,)
+    record            times (length + 1,), states (length + 1, n) and dense (length or 0, rows, n), the start in row 0
+
+Before the first call the numbers of HEAD and `given` are there, and BEGUN is 0; nothing else need be. A run whose
+record is full goes on in a room with another record, in front of which all is the same.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
-from gsp.kernels.compilation import kernel
+from gsp.kernels.call import call
+from gsp.kernels.compilation import inlined_kernel, kernel
+from gsp.kernels.grid import read_grid
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero
 from gsp.kernels.step_control import largest_rate
 
-# given: the time of the start and the tolerances; then y (n,), which moves with the run, then p.
-FIRST = 0
-RTOL = 1
-ATOL = 2
-Y = 3
+# Whole numbers: whether the run is begun, the bound on its attempted steps; how many states, entries of p, stops,
+# entries of the integrator's memory, functions that are watched, rows of a record, of them with a dense output, and
+# rows of that.
+BEGUN, LIMIT, STATES, CONSTANTS, STOPS, MEMORY, WATCHES, LENGTH, DENSE, ROWS = range(10)
+HEAD = 10
+COUNTERS = HEAD
+GIVEN = COUNTERS + ledger.COUNTERS_SIZE
+# given.
+FIRST, RTOL, ATOL, FIRST_STEP = range(GIVEN, GIVEN + 4)
+Y = GIVEN + 4
+
+
+def before_record(n, constants, stops, memory, watches):
+    """Where the record begins."""
+    return Y + n + constants + stops + memory + watches + n
+
+
+_before_record = inlined_kernel(before_record)
+
+
+@inlined_kernel
+def _start_of_record(head):
+    return _before_record(head[STATES], head[CONSTANTS], head[STOPS], head[MEMORY], head[WATCHES])
 
 
 @kernel
-def rate_at_start(program, given, n):
-    """`largest_rate` where a run starts."""
-    return largest_rate(program, given[FIRST], given[Y : Y + n], given[Y + n :])
+def begins_mildly(derivatives, room, border):
+    """Whether the start has so few fast times before it, |J| (t1 - t0), where the run is to begin."""
+    head = room[:HEAD].view(np.int64)
+    p = Y + head[STATES]
+    stops = p + head[CONSTANTS]
+    span = abs(room[stops + head[STOPS] - 1] - room[FIRST])
+    return largest_rate(derivatives, room[FIRST], room[Y:p], room[p:stops]) * span <= border
 
 
 @kernel
-def launch(program, given, stops, max_steps, work, counters, times, states, dense):
+def launch(program, room):
     """Begin a run, or go on with it."""
-    n = states.shape[1]
-    times[0] = given[FIRST] if counters[ledger.FIELD_CALLS] == 0 else work[ledger.TIME]
-    work[ledger.TIME] = times[0]
+    head = room[:HEAD].view(np.int64)
+    counters = room[COUNTERS:GIVEN].view(np.int64)
+    n = head[STATES]
+    constants = Y + n
+    stops = constants + head[CONSTANTS]
+    work = stops + head[STOPS]
+    rate = work + head[MEMORY] + head[WATCHES]
+    record = rate + n
+    length = head[LENGTH]
+    states = record + length + 1
+    dense = states + (length + 1) * n
+    memory = room[work : work + head[MEMORY]]
+    y = room[Y:constants]
+    p = room[constants:stops]
+    if head[BEGUN] == 0:
+        head[BEGUN] = 1
+        counters[:] = 0
+        room[work:record] = 0.0
+        memory[ledger.TIME] = room[FIRST]
+        if room[FIRST_STEP] != 0.0:
+            memory[ledger.STEP] = room[FIRST_STEP]
+            call(program[ledger.FIELD], room[FIRST], y, p, room[rate:record])
+    room[record] = memory[ledger.TIME]
     for i in range(n):
-        states[0, i] = given[Y + i]
+        room[states + i] = y[i]
     return call_method(
-        program[ledger.METHOD], program, given[Y + n :], stops, given[RTOL], given[ATOL], max_steps,
-        given[Y : Y + n], work[-n:], work[:-n], counters, times[1:], states[1:], dense,
+        program[ledger.METHOD], program, p, room[stops:work], room[RTOL], room[ATOL], head[LIMIT],
+        y, room[rate:record], memory, counters,
+        room[record + 1 : states],
+        room[states + n : dense].reshape((length, n)),
+        room[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
     )  # fmt: skip
 
 
 @kernel
-def launch_watched(program, functions, given, stops, max_steps, work, counters, times, states, dense):
+def launch_watched(program, functions, room):
     """`launch`, with a look along the steps that are made: LOOK_WANTED where a watched function may pass through zero.
 
-    `functions` are as `scan` takes them; their signs, zeros at first, stand in `work` between `memory` and `rate`.
+    `functions` are as `scan` takes them; their signs, zeros at first, stand in the room.
     """
-    n = states.shape[1]
-    signs = work[work.size - n - functions[WATCHED] : work.size - n]
-    before = counters[ledger.STEPS]
-    code = launch(program, given, stops, max_steps, work, counters, times, states, dense)
+    head = room[:HEAD].view(np.int64)
+    counters = room[COUNTERS:GIVEN].view(np.int64)
+    before = counters[ledger.STEPS] if head[BEGUN] != 0 else 0
+    code = launch(program, room)
     new = counters[ledger.STEPS] - before
-    p = given[Y + n :]
-    if signs[0] == 0.0 and (new == 0 or not begins_clear(functions, p, signs, times[0], states[0])):
+    n = head[STATES]
+    p = room[Y + n : Y + n + head[CONSTANTS]]
+    record = _start_of_record(head)
+    signs = room[record - n - functions[WATCHED] : record - n]
+    states = record + head[LENGTH] + 1
+    dense = states + (head[LENGTH] + 1) * n
+    start = room[states : states + n]
+    if signs[0] == 0.0 and (new == 0 or not begins_clear(functions, p, signs, room[record], start)):
         return ledger.LOOK_WANTED
     if new and not clear_of_zero(
-        functions, p, signs, times[0], states[0], times[1 : new + 1], states[1:], dense
-    ):
+        functions, p, signs, room[record], start, room[record + 1 : record + new + 1],
+        room[states + n : dense].reshape((head[LENGTH], n)),
+        room[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
+    ):  # fmt: skip
         return ledger.LOOK_WANTED
     return code
+
+
+@kernel
+def read_room(check, room, grid, out):
+    """`grid.read_grid` from the record of a room: twice how many of `grid` (m,) are read, and 1 more where it looks."""
+    head = room[:HEAD].view(np.int64)
+    n = head[STATES]
+    steps = room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS]
+    record = _start_of_record(head)
+    states = record + head[LENGTH] + 1
+    dense = states + (head[LENGTH] + 1) * n
+    between = min(steps, head[DENSE])
+    reached, looks = read_grid(
+        check, room[RTOL], room[ATOL], room[record : record + steps + 1],
+        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
+        room[dense : dense + between * head[ROWS] * n].reshape((between, head[ROWS], n)),
+        grid, 0, out,
+    )  # fmt: skip
+    return 2 * reached + (1 if looks else 0)

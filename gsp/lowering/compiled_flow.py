@@ -261,11 +261,20 @@ class CompiledFlow:
     def _values(self) -> tuple[float, ...]:
         return float("nan"), *[nearest_double(exact(value)) for value in self.values.values()]
 
+    @_made_once
+    def _fixed(self) -> tuple[float, ...]:
+        return self._values[1:]
+
+    @_made_once
+    def layouts(self) -> dict:
+        """What integrators keep of their runs over this flow, by method; see `integration.room`."""
+        return {}
+
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
         """p = (epsilon, *parameter values) for the functions here; see `parameter_vector`."""
         symbol = self.expressions.epsilon
         if symbol is not None and type(epsilon) is float and 1.0 / LARGEST <= epsilon <= LARGEST:
-            return epsilon, *self._values[1:]
+            return epsilon, *self._fixed
         if symbol is None:
             if epsilon is not None:
                 raise DeclarationError(
@@ -279,7 +288,7 @@ class CompiledFlow:
             raise DeclarationError(
                 f"this flow depends on {symbol}.", "Give its value, as in epsilon=0.01.", got="epsilon=None"
             )
-        return check_epsilon(epsilon), *self._values[1:]
+        return check_epsilon(epsilon), *self._fixed
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
         return compile_function(

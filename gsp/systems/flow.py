@@ -29,6 +29,7 @@ Point = Mapping[str, float] | Mapping[sp.Symbol, float]
 """Numbers by name or by symbol."""
 # What float() takes without being a number.
 _NO_NUMBERS = frozenset({bool, np.bool_, bytes, np.ndarray, np.complex64, np.complex128})
+_FLOATS = frozenset({float})
 # Series of higher order than any that double precision can use; more would take for ever.
 HIGHEST_ORDER = 200
 
@@ -75,7 +76,12 @@ class Flow(Portable):
 
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
-        return complete(start, self.states, what="start")
+        known = plain(start, self._names_of_states)
+        return complete(start, self.states, what="start") if known is None else known
+
+    @cached_property
+    def _names_of_states(self) -> tuple[str, ...]:
+        return tuple(state.name for state in self.states)
 
     def initials(self, starts: Mapping[str, np.ndarray]) -> np.ndarray:
         """State array (m, n) from columns (m,) of finite numbers by name; row by row it is what `initial` gives."""
@@ -115,7 +121,7 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     """Values in the order of `states` of a point that names every state and nothing else."""
     known = plain(point, [state.name for state in states])
     if known is not None:
-        return tuple(known)
+        return known
     # Keyed by symbols, or wrong: `named` reads the one and names the other.
     given = named(point, what=what)
     names = [state.name for state in states]
@@ -137,18 +143,18 @@ def check_given(
         raise DeclarationError(f"{what} gives no value for {', '.join(missing)}.", remedy, got=given)
 
 
-def plain(point: Point, names: Collection[str]) -> list[float] | None:
+def plain(point: Point, names: Collection[str]) -> tuple[float, ...] | None:
     """The finite numbers of a point that is keyed by these names and no others; None for one that is not so plain."""
     # The built-in type stands in front because asking the abstract class takes longer than all the rest.
-    if (
-        isinstance(point, (dict, Mapping))
-        and len(point) == len(names)
-        and _NO_NUMBERS.isdisjoint(map(type, point.values()))
-    ):
-        try:
-            values = [float(point.get(name)) for name in names]  # pyright: ignore[reportArgumentType, reportCallIssue]
-        except (TypeError, ValueError, OverflowError):
-            return None
+    if isinstance(point, (dict, Mapping)) and len(point) == len(names):
+        values: tuple = (*map(point.get, names),)  # pyright: ignore[reportArgumentType]
+        if not _FLOATS.issuperset(map(type, values)):
+            if not _NO_NUMBERS.isdisjoint(map(type, values)):
+                return None
+            try:
+                values = (*map(float, values),)
+            except (TypeError, ValueError, OverflowError):
+                return None
         # A sum is finite only when all its terms are.
         if isfinite(sum(values)):
             return values

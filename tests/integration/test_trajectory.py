@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError, GspError, Status
+from gsp.integration import loop, output, room
 from gsp.integration.events import Event
 from gsp.integration.loop import Run, run
 from gsp.integration.trajectory import Method, integrate
@@ -435,3 +436,28 @@ def test_a_run_of_one_step_holds_nothing_inside_it_unless_asked_to():
 def test_times_in_rows_and_columns_are_refused(shape):
     with pytest.raises(GspError, match=r"one-dimensional array. Got the shape"):
         oscillate().at(np.full(shape, 0.5))
+
+
+@pytest.mark.parametrize("at", [None, [0.5, 1.0]])
+def test_a_run_and_its_reading_are_a_call_of_compiled_code_each_and_nothing_is_cut_before_it_is_read(
+    at, monkeypatch
+):
+    field = oscillator()
+    asked = {"start": {"x": 1.0, "y": 0.0}, "span": (0.0, 1.0), "at": at, "method": Method.RADAU9}
+    run_before = integrate(field, **asked)
+    expected = run_before.at(0.3), run_before.y
+    calls = []
+
+    def counted(module, name):
+        function = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *given: calls.append(name) or function(*given))
+
+    counted(loop, "launch")
+    counted(output, "read_room")
+    counted(room, "cut")
+    found = integrate(field, **asked)
+    assert calls == ["launch", *["read_room"] * (at is not None)]
+    assert np.array_equal(found.at(0.3), expected[0])
+    assert np.array_equal(found.y, expected[1])
+    assert calls[-1] == "cut"
+    assert calls.count("cut") == 1

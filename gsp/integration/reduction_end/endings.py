@@ -22,11 +22,12 @@ from gsp.integration.crossings import (
     Stepper,
     Watched,
 )
-from gsp.integration.loop import Record, advance, standing
+from gsp.integration.loop import advance, standing
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
+from gsp.integration.room import Record
 from gsp.kernels.scan import ON_LOSS, clear_of_zero
 
 # A pair with a real part below this share of its modulus is imaginary.
@@ -123,7 +124,7 @@ class Ending:
             if not sizes[-1] <= VANISHED * sizes.max():
                 return record, "", ""
             return (
-                record._replace(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
+                record.replaced(status=Status.HYPERBOLICITY_LOST), self._zero_note(record.states[-1]), ACROSS
             )  # fmt: skip
         tail = self._into(loss, float(record.times[j]), record.states[j])
         status, note, remedy = self._named(loss)
@@ -291,7 +292,7 @@ class Ending:
             line[-1] = fold.state
             times, states = np.append(times, new), np.vstack([states, line])
             dense = np.concatenate([dense, np.zeros((len(new), *record.dense.shape[1:]))])
-        return record._replace(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
+        return record.replaced(times=times, states=states, dense=dense, status=Status.FOLD_REACHED)
 
     def _between(self, first: float, last: float) -> np.ndarray:
         """The stops strictly between two times."""

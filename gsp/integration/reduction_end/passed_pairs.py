@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.loop import Record
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.endings import ACROSS
 from gsp.integration.reduction_end.validity import Validity, eigenvalues, validity_of
+from gsp.integration.room import Record
 
 # All eigenvalues of n by n take about 25 n^3 operations. So many are spent on a run: a second or two.
 OPERATIONS = 1e10
@@ -41,7 +41,7 @@ def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Recor
     while bad - good > 1:
         middle = (good + bad) // 2
         good, bad = (middle, bad) if _unstable(validity, states[middle], p) == wanted else (good, middle)
-    kept = record._replace(
+    kept = record.replaced(
         times=record.times[: good + 1].copy(),
         states=states[: good + 1].copy(),
         dense=record.dense[:good].copy(),

@@ -1,0 +1,193 @@
+"""The room of a run: what is entered there before it, and what is read there after it; see `kernels.launch`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from struct import Struct
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gsp.errors import Status
+from gsp.integration.methods import Method, Solver, solver_of, taylor_order
+from gsp.kernels import launch as kernels
+from gsp.kernels import ledger
+from gsp.kernels.launch import before_record
+from gsp.lowering.compiled_flow import CompiledFlow
+
+
+class Layout(NamedTuple):
+    """What all rooms of one method's runs over one flow have in common.
+
+    `enter(room, 0, *numbers)` writes HEAD, the time of the start, the tolerances, the first step, y, p and one stop,
+    and zeros for the counters.
+    """
+
+    solver: Solver
+    program: np.ndarray
+    enter: Callable[..., None]
+    constants: int
+    memory: int
+    before: int
+    """Where the record begins in a room with one stop in which nothing is watched."""
+
+
+def layout_of(compiled: CompiledFlow, method: Method, rtol: float) -> Layout:
+    """The layout for a method at a tolerance."""
+    known = compiled.layouts
+    key = method if method is not Method.TAYLOR else taylor_order(rtol)
+    found = known.get(key)
+    if found is None:
+        found = known[key] = _laid_out(compiled, solver_of(method, rtol))
+    return found
+
+
+def _laid_out(compiled: CompiledFlow, solver: Solver) -> Layout:
+    n, constants = compiled.size, len(compiled.constants)
+    memory = solver.memory_size(n)
+    # Counters are the bytes that are skipped, which makes them zeros.
+    skipped = 8 * ledger.COUNTERS_SIZE
+    enter = Struct(f"{kernels.HEAD}q{skipped}x{kernels.Y - kernels.GIVEN + n + constants + 1}d").pack_into
+    return Layout(
+        solver, solver.program(compiled), enter, constants, memory, before_record(n, constants, 1, memory, 0)
+    )
+
+
+class Piece(NamedTuple):
+    """Steps one after the other: `times` (k + 1,) and `states` (k + 1, n) with the start, `dense` (k or 0, rows, n)."""
+
+    times: np.ndarray
+    states: np.ndarray
+    dense: np.ndarray
+
+
+def cut(room: np.ndarray, earlier: int = 0) -> Piece:
+    """The steps in the record of a room, where `earlier` ones were made in other rooms."""
+    _, _, n, constants, stops, memory, watches, length, dense, rows = (
+        room[: kernels.HEAD].view(np.int64).tolist()
+    )
+    count = steps_in(room) - earlier
+    times = before_record(n, constants, stops, memory, watches)
+    states = times + length + 1
+    between = states + (length + 1) * n
+    kept = count if dense else 0
+    return Piece(
+        room[times : times + count + 1],
+        room[states : states + (count + 1) * n].reshape(count + 1, n),
+        room[between : between + kept * rows * n].reshape(kept, rows, n),
+    )
+
+
+def counters_in(room: np.ndarray) -> list[int]:
+    """The ledger's counters up to STIFF."""
+    return room[kernels.COUNTERS : kernels.COUNTERS + ledger.STIFF + 1].view(np.int64).tolist()
+
+
+def steps_in(room: np.ndarray) -> int:
+    """How many steps were made by now, in this room and those before it."""
+    return counters_in(room)[ledger.STEPS]
+
+
+def time_in(room: np.ndarray) -> float:
+    """How far the run has come."""
+    _, _, n, constants, stops, *_ = room[: kernels.HEAD].view(np.int64).tolist()
+    return float(room[kernels.Y + n + constants + stops + ledger.TIME])
+
+
+def next_room(room: np.ndarray, length: int) -> np.ndarray:
+    """A room with an empty record of so many rows, in which the run goes on."""
+    _, _, n, constants, stops, memory, watches, _, dense, rows = room[: kernels.HEAD].view(np.int64).tolist()
+    before = before_record(n, constants, stops, memory, watches)
+    ahead = np.empty(before + (length + 1) * (1 + n) + (length * rows * n if dense else 0))
+    ahead[:before] = room[:before]
+    head = ahead[: kernels.HEAD].view(np.int64)
+    head[kernels.LENGTH], head[kernels.DENSE] = length, length if dense else 0
+    return ahead
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What an integration cost. `stiff` is a finding of the explicit method: stability bounds its step."""
+
+    method: Method
+    steps: int
+    rejected: int
+    field_calls: int
+    jacobian_calls: int
+    decompositions: int
+    stiff: bool = False
+
+
+class Record:
+    """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
+
+    `counters` are the ledger's up to STIFF. The first `series` steps were made by Taylor series, before the method.
+    """
+
+    series = 0
+
+    def __init__(
+        self,
+        times: np.ndarray,
+        states: np.ndarray,
+        dense: np.ndarray,
+        status: Status,
+        method: Method,
+        counters: list[int],
+        series: int = 0,
+    ) -> None:
+        self.times, self.states, self.dense = times, states, dense
+        self.status, self.method, self.counters, self.series = status, method, counters, series
+
+    def replaced(self, **changes: Any) -> Record:
+        """The same but for some attributes."""
+        names = "times", "states", "dense", "status", "method", "counters", "series"
+        return Record(**{name: changes[name] if name in changes else getattr(self, name) for name in names})
+
+    @property
+    def stats(self) -> Stats:
+        """Method and counters by name."""
+        *counts, stiff = self.counters
+        return Stats(self.method, *counts, stiff=stiff == 1)
+
+    @property
+    def attempts(self) -> int:
+        """Steps taken and rejected."""
+        return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
+
+
+class RecordInRoom(Record):
+    """A record that lies in the one room of its run, from which it is cut when it is read."""
+
+    def __init__(self, room: np.ndarray, status: Status, method: Method) -> None:
+        self.room, self.status, self.method = room, status, method
+
+    @cached_property
+    def _piece(self) -> Piece:
+        return cut(self.room)
+
+    @property
+    def times(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Ends of the steps (k + 1,), with the start."""
+        return self._piece.times
+
+    @property
+    def states(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """States there (k + 1, n)."""
+        return self._piece.states
+
+    @property
+    def dense(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Dense output (k or 0, rows, n)."""
+        return self._piece.dense
+
+    @cached_property
+    def counters(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the base has them."""
+        return counters_in(self.room)
+
+    def __reduce__(self) -> tuple:
+        parts = self.times, self.states, self.dense, self.status, self.method, self.counters
+        return Record, parts
