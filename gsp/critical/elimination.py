@@ -54,7 +54,7 @@ class Pieces:
 
 def pieces(system: SlowFastSystem) -> Pieces:
     """The zero set of g(x, y, 0), piece by piece."""
-    g0 = [laurent(g, system.epsilon, order=0).get(0, sp.Integer(0)) for g in system.g]
+    g0 = [laurent(g, system.epsilon, order=0)[0] for g in system.g]
     found = Pieces()
     for choice in _components(g0, system, found):
         for equations, graph in _eliminate(choice, {}, system, found):

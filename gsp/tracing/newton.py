@@ -64,7 +64,7 @@ def newton(
         size = length(step, point)
         if not np.isfinite(size):
             return Solution(point, Status.NON_FINITE, iteration)
-        if previous < np.inf and size > max(rules.growth * previous, rules.hopeless):
+        if size > max(rules.growth * previous, rules.hopeless):
             setbacks += 1
             if setbacks == rules.setbacks:
                 return Solution(point, Status.NOT_CONVERGED, iteration)

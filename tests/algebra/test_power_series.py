@@ -78,3 +78,10 @@ def test_extending_an_order_twice_replaces_it() -> None:
     known[1] = ring.one
     program.extend(1)
     assert ring.to_sympy(node.coefficients[1]) == 2 * x
+
+
+@pytest.mark.parametrize(
+    "exponent", [sp.Rational(1, n) for n in (2, 3, 5)] + [sp.Rational(-1, 2), sp.Rational(2, 3)]
+)
+def test_roots_are_those_of_their_exponent(exponent: sp.Expr) -> None:
+    check((1 + y) ** exponent, 3 + x + eps)

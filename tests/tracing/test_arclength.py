@@ -223,3 +223,42 @@ def test_the_place_beside_is_before_the_one_that_was_asked_for() -> None:
     Line(refuse).located(1.0, 0.5, lambda at: at - 1.25, (-0.25, 0.25), apart=0.01)
     first = next(i for i, at in enumerate(asked) if abs(at - 1.25) < 1e-4)
     assert asked[first + 1] == pytest.approx(asked[first] - 0.005)
+
+
+def test_of_all_places_on_the_way_the_one_with_the_least_value_is_kept() -> None:
+    visited = []
+
+    def test(at: float) -> float:
+        visited.append(at)
+        return np.arctan(40 * (at - 1.3))
+
+    found = Line(lambda *_: False).located(1.0, 0.4, test, (test(1.0), test(1.4)), apart=1e-12)
+    assert found is not None
+    assert abs(test(found[0])) == min(abs(test(at)) for at in visited[2:-1])
+    assert found[1] == pytest.approx(found[0] - 1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.1])
+def test_the_turn_of_a_step_is_the_angle_between_its_tangents(step: float) -> None:
+    curve = tracer(CIRCLE, step=step)
+    stride = curve.step(_start(curve), step)
+    assert stride is not None
+    # The new point lies a step along the old tangent, which is the sine of the angle on a circle of radius 1.
+    assert stride.turn == pytest.approx(np.arcsin(step))
+    assert stride.node.tangent @ [-0.8, 0.6] == pytest.approx(np.cos(stride.turn))
+
+
+def test_a_curve_closes_only_where_it_passes_its_start_in_the_direction_in_which_it_left() -> None:
+    curve = tracer(CIRCLE, step=0.05)
+    trace = curve.run(np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+
+    def closes(before: float, after: float, along: tuple[float, float]) -> bool:
+        a, b = (np.array([np.cos(angle), np.sin(angle)]) for angle in (before, after))
+        return curve._closes(trace, a, b, np.array(along))
+
+    assert closes(-0.03, 0.02, (0.0, 1.0))
+    assert not closes(-0.03, 0.02, (0.0, -1.0))
+    assert not closes(-0.03, 0.02, (1.0, 0.0))
+    assert not closes(0.02, 0.07, (0.0, 1.0))
+    assert not closes(-0.07, -0.02, (0.0, 1.0))
+    assert not closes(3.11, 3.16, (0.0, 1.0))

@@ -9,7 +9,7 @@ from gsp.errors import Status
 from gsp.tracing.newton import Rules, Solution, newton
 
 
-def ended(*lengths: float, steps: int | None = None, **rules: float) -> Solution[float]:
+def ended(*lengths: float, steps: int | None = None, rounding: float = 1e-3, **rules: float) -> Solution[float]:
     """The end of an iteration from 0 whose steps are so long; NaN for a singular system."""
     taken = iter(lengths)
 
@@ -24,7 +24,7 @@ def ended(*lengths: float, steps: int | None = None, **rules: float) -> Solution
         step_of,
         length=lambda step, _: step,
         moved=lambda point, step, share: point + share * step,
-        rules=Rules(len(lengths) if steps is None else steps, 1e-3, **rules),  # pyright: ignore[reportArgumentType]
+        rules=Rules(len(lengths) if steps is None else steps, rounding, **rules),  # pyright: ignore[reportArgumentType]
     )
 
 
@@ -59,6 +59,15 @@ def test_a_small_step_that_falls_no_more_is_rounding() -> None:
     assert how(ended(0.31, 0.3, 0.2, last=0.05, stagnant=0.3)) == (Status.NOT_CONVERGED, 3)
     # The first step has none before it.
     assert how(ended(0.04, 0.02, last=0.05, stagnant=0.3)) == (Status.SUCCESS, 2)
+
+
+def test_unless_asked_for_no_step_is_the_last_but_one_and_none_is_hopeless() -> None:
+    assert how(ended(1e-10, 1e-10, 1e-10, rounding=1e-15)) == (Status.NOT_CONVERGED, 3)
+    assert how(ended(1e-12, 1e-10, 1e-16, rounding=1e-15, growth=2.0)) == (Status.NOT_CONVERGED, 2)
+    assert how(ended(1.0, 1e9, 1e-16, rounding=1e-15)) == (Status.SUCCESS, 3)
+    # A third of the step before is what stagnation is told by.
+    assert how(ended(0.1, 0.031, 7.0, last=0.05)) == (Status.SUCCESS, 2)
+    assert how(ended(0.1, 0.029, 7.0, last=0.05)) == (Status.SUCCESS, 3)
 
 
 def test_so_many_setbacks_end_it() -> None:
