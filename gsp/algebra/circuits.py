@@ -13,6 +13,7 @@ from typing import Any
 import flint
 import sympy as sp
 
+from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import CONSTANTS, RULES
 from gsp.algebra.polynomials import rational
 from gsp.algebra.sharing import plus, reciprocal, times
@@ -22,7 +23,7 @@ from gsp.errors import BudgetError, HyperbolicityError
 GATES = 400_000
 
 
-class Gate:
+class Gate(Subtractable):
     """A step of a program: `kind` of `inputs`, which are gates, and `what`, a number, a symbol or a function's name."""
 
     __slots__ = ("index", "inputs", "kind", "ring", "what")
@@ -33,12 +34,6 @@ class Gate:
 
     def __add__(self, other: Gate | int) -> Gate:
         return self.ring.sum(self, self.ring.lift(other))
-
-    def __neg__(self) -> Gate:
-        return self * -1
-
-    def __sub__(self, other: Gate) -> Gate:
-        return self + (-other)
 
     def __mul__(self, other: Gate | int | flint.fmpq | sp.Rational) -> Gate:
         return self.ring.product(self, self.ring.lift(other))

@@ -14,6 +14,7 @@ from math import isqrt
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import RULES
 
 
@@ -21,7 +22,7 @@ class NotClosed(Exception):
     """An operation whose result is no exponential polynomial with rational coefficients."""
 
 
-class ExponentialPolynomial:
+class ExponentialPolynomial(Subtractable):
     """sum over rates lambda and powers n of c tau^n exp(lambda tau); `terms` maps lambda to (c_0, c_1, ...)."""
 
     __slots__ = ("ring", "terms")
@@ -47,12 +48,6 @@ class ExponentialPolynomial:
             for n, c in enumerate(coefficients):
                 own[n] += c
         return ExponentialPolynomial(self.ring, terms)
-
-    def __neg__(self) -> ExponentialPolynomial:
-        return self * -1
-
-    def __sub__(self, other: ExponentialPolynomial) -> ExponentialPolynomial:
-        return self + (-other)
 
     def __mul__(self, other: ExponentialPolynomial | int | Fraction) -> ExponentialPolynomial:
         if not isinstance(other, ExponentialPolynomial):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import flint
 import sympy as sp
 
+from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import CONSTANTS, RULES
 from gsp.errors import HyperbolicityError
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from gsp.algebra.ring import LocalisedRing
 
 
-class Element:
+class Element(Subtractable):
     """N / D^e in a `LocalisedRing`; supports + - * with elements and integers."""
 
     __slots__ = ("_numerator", "exponents", "ring")
@@ -41,9 +42,6 @@ class Element:
 
     def __neg__(self) -> Element:
         return Element(self.ring, -self.numerator, self.exponents)
-
-    def __sub__(self, other: Element) -> Element:
-        return self + (-other)
 
     def __mul__(self, other: Element | int | flint.fmpq | sp.Rational) -> Element:
         if isinstance(other, Element):

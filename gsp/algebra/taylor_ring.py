@@ -13,6 +13,7 @@ import flint
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import NumberField, arb
+from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import CONSTANTS, RULES
 from gsp.algebra.polynomials import rational
 from gsp.errors import HyperbolicityError
@@ -197,7 +198,7 @@ class Balls(Rationals):
         return sp.Float(a.mid().str(digits + 5, radius=False), digits)
 
 
-class Taylor:
+class Taylor(Subtractable):
     """sum_j c_j t^j with `length` correct coefficients, in a `TaylorRing`."""
 
     __slots__ = ("length", "polynomial", "ring")
@@ -218,9 +219,6 @@ class Taylor:
 
     def __neg__(self) -> Taylor:
         return Taylor(self.ring, -self.polynomial, self.length)
-
-    def __sub__(self, other: Taylor) -> Taylor:
-        return self + (-other)
 
     def __mul__(self, other: Taylor | int) -> Taylor:
         if isinstance(other, int):

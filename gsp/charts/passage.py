@@ -26,7 +26,7 @@ from gsp.charts.style import (
     name_axes,
 )
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delay_measurement import MeasuredDelay
 from gsp.singular.passage.fold_measurement import FoldExit
 from gsp.singular.passage.folds import FoldPassage
@@ -113,12 +113,7 @@ def critical_lines(
 ) -> None:
     """g(x, y, 0) = 0 of a planar system in the frame, x across, solid where it attracts."""
     g = laurent(system.g[0], system.epsilon, order=0)[0]
-    function = compile_function(
-        [g, derivative(g, system.y[0])],
-        arguments=system.states,
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    function = compile_over(system, [g, derivative(g, system.y[0])])
     p = compile_flow(system).constants
     u, v = np.meshgrid(np.linspace(xs[0], xs[1], LINE), np.linspace(ys[0], ys[1], LINE))
     values = function(np.column_stack([u.ravel(), v.ravel()]), p)[:, 0].reshape(LINE, LINE)
@@ -221,27 +216,12 @@ def delayed_exit(measured: MeasuredDelay, axes: Axes) -> None:
     with np.errstate(under="ignore"):
         grown = measured.radius * np.exp(np.clip((delayed.phi - phi_exit) / epsilon, -600.0, 600.0))
         noisy = np.exp(np.clip((delayed.phi - phi_loss) / epsilon - delayed.rounding, -600.0, 600.0))
-    keep = after & (grown < top) & (grown > bottom)
-    axes.semilogy(
-        delayed.times[keep],
-        grown[keep],
-        color=BLUE,
-        lw=0.9,
-        ls=(0, (4, 2)),
-        zorder=2,
-        label=r"$\exp(\Phi/\epsilon)$",
-    )
+    growths = [(grown, r"$\exp(\Phi/\epsilon)$", BLUE, (0, (4, 2)))]
     if measured.expected_double is not None:
-        keep = after & (noisy < top) & (noisy > bottom)
-        axes.semilogy(
-            delayed.times[keep],
-            noisy[keep],
-            color=VERMILION,
-            lw=0.9,
-            ls=(0, (1, 2)),
-            zorder=2,
-            label="from rounding",
-        )
+        growths.append((noisy, "from rounding", VERMILION, (0, (1, 2))))
+    for growth, name, colour, dashes in growths:
+        keep = after & (growth < top) & (growth > bottom)
+        axes.semilogy(delayed.times[keep], growth[keep], color=colour, lw=0.9, ls=dashes, zorder=2, label=name)
     axes.axhline(measured.radius, color=PALE, lw=1.0, zorder=0)
     marks = [(loss.t, str(loss.kind), GREY), (delayed.t, str(delayed.kind), GREEN)]
     if delayed.buffer is not None and abs(delayed.buffer - delayed.t) > 1e-6:

@@ -12,7 +12,7 @@ from gsp.analysis.analysis import Analysis
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.scenes.view import TIME
 from gsp.slow.truncation import errors, past
 from gsp.systems.flow import Flow
@@ -77,12 +77,7 @@ def evaluate(
     outputs: Sequence[sp.Expr], flow: Flow, epsilon: float, points: np.ndarray, arguments=None
 ) -> np.ndarray:
     """Values (m, outputs) of expressions in `arguments`, by default the flow's states, at `points` (m, n)."""
-    function = compile_function(
-        tuple(outputs),
-        arguments=tuple(arguments or flow.states),
-        epsilon=flow.epsilon,
-        parameters=tuple(flow.parameters),
-    )
+    function = compile_over(flow, tuple(outputs), arguments=tuple(arguments or flow.states))
     return function(points, parameter_vector(flow, epsilon))
 
 

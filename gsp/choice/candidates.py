@@ -56,13 +56,13 @@ class Candidate:
 
     kind: ModelKind
     order: int | None
-    predicted: float
-    holds_until: float
-    seconds: float
-    preparation: float
-    steps: float
-    field_calls: float
-    valid: bool
+    predicted: float = float("nan")
+    holds_until: float = float("nan")
+    seconds: float = float("nan")
+    preparation: float = float("nan")
+    steps: float = float("nan")
+    field_calls: float = float("nan")
+    valid: bool = False
     why_not: str = ""
     failure: Failure | None = None
 
@@ -77,11 +77,8 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     prediction = outlook.prediction
     first, last = scene.span
     if order not in outlook.flows:
-        nothing = float("nan")
-        return Candidate(
-            *(ModelKind.REDUCED, order, nothing, first, nothing, nothing, nothing, nothing, False),
-            why_not=f"not looked at: the series is run through order {outlook.series.order} only",
-        )
+        why = f"not looked at: the series is run through order {outlook.series.order} only"
+        return Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why)
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
@@ -112,40 +109,19 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
     if not end - first > LEAST_SHARE * (last - first):
-        nothing = float("nan")
         why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
         return Candidate(
-            *(
-                ModelKind.REDUCED,
-                order,
-                predicted,
-                holds,
-                nothing,
-                outlook.preparation[order],
-                nothing,
-                nothing,
-            ),
-            valid=False,
-            why_not=why,
-            failure=failure,
-        )
+            ModelKind.REDUCED, order, predicted, holds,
+            preparation=outlook.preparation[order], why_not=why, failure=failure,
+        )  # fmt: skip
     seconds, run = _timed(
         lambda: run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
     )
     share = (end - first) / (last - first)
     return Candidate(
-        ModelKind.REDUCED,
-        order,
-        predicted,
-        holds,
-        seconds / share,
-        outlook.preparation[order],
-        run.stats.steps / share,
-        run.stats.field_calls / share,
-        not why,
-        why,
-        failure,
-    )
+        ModelKind.REDUCED, order, predicted, holds, seconds / share, outlook.preparation[order],
+        run.stats.steps / share, run.stats.field_calls / share, not why, why, failure,
+    )  # fmt: skip
 
 
 def _untold(prediction: Prediction, order: int) -> str:
@@ -162,10 +138,7 @@ def solved_candidate(
     """The flow on the solved manifold: tried when no reduced flow is exact enough, for it takes seconds to solve."""
 
     def left_out(why: str) -> tuple[Candidate, None]:
-        nothing = float("nan")
-        return Candidate(
-            ModelKind.SOLVED, None, nothing, scene.span[0], nothing, nothing, nothing, nothing, False, why
-        ), None
+        return Candidate(ModelKind.SOLVED, None, holds_until=scene.span[0], why_not=why), None
 
     serving = next((c for c in reduced if c.valid), None)
     if serving is not None:
@@ -196,19 +169,11 @@ def solved_candidate(
     elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
         failure = Failure.ERROR
         why = f"{failure}"
+    holds, preparation = scene.span[0] if why else last, outlook.shared + surface.preparation
     candidate = Candidate(
-        ModelKind.SOLVED,
-        None,
-        predicted,
-        scene.span[0] if why else last,
-        seconds,
-        outlook.shared + surface.preparation,
-        float(run.stats.steps),
-        float(run.stats.field_calls),
-        not why,
-        why,
-        failure,
-    )
+        ModelKind.SOLVED, None, predicted, holds, seconds, preparation,
+        float(run.stats.steps), float(run.stats.field_calls), not why, why, failure,
+    )  # fmt: skip
     return candidate, surface
 
 
@@ -233,10 +198,8 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     shorter, half = _timed(lambda: run_model(flow, start, scene, (first, middle), rtol, method=method))
     if not run.status.ok:
         # What it would cost to the end is not known.
-        nothing = float("nan")
         candidate = Candidate(
-            *(ModelKind.FULL, None, rtol, float(run.t[-1]), nothing, preparation, nothing, nothing, False),
-            why_not=run.message,
+            ModelKind.FULL, None, rtol, float(run.t[-1]), preparation=preparation, why_not=run.message
         )
         return candidate, (first, end)
     done = run.stats.steps
@@ -246,16 +209,9 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     each = float(np.clip((seconds - shorter) / extra, 0.1 * seconds / done, seconds / done))
     total = done + more
     candidate = Candidate(
-        ModelKind.FULL,
-        None,
-        rtol,
-        last,
-        seconds + each * more,
-        preparation,
-        total,
-        run.stats.field_calls * total / done,
-        True,
-    )
+        ModelKind.FULL, None, rtol, last, seconds + each * more, preparation,
+        total, run.stats.field_calls * total / done, True,
+    )  # fmt: skip
     return candidate, (first, end)
 
 

@@ -20,13 +20,13 @@ def json_option(function: Any) -> Any:
     return click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")(function)
 
 
-def orders_through(order: int | None) -> tuple[int, ...] | None:
-    """The orders 0 to `order`."""
+def orders_through(order: int | None) -> dict[str, Any]:
+    """`orders`, 0 to `order`, as a keyword; none when the verb chooses them."""
     if order is None:
-        return None
+        return {}
     if order < 0:
         raise DeclarationError("--order is a non-negative integer.", got=order)
-    return tuple(range(order + 1))
+    return {"orders": tuple(range(order + 1))}
 
 
 OPTIONS = {

@@ -26,8 +26,7 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
     from gsp.comparison.classical_table import method_table
 
-    orders = orders_through(order)
-    table = method_table(scene) if orders is None else method_table(scene, orders=orders)
+    table = method_table(scene, **orders_through(order))
     if as_json:
         from gsp.report import plain
 
@@ -77,19 +76,11 @@ def chart(
         if failures:
             from gsp.comparison.failures import failure_map
 
-            found = (
-                failure_map(scene, progress=advance)
-                if orders is None
-                else failure_map(scene, orders=orders, progress=advance)
-            )
+            found = failure_map(scene, progress=advance, **orders)
         else:
             from gsp.comparison.work_curves import work_precision
 
-            found = (
-                work_precision(scene, progress=advance)
-                if orders is None
-                else work_precision(scene, orders=orders, progress=advance)
-            )
+            found = work_precision(scene, progress=advance, **orders)
     axes = charts.failure_map(found) if failures else charts.work_precision(found)
     picture = charts.drawn(axes, target.suffix[1:].lower())
     check_interrupt()
@@ -117,12 +108,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
     """The cheapest of the reduced flows and the full system that meets the tolerance of MODEL, and why."""
     from gsp.choice.choice import choose as choose_model
 
-    orders = orders_through(order)
-    choice = (
-        choose_model(scene, tolerance=tolerance)
-        if orders is None
-        else choose_model(scene, tolerance=tolerance, orders=orders)
-    )
+    choice = choose_model(scene, tolerance=tolerance, **orders_through(order))
     if as_json:
         from gsp.report import choice_as_json
 

@@ -64,11 +64,7 @@ def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool)
 
     orders = orders_through(order)
     with progress_bar("runs") as show:
-        found = (
-            compare_flows(scene, progress=show)
-            if orders is None
-            else compare_flows(scene, orders=orders, progress=show)
-        )
+        found = compare_flows(scene, progress=show, **orders)
     _give(found, output, as_json)
 
 

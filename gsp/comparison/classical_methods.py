@@ -20,7 +20,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.critical.branch import Branch
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.slow_track import divide
 from gsp.systems.system import SlowFastSystem
@@ -99,12 +99,7 @@ class _Code:
 
     def _function(self, outputs: list[sp.Expr]) -> CompiledFunction:
         system = self._system
-        return compile_function(
-            outputs,
-            arguments=system.states,
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
-        )
+        return compile_over(system, outputs)
 
 
 @lru_cache(maxsize=8)

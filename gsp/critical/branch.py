@@ -29,7 +29,7 @@ from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, 
 from gsp.errors import BranchError
 from gsp.kernels.sheets import follow_sheet, follow_sheets
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function, finite_rows
+from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
 from gsp.systems.flow import Point, Portable, as_points
 from gsp.systems.region import Interval
@@ -243,9 +243,7 @@ class Branch(Portable, Card):
         return None if row is None else self._compiled(tuple(row), self.system.x)
 
     def _compiled(self, outputs, arguments):
-        return compile_function(
-            outputs, arguments=arguments, epsilon=self.system.epsilon, parameters=tuple(self.system.parameters)
-        )
+        return compile_over(self.system, outputs, arguments=arguments)
 
     def graph_values(self, x: np.ndarray, *, allow_complex: bool = False) -> np.ndarray:
         y = self._graph_function(x, self._values)

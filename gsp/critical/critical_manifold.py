@@ -18,7 +18,7 @@ from gsp.critical.sheet_points import place
 from gsp.critical.sheet_roots import fast_bounds, within
 from gsp.errors import BranchError, GspError
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.splitting.splitting import split
 from gsp.systems.arguments import check_noun
@@ -101,9 +101,7 @@ class CriticalManifold(Card):
 
 def _values(expressions: Sequence[sp.Expr], system: SlowFastSystem, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Values (k,) at one point, not a number where an expression is not real there."""
-    function = compile_function(
-        expressions, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
-    )
+    function = compile_over(system, expressions)
     return function(np.concatenate([x, y]), compile_flow(system).constants)
 
 

@@ -15,7 +15,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.sheet_points import Allowance, solve_each
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function, finite_rows
+from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.systems.region import Interval
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
@@ -122,12 +122,7 @@ class Sampler:
     def compiled(self, outputs: Sequence[sp.Expr]):
         """`outputs` as a compiled function of z."""
         system = self.system
-        return compile_function(
-            tuple(outputs),
-            arguments=system.states,
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
-        )
+        return compile_over(system, tuple(outputs))
 
     def _derivatives(self, outputs: Sequence[sp.Expr]):
         """`outputs` as a compiled function of z; where they overflow as they stand, in a form that does not."""

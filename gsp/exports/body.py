@@ -36,6 +36,19 @@ def body_of(
     return Body(steps, results, frozenset(s for output in outputs for s in output.free_symbols))
 
 
+def bodies_of(
+    language: Language, model: ReducedModel, names: Mapping[sp.Symbol, str], reserved: Iterable[str]
+) -> tuple[tuple[Body, str], tuple[Body, str]]:
+    """The bodies of the two functions of a text, rates and slow manifold, with what a comment says of each."""
+    return (
+        (body_of(language, model, model.rates, names, reserved), named("The rates of", model.states, names)),
+        (
+            body_of(language, model, model.manifold, names, reserved),
+            named("The slow manifold:", model.observed, names),
+        ),
+    )
+
+
 def values_of(model: ReducedModel, *, with_epsilon: bool = False) -> list[tuple[sp.Symbol, str]]:
     """Parameters with their default values, to the last bit."""
     first = [(model.epsilon, repr(model.value))] if with_epsilon else []

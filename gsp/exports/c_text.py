@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from gsp.exports.body import Body, body_of, commented, named, starts_of, values_of
+from gsp.exports.body import Body, bodies_of, commented, named, starts_of, values_of
 from gsp.exports.languages import C_WORDS, C
 from gsp.exports.names import renamed
 from gsp.exports.reduced_model import ReducedModel
@@ -19,11 +19,8 @@ def c_text(model: ReducedModel) -> str:
     listed = ", ".join(value for _, value in parameters) or "0.0"
     head = f"const double *state, double {names[model.epsilon]}, const double *parameters, double *out"
     functions = []
-    for name, outputs, says in (
-        ("reduced_rates", model.rates, named("The rates of", model.states, names)),
-        ("reduced_slow_manifold", model.manifold, named("The slow manifold:", model.observed, names)),
-    ):
-        body = body_of(C, model, outputs, names, C_WORDS)
+    bodies = bodies_of(C, model, names, C_WORDS)
+    for name, (body, says) in zip(("reduced_rates", "reduced_slow_manifold"), bodies):
         lines = [f"(void){word};" for word in ("state", names[model.epsilon], "parameters")]
         lines += _read(model, body, names)
         lines += [f"const double {step} = {text};" for step, text in body.steps]

@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp.algebra.sharing import is_shared
 from gsp.errors import BudgetError
-from gsp.exports.body import body_of, commented, named, starts_of, values_of
+from gsp.exports.body import bodies_of, body_of, commented, named, starts_of, values_of
 from gsp.exports.c_text import c_text
 from gsp.exports.languages import (
     JAVASCRIPT,
@@ -31,11 +31,8 @@ def javascript_text(model: ReducedModel) -> str:
     parameters = values_of(model)
     listed = ", ".join(f"{names[s]}: {value}" for s, value in parameters)
     functions = []
-    for name, outputs, says in (
-        ("rates", model.rates, named("The rates of", model.states, names)),
-        ("slowManifold", model.manifold, named("The slow manifold:", model.observed, names)),
-    ):
-        body = body_of(JAVASCRIPT, model, outputs, names, JAVASCRIPT_WORDS)
+    bodies = bodies_of(JAVASCRIPT, model, names, JAVASCRIPT_WORDS)
+    for name, (body, says) in zip(("rates", "slowManifold"), bodies):
         lines = [f"const {names[s]} = state[{i}];" for i, s in enumerate(model.states) if s in body.used]
         used = [names[s] for s, _ in parameters if s in body.used]
         if used:
@@ -56,11 +53,8 @@ def julia_text(model: ReducedModel) -> str:
     """Julia functions that return a vector, keyword arguments for parameters."""
     names = renamed(model.symbols, reserved=JULIA_WORDS)
     functions = []
-    for name, outputs, says in (
-        ("rates", model.rates, named("The rates of", model.states, names)),
-        ("slow_manifold", model.manifold, named("The slow manifold:", model.observed, names)),
-    ):
-        body = body_of(JULIA, model, outputs, names, JULIA_WORDS)
+    bodies = bodies_of(JULIA, model, names, JULIA_WORDS)
+    for name, (body, says) in zip(("rates", "slow_manifold"), bodies):
         values = ", ".join(f"{names[s]} = {value}" for s, value in values_of(model))
         lines = [f"{names[s]} = state[{i + 1}]" for i, s in enumerate(model.states) if s in body.used]
         lines += [f"{step} = {text}" for step, text in body.steps]

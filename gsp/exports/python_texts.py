@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsp.exports.body import body_of, commented, named, starts_of, values_of
+from gsp.exports.body import bodies_of, commented, named, starts_of, values_of
 from gsp.exports.languages import CASADI, JAX, PYTHON, PYTHON_WORDS
 from gsp.exports.names import renamed
 from gsp.exports.printing import Language
@@ -39,11 +39,8 @@ def casadi_text(model: ReducedModel) -> str:
 def _functions(model: ReducedModel, language: Language, end: str) -> str:
     names = renamed(model.symbols, reserved=PYTHON_WORDS)
     functions = []
-    for head, outputs, says in (
-        ("rates(t, state", model.rates, named("The rates of", model.states, names)),
-        ("slow_manifold(state", model.manifold, named("The slow manifold:", model.observed, names)),
-    ):
-        body = body_of(language, model, outputs, names, PYTHON_WORDS)
+    bodies = bodies_of(language, model, names, PYTHON_WORDS)
+    for head, (body, says) in zip(("rates(t, state", "slow_manifold(state"), bodies):
         values = "".join(f", {names[s]}={v}" for s, v in values_of(model, with_epsilon=True))
         lines = [f"{names[s]} = state[{i}]" for i, s in enumerate(model.states) if s in body.used]
         lines += [f"{name} = {text}" for name, text in body.steps]

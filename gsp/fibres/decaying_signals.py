@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import CONSTANTS
 
 # Nodes per panel: a panel as long as a step of an order-8 method at rtol 1e-13 is resolved to rounding.
@@ -83,7 +84,7 @@ class Panels:
         return np.where(inside, result, 0.0)
 
 
-class Signal:
+class Signal(Subtractable):
     """`outer`, coefficients (d,) of a polynomial in tau, plus `samples` (P, m) of a decaying part, or None for 0."""
 
     __slots__ = ("_values", "outer", "ring", "samples")
@@ -113,12 +114,6 @@ class Signal:
         if self.samples is None or other.samples is None:
             return Signal(self.ring, outer, other.samples if self.samples is None else self.samples)
         return Signal(self.ring, outer, self.samples + other.samples)
-
-    def __neg__(self) -> Signal:
-        return self * -1
-
-    def __sub__(self, other: Signal) -> Signal:
-        return self + (-other)
 
     def __mul__(self, other: Signal | int | float) -> Signal:
         if not isinstance(other, Signal):

@@ -16,7 +16,7 @@ from gsp.errors import BranchError, HyperbolicityError
 from gsp.fibres.decaying_signals import Panels, Signal, SignalRing, chebyshev, tail
 from gsp.integration.trajectory import Method, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -126,12 +126,7 @@ class _Layer:
         return [laurent(g, self.system.epsilon, order=0).get(0, sp.Integer(0)) for g in self.system.g]
 
     def _function(self, outputs: list[sp.Expr], y: np.ndarray) -> np.ndarray:
-        function = compile_function(
-            outputs,
-            arguments=self.system.states,
-            epsilon=self.system.epsilon,
-            parameters=tuple(self.system.parameters),
-        )
+        function = compile_over(self.system, outputs)
         z = np.hstack([np.broadcast_to(self.x, (len(y), len(self.x))), y])
         return function(z, compile_flow(self.system).constants)
 

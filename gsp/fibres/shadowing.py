@@ -19,7 +19,7 @@ from gsp.fibres.inner_expansion import Problem
 from gsp.fibres.layer_orbit import land
 from gsp.integration.trajectory import Method, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.lowering.tape import write_tape
 from gsp.slow.series import expand
 from gsp.slow.slow_points import zero_derivative
@@ -207,11 +207,8 @@ class _SlowFlow:
         self._height = height
         self._slow = len(system.x)
         self._p = parameter_vector(system, epsilon)
-        self._rates = compile_function(
-            (*system.f, *problem.driven_rates),
-            arguments=(*system.x, *problem.driven, *system.y),
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
+        self._rates = compile_over(
+            system, (*system.f, *problem.driven_rates), arguments=(*system.x, *problem.driven, *system.y)
         )
 
     def rates(self, z: np.ndarray) -> tuple[np.ndarray, float]:

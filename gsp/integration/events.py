@@ -13,7 +13,7 @@ import sympy as sp
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, Named
 from gsp.integration.crossings import Settled, Watched, settle_event
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
 from gsp.systems.flow import Flow, frozen
@@ -146,12 +146,7 @@ def compile_events(flow: Flow, events: Event | Iterable[Event], p: np.ndarray) -
         slopes = [derivative(g, s) for s in arguments]
         rates.append(sp.Add(*[slope * rate for slope, rate in zip(slopes, (*flow.rates, sp.S.One))]))
         sizes.append(sp.Add(*[sp.Abs(slope * s, evaluate=False) for slope, s in zip(slopes, arguments)]))
-    function = compile_function(
-        (*expressions, *rates, *sizes),
-        arguments=arguments,
-        epsilon=flow.epsilon,
-        parameters=tuple(flow.parameters),
-    )
+    function = compile_over(flow, (*expressions, *rates, *sizes), arguments=arguments)
     return CompiledEvents(given, len(flow.states), function, p)
 
 

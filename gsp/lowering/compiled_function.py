@@ -23,7 +23,7 @@ from gsp.kernels.evaluate import evaluate_many
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.kernel_call import Call, write_calls
 from gsp.lowering.steps.values import SIGNATURE, constant, fill, load, store
-from gsp.systems.flow import Values
+from gsp.systems.flow import Flow, Values
 
 # Functions and steps that are kept when nothing uses them any more; each takes about 1 MB, and 2 to 20 ms to compile.
 MOST_KEPT = 96
@@ -88,8 +88,8 @@ def compile_function(
     outputs: Sequence[sp.Expr],
     *,
     arguments: Sequence[sp.Symbol],
-    epsilon: sp.Symbol | None,
-    parameters: Sequence[sp.Symbol],
+    epsilon: sp.Symbol | None = None,
+    parameters: Sequence[sp.Symbol] = (),
     through: Values = MappingProxyType({}),
     calls: tuple[Call, ...] = (),
     scheduled: bool = False,
@@ -112,6 +112,23 @@ def compile_function(
             calls,
             scheduled,
         )
+
+
+def compile_over(
+    flow: Flow,
+    outputs: Sequence[sp.Expr],
+    *,
+    arguments: Sequence[sp.Symbol] | None = None,
+    scheduled: bool = False,
+) -> CompiledFunction:
+    """`outputs` as functions of the states of `flow`, or of `arguments`, and of its epsilon and parameters."""
+    return compile_function(
+        outputs,
+        arguments=flow.states if arguments is None else arguments,
+        epsilon=flow.epsilon,
+        parameters=tuple(flow.parameters),
+        scheduled=scheduled,
+    )
 
 
 def finite_rows(values: np.ndarray) -> np.ndarray:
@@ -151,30 +168,15 @@ def _compile(
         store(builder, value, out, i)
     builder.ret_void()
     engine = build(str(module), library=LIBRARY, scheduled=scheduled)
-    source = outputs, arguments, epsilon, parameters, dict(through), calls, scheduled
+    source = outputs, arguments, epsilon, parameters, through, calls, scheduled
     return CompiledFunction(
         engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
     )
 
 
-def _compiled_again(
-    outputs: tuple[sp.Expr, ...],
-    arguments: tuple[sp.Symbol, ...],
-    epsilon: sp.Symbol | None,
-    parameters: tuple[sp.Symbol, ...],
-    through: Values,
-    calls: tuple[Call, ...],
-    scheduled: bool,
-) -> CompiledFunction:
-    return compile_function(
-        outputs,
-        arguments=arguments,
-        epsilon=epsilon,
-        parameters=parameters,
-        through=through,
-        calls=calls,
-        scheduled=scheduled,
-    )
+def _compiled_again(*source: Any) -> CompiledFunction:
+    with MAKING:
+        return _compile(*source)
 
 
 def exact(expression: object) -> sp.Expr:

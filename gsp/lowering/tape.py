@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.lowering.instructions import write_instructions
 from gsp.lowering.remembering import remembered
 from gsp.systems.system import SlowFastSystem
@@ -41,10 +41,5 @@ def write_tape(system: SlowFastSystem) -> Tape:
     (7, 4)
     """
     written = write_instructions(system.states, (*system.f, *system.g))
-    constants = compile_function(
-        list(written.constants) or [sp.S.Zero],
-        arguments=(),
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    constants = compile_over(system, list(written.constants) or [sp.S.Zero], arguments=())
     return Tape(np.array(written.rows, dtype=np.int64), np.array(written.outputs, dtype=np.int64), constants)

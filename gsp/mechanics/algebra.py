@@ -262,9 +262,7 @@ def numbers(
     parameters: Mapping[sp.Symbol, sp.Expr],
 ) -> np.ndarray:
     """Values (m, len(expressions)) at `points` (m, len(symbols)), parameters at their values."""
-    function = compile_function(
-        tuple(expressions), arguments=tuple(symbols), epsilon=None, parameters=tuple(parameters)
-    )
+    function = compile_function(tuple(expressions), arguments=tuple(symbols), parameters=tuple(parameters))
     constants = np.array([float("nan"), *(float(value) for value in parameters.values())])
     return np.asarray(function(np.array(points, dtype=float, ndmin=2), constants))
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import sympy as sp
@@ -165,8 +165,8 @@ class FrictionSystem:
         start: Point,
         span: Interval,
         epsilon: float,
-        epsilons: Iterable[float],
-        tolerance: float,
+        epsilons: Iterable[float] | None = None,
+        tolerance: float = 1e-6,
         path: tuple[str, str] | None = None,
         name: str = "",
         title: str = "",
@@ -198,7 +198,7 @@ class FrictionSystem:
             states,
             span,
             epsilon,
-            tuple(epsilons),
+            cast("tuple[float, ...]", epsilons),
             tolerance,
             name=name,
             title=title,

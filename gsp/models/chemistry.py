@@ -31,8 +31,6 @@ def michaelis_menten() -> Scene:
         start={"s": 1, "c": 0},
         span=(0, 5),
         epsilon=0.05,
-        epsilons=(0.1, 0.05, 0.025, 0.0125),
-        tolerance=1e-6,
         source='L. A. Segel and M. Slemrod, "The quasi-steady-state assumption", SIAM Review 31 (1989) 446-477',
         description="An enzyme binds its substrate fast and releases the product slowly.",
     )
@@ -58,8 +56,6 @@ def davis_skodje() -> Scene:
         start={"y1": 3, "y2": 1.5},
         span=(0, 5),
         epsilon=0.1,
-        epsilons=(0.2, 0.1, 0.05, 0.025),
-        tolerance=1e-6,
         source="M. J. Davis and R. T. Skodje, Journal of Chemical Physics 111 (1999) 859-874",
         description="A test problem for reduction methods: its slow manifold does not move with epsilon.",
     )
@@ -89,8 +85,6 @@ def lindemann() -> Scene:
         start={"x": 1, "y": 0},
         span=(0, 5),
         epsilon=0.05,
-        epsilons=(0.1, 0.05, 0.025, 0.0125),
-        tolerance=1e-6,
         source=(
             "F. A. Lindemann, Transactions of the Faraday Society 17 (1922) 598-606; M. S. Calder and "
             "D. Siegel, Electronic Journal of Qualitative Theory of Differential Equations 2011, no. 8"
@@ -122,8 +116,6 @@ def koper() -> Scene:
         start={"y": 0, "z": 0.5, "x": 2.4},
         span=(0, 0.3),
         epsilon=0.01,
-        epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         source="M. T. M. Koper, Physica D 80 (1995) 72-94; M. Desroches et al., SIAM Review 54 (2012) 211-288",
         description="An electrochemical oscillator, on one attracting sheet of its folded critical manifold.",
     )

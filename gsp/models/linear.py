@@ -24,8 +24,6 @@ def linear() -> Scene:
         start={"y": 1, "x": 0},
         span=(0, 3),
         epsilon=0.05,
-        epsilons=(0.1, 0.05, 0.025, 0.0125),
-        tolerance=1e-6,
         source="A. N. Tikhonov, Mat. Sbornik 31 (1952) 575-586, the linear case",
         description="The smallest system with two time scales; every stage has a closed form.",
     )

@@ -33,7 +33,6 @@ def fitzhugh_nagumo() -> Scene:
         span=(0, 1),
         epsilon=0.02,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         source=(
             "R. FitzHugh, Biophysical Journal 1 (1961) 445-466; J. Nagumo, S. Arimoto and S. Yoshizawa, "
             "Proceedings of the IRE 50 (1962) 2061-2070"

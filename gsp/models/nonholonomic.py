@@ -45,7 +45,6 @@ def chaplygin_sleigh() -> Scene:
         span=(0, 12),
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
             "(2015), sections 3-4"

@@ -32,8 +32,6 @@ def van_der_pol() -> Scene:
         start={"y": 2 / 3, "x": 2},
         span=(0, 0.6),
         epsilon=0.01,
-        epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         source=(
             "B. van der Pol, Philosophical Magazine 2 (1926) 978-992; M. Krupa and P. Szmolyan, "
             "Journal of Differential Equations 174 (2001) 312-368"

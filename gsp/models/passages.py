@@ -34,8 +34,6 @@ def shishkova() -> Scene:
         start={"tau": -2, "x": 0.5, "y": 0},
         span=(0, 1.4),
         epsilon=0.05,
-        epsilons=(0.1, 0.05, 0.025, 0.0125),
-        tolerance=1e-6,
         source=(
             "M. A. Shishkova, Soviet Mathematics Doklady 14 (1973) 483-487; A. I. Neishtadt, Differential Equations "
             "23 (1987) 1385-1391"

@@ -53,7 +53,6 @@ def rolling_disc() -> Scene:
         span=(0, 12),
         epsilon=0.02,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         path=("x", "y"),
         source=f"{LECTURE}, Example 2.2",
         description=(
@@ -118,7 +117,6 @@ def rolling_ball() -> Scene:
         span=(0, 1.5),
         epsilon=0.3,
         epsilons=(0.08, 0.04, 0.02, 0.01),
-        tolerance=1e-6,
         path=("x", "y"),
         source=f"{LECTURE}, Example 2.1",
         description=(
@@ -156,7 +154,6 @@ def ball_on_turntable() -> Scene:
         span=(0, 8),
         epsilon=0.05,
         epsilons=(0.04, 0.02, 0.01, 0.005),
-        tolerance=1e-6,
         path=("x", "y"),
         source="S. Earnshaw, Dynamics (1844); J. A. Burns, American Journal of Physics 49 (1981) 56-58",
         description=(

@@ -48,7 +48,6 @@ def sleigh_from_lagrangian() -> Scene:
         span=(0, 10),
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         path=("x", "y"),
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
@@ -92,7 +91,6 @@ def knife_edge() -> Scene:
         span=(0, 10),
         epsilon=0.02,
         epsilons=(0.01, 0.005, 0.0025, 0.00125),
-        tolerance=1e-6,
         path=("x", "y"),
         source="A. M. Bloch, Nonholonomic Mechanics and Control (2003), section 1.6; Neimark and Fufaev (1972)",
         description=(
@@ -128,7 +126,6 @@ def nonholonomic_particle() -> Scene:
         span=(0, 4),
         epsilon=0.05,
         epsilons=(0.04, 0.02, 0.01, 0.005),
-        tolerance=1e-6,
         path=("x", "z"),
         source="R. M. Rosenberg, Analytical Dynamics (1977); L. Bates and J. Śniatycki (1993)",
         description=(

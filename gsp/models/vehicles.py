@@ -62,7 +62,6 @@ def car() -> Scene:
         span=(0, two_turns),
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        tolerance=1e-6,
         path=("x", "y"),
         source=(
             'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015), '

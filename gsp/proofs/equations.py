@@ -98,7 +98,7 @@ class Equations:
         return self._compiled([*self._by_y, *self._by_x])
 
     def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
-        return compile_function(outputs, arguments=self.arguments, epsilon=None, parameters=())
+        return compile_function(outputs, arguments=self.arguments)
 
     def nearby(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives at points (k, n), (k, m): D_y F (k, m, m) and D_x F (k, m, n), rounded."""

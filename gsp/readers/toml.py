@@ -79,9 +79,6 @@ TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
 DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
 _NO_KEYS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
-LADDER = (2, 1, sp.Rational(1, 2), sp.Rational(1, 4))
-"""Default ladder relative to epsilon: around the value asked about, and short enough to fit a slope."""
-
 CLAIMS = 8
 STARTS = 64
 VIEWS = 16
@@ -188,21 +185,19 @@ def scene_of(document: dict, file: Path) -> Scene:
             "missing.",
             f"Write {' and '.join(missing.values())} under [scene].",
         )
-    epsilon = values.number(scene["epsilon"], "scene.epsilon")
-    ladder = (
-        values.numbers(scene["epsilons"], "scene.epsilons")
-        if "epsilons" in scene
-        else [epsilon * k for k in LADDER]
-    )
+    given = {}
+    if "epsilons" in scene:
+        given["epsilons"] = tuple(map(float, values.numbers(scene["epsilons"], "scene.epsilons")))
+    if "tolerance" in scene:
+        given["tolerance"] = float(values.number(scene["tolerance"], "scene.tolerance"))
     drivers = tables["reconstruction"]
     return Scene(
         system=system,
         region={key: values.pair(value, f"region.{key}") for key, value in tables["region"].items()},
         start={key: float(values.number(value, f"start.{key}")) for key, value in tables["start"].items()},
         span=values.pair(scene["span"], "scene.span"),
-        epsilon=float(epsilon),
-        epsilons=tuple(float(value) for value in ladder),
-        tolerance=float(values.number(scene.get("tolerance", Decimal("1e-6")), "scene.tolerance")),
+        epsilon=float(values.number(scene["epsilon"], "scene.epsilon")),
+        **given,
         reconstruction={
             symbols[key]: _expression(value, f"reconstruction.{key}", symbols, definitions)
             for key, value in drivers.items()

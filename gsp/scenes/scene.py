@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import sympy as sp
 
@@ -22,6 +22,8 @@ from gsp.systems.system import SlowFastSystem, VectorField
 
 # A run at a tenth of the tolerance is judged by one at 1e-13, the tightest; they have to differ to be compared.
 FINEST = 1e-11
+# The ladder of a scene that gives none, over `epsilon`: around the value asked about, and enough to fit a slope.
+LADDER = (2.0, 1.0, 0.5, 0.25)
 # What units call the time, and how long a unit may be.
 TIME, LONGEST_UNIT = "t", 40
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -31,12 +33,12 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 class Scene(Question, Card):
     """One question about one system; what the whole pipeline needs to answer it.
 
-    `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the
-    critical manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, `epsilon` is the
-    value asked about, `epsilons` the ladder for convergence studies (kept in descending order), `tolerance`
-    the relative accuracy wanted. `reconstruction` maps further symbols to rates that are driven by the states
-    and by each other, as position is by velocity: no state depends on them, so they are left out of the
-    reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
+    `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the critical
+    manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, `epsilon` is the value asked
+    about, `epsilons` the ladder for convergence studies (kept in descending order; `epsilon` times 2, 1, 1/2 and 1/4
+    unless given), `tolerance` the relative accuracy wanted. `reconstruction` maps further symbols to rates that are
+    driven by the states and by each other, as position is by velocity: no state depends on them, so they are left out
+    of the reduction; they start at 0 unless `start` or `reconstruction_start` says otherwise. `path` names two
     quantities (states, observables or reconstruction variables) that draw a path in the plane. `starts` are further
     starts by name, each what differs from `start`; `starting(name)` asks from there. `units` are text for names of
     states, parameters, observables and t, which is shown and not computed with. `views` are what its author wants to
@@ -56,8 +58,8 @@ class Scene(Question, Card):
     start: Mapping[str, float]
     span: Interval
     epsilon: float
-    epsilons: tuple[float, ...]
-    tolerance: float
+    epsilons: tuple[float, ...] = cast("tuple[float, ...]", None)
+    tolerance: float = 1e-6
     _: KW_ONLY
     name: str = ""
     title: str = ""
@@ -108,7 +110,8 @@ class Scene(Question, Card):
             "span", check_interval(self.span, what="span", remedy="Give (t0, t1) with t0 < t1, in slow time.")
         )
         self._set("epsilon", check_epsilon(self.epsilon))
-        self._set("epsilons", _ladder(self.epsilons))
+        given = cast("tuple[float, ...] | None", self.epsilons)
+        self._set("epsilons", _ladder([self.epsilon * k for k in LADDER] if given is None else given))
         self._set("tolerance", _tolerance(self.tolerance))
         if drivers:
             # The field's own checks see undeclared symbols and misplaced epsilon in the reconstruction rates.

@@ -339,7 +339,7 @@ def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> dict[s
         axes = [np.linspace(low, high, 2 if linear else IMAGE_POINTS) for low, high in box]
         points = np.array(list(itertools.product(*axes)))
         function = compile_function(
-            (expression,), arguments=tuple(used), epsilon=None, parameters=tuple(scene.system.parameters)
+            (expression,), arguments=tuple(used), parameters=tuple(scene.system.parameters)
         )
         values = function(points, compile_flow(scene.system).constants)
         region[symbol.name] = (float(values.min()), float(values.max()))

@@ -22,7 +22,7 @@ from gsp.algebra.ring_elements import Element
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.slow.components import Components
 from gsp.slow.coordinates import Chart, moving
@@ -340,22 +340,14 @@ class SeriesManifold(Card):
     def _compiled(self, elements: list[Element]):
         system = self.branch.system
         ring = self.specialised.chart.ring
-        return compile_function(
-            tuple(ring.horner(element) for element in elements),
-            arguments=self.coordinates,
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
+        return compile_over(
+            system, tuple(ring.horner(element) for element in elements), arguments=self.coordinates
         )
 
     @cached_property
     def _rates_function(self):
         system = self.branch.system
-        return compile_function(
-            (*system.f, *system.g),
-            arguments=system.states,
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
-        )
+        return compile_over(system, (*system.f, *system.g))
 
     def __repr__(self) -> str:
         return f"SeriesManifold({self.branch}, order={self.order})"

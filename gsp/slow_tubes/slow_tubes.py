@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import flint
 import numpy as np
@@ -26,18 +25,15 @@ from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded_sides
-from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import Tally, norm
+from gsp.slow_tubes.tube import Tube
 from gsp.slow_tubes.tube_search import Cones, ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
-from gsp.systems.region import check_region, shown_region
-
-if TYPE_CHECKING:
-    from gsp.slow_tubes.solved_tubes import SolvedTube
+from gsp.systems.region import check_region
 
 # epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
 # and say nothing when it is wide.
@@ -57,8 +53,8 @@ class TubeProof:
     cones: tuple[Cones, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SlowTube(Card):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SlowTube(Tube):
     """What is proved about the slow manifold near `series` over `region`, for every epsilon in (0, `epsilon_0`].
 
     - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it; `statement` says
@@ -73,19 +69,8 @@ class SlowTube(Card):
     """
 
     series: SeriesManifold
-    region: Mapping[str, tuple[float, float]]
-    verdict: ProofVerdict
-    reason: str
-    epsilon_0: float
-    delta: float
-    ratio: float
-    widths: Mapping[str, float]
-    is_isolating: bool
-    has_cones: bool
-    boundary: str
-    collar: float
-    signs: tuple[int, ...]
-    tried: int
+    epsilon_0: float = math.nan
+    ratio: float = math.nan
     _proof: TubeProof | None = None
 
     def save(self, path: str | Path) -> None:
@@ -97,53 +82,16 @@ class SlowTube(Card):
 
         write(self, Path(path))
 
-    @property
-    def statement(self) -> tuple[str, ...]:
-        """What is proved, in sentences."""
-        return sentences(self) if self.is_isolating else ()
-
-    def __repr__(self) -> str:
-        return f"SlowTube({self.verdict.name}, {self.reason})"
-
     def __str__(self) -> str:
-        lines = head(self)
-        if self.is_isolating:
-            small, n = self.series.branch.system.epsilon.name, self.series.order
-            lines.append(f"  for every {small} in (0, {self.epsilon_0:.6g}], with h through order {n}")
-            lines.append(
-                f"  |y - h| <= {self.delta:.6g} at {small} = {self.epsilon_0:.6g}, and in proportion to "
-                f"{small}^{n + 1} below"
-            )
-            if self.ratio < math.inf:
-                lines.append(f"  that is {self.ratio:.4g} times the largest first term left out")
-            lines += [f"  {sentence}" for sentence in self.statement]
-        return "\n".join(lines)
-
-
-def head(tube: SlowTube | SolvedTube, at: str = "") -> list[str]:
-    """The first lines of a tube as text: its verdict on its region, and the reason."""
-    return [f"{tube.verdict.value} on {shown_region(tube.region)}{at}", f"  {tube.reason}"]
-
-
-def sentences(tube: SlowTube | SolvedTube) -> tuple[str, ...]:
-    """What is proved about an isolating tube."""
-    if 1 in tube.signs:
-        lines = ["the flow crosses every face of the tube, out of it along the unstable directions only"]
-    elif tube.boundary == "inflowing":
-        lines = ["a solution that starts in the tube stays in it for ever"]
-    else:
-        lines = ["a solution that starts in the tube stays in it while its slow variables are in the region"]
-    if not tube.has_cones:
-        return (*lines, "no Lipschitz manifold in it is proved")
-    graph = "the graph of a Lipschitz map over the whole region"
-    if tube.boundary == "overflowing":
-        return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
-    return (
-        *lines,
-        f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
-        f"off a collar of width {tube.collar:.3g} at its sides",
-        "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
-    )
+        small, n = self.series.branch.system.epsilon.name, self.series.order
+        told = [
+            f"for every {small} in (0, {self.epsilon_0:.6g}], with h through order {n}",
+            f"|y - h| <= {self.delta:.6g} at {small} = {self.epsilon_0:.6g}, and in proportion to "
+            f"{small}^{n + 1} below",
+        ]
+        if self.ratio < math.inf:
+            told.append(f"that is {self.ratio:.4g} times the largest first term left out")
+        return self._card("", told)
 
 
 def certify_tube(
@@ -193,23 +141,8 @@ class _Search:
 
     def result(self, epsilon: float | None) -> SlowTube:
         """The search, and its outcome as it is reported."""
-        nothing = SlowTube(
-            self.series,
-            self.box,
-            ProofVerdict.UNDECIDED,
-            "",
-            math.nan,
-            math.nan,
-            math.nan,
-            {},
-            False,
-            False,
-            "mixed",
-            math.nan,
-            (),
-            0,
-        )
-        reason = "no tube was proved isolating"
+        nothing = SlowTube(series=self.series, region=self.box)
+        reason = nothing.reason
         try:
             problems = self._problems()
             if epsilon is None:
@@ -286,27 +219,14 @@ class _Search:
     # -- what is reported --------------------------------------------------------------------------
 
     def _stated(self, nothing: SlowTube, tube: ProvedTube) -> SlowTube:
-        problem = tube.problem
-        scaled = problem.half_widths(tube.widths)
-        power = balls.power(arb(tube.epsilon), self.series.order + 1)
-        names = [y.name for y in self.series.branch.system.y]
-        proved = bool(tube.cones)
-        size, following = norm([arb(v) for v in scaled]), self._next_term()
-        return replace(
-            nothing,
-            verdict=ProofVerdict.PROVED if proved else ProofVerdict.UNDECIDED,
-            reason="the slow manifold is in the tube"
-            if proved
-            else "the tube is isolating, but the cone conditions are not proved",
+        problem, following = tube.problem, self._next_term()
+        size = balls.magnitude(norm([arb(v) for v in problem.half_widths(tube.widths)]))
+        return nothing._with(
+            tube,
+            self.series.branch.system.y,
+            balls.power(arb(tube.epsilon), self.series.order + 1),
             epsilon_0=tube.epsilon,
-            delta=balls.magnitude(size * power),
-            ratio=balls.magnitude(size) / following if following > 0.0 else math.inf,
-            widths={name: balls.magnitude(arb(v) * power) for name, v in zip(names, scaled)},
-            is_isolating=True,
-            has_cones=proved,
-            boundary=problem.sides_of(tube),
-            collar=problem.collar(tube) if proved else math.nan,
-            signs=problem.basis.signs,
+            ratio=size / following if following > 0.0 else math.inf,
             tried=self.tally.tried,
             _proof=TubeProof(problem.basis, tube.widths, tube.cones),
         )

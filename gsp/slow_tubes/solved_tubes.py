@@ -18,26 +18,24 @@ from flint import arb
 from gsp.algebra.differentiation import jacobian
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
-from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box
-from gsp.results.card import Card
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
-from gsp.slow_tubes.isolation import Tally, norm
-from gsp.slow_tubes.slow_tubes import head, sentences
+from gsp.slow_tubes.isolation import Tally
 from gsp.slow_tubes.solved_flow import SolvedFlow
+from gsp.slow_tubes.tube import Tube
 from gsp.slow_tubes.tube_search import ProvedTube, TubeSearch
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SolvedTube(Card):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SolvedTube(Tube):
     """What is proved about the slow manifold near the interpolant of `manifold` over `region`, at its `epsilon`.
 
     - PROVED: the tube |y - p(x)| <= `delta` about the interpolant p is isolating, and the cone conditions hold in it;
@@ -50,38 +48,15 @@ class SolvedTube(Card):
     """
 
     manifold: SampledManifold
-    region: Mapping[str, tuple[float, float]]
-    verdict: ProofVerdict
-    reason: str
-    delta: float
-    widths: Mapping[str, float]
-    is_isolating: bool
-    has_cones: bool
-    boundary: str
-    collar: float
-    signs: tuple[int, ...]
-    tried: int
 
     @property
     def epsilon(self) -> float:
         """The epsilon that the manifold was solved for."""
         return self.manifold.epsilon
 
-    @property
-    def statement(self) -> tuple[str, ...]:
-        """What is proved, in sentences."""
-        return sentences(self) if self.is_isolating else ()
-
-    def __repr__(self) -> str:
-        return f"SolvedTube({self.verdict.name}, {self.reason})"
-
     def __str__(self) -> str:
-        small = self.manifold.branch.system.epsilon.name
-        lines = head(self, f" at {small} = {self.epsilon:g}")
-        if self.is_isolating:
-            lines.append(f"  |y - p| <= {self.delta:.6g}, p being the interpolant that was solved for")
-            lines += [f"  {sentence}" for sentence in self.statement]
-        return "\n".join(lines)
+        at = f" at {self.manifold.branch.system.epsilon.name} = {self.epsilon:g}"
+        return self._card(at, [f"|y - p| <= {self.delta:.6g}, p being the interpolant that was solved for"])
 
 
 def certify_solved(
@@ -139,20 +114,7 @@ def certify_solved(
 def _proved(
     manifold: SampledManifold, surface: ChebyshevSurface, box: dict[str, tuple[float, float]], most_boxes: int
 ) -> SolvedTube:
-    result = SolvedTube(
-        manifold=manifold,
-        region=box,
-        verdict=ProofVerdict.UNDECIDED,
-        reason="no tube was proved isolating",
-        delta=math.nan,
-        widths={},
-        is_isolating=False,
-        has_cones=False,
-        boundary="mixed",
-        collar=math.nan,
-        signs=(),
-        tried=0,
-    )
+    result = SolvedTube(manifold=manifold, region=box)
     tally = Tally(most_boxes)
     low, high = (math.nextafter(manifold.epsilon, toward) for toward in (0.0, math.inf))
     found: ProvedTube | None = None
@@ -172,27 +134,7 @@ def _proved(
             result = replace(result, reason="interrupted; nothing was proved by then")
     if found is None:
         return replace(result, tried=tally.tried)
-    return _stated(result, found, tally)
-
-
-def _stated(result: SolvedTube, tube: ProvedTube, tally: Tally) -> SolvedTube:
-    search, cones = tube.problem, bool(tube.cones)
-    widths = search.half_widths(tube.widths)
-    return replace(
-        result,
-        verdict=ProofVerdict.PROVED if cones else ProofVerdict.UNDECIDED,
-        reason="the slow manifold is in the tube"
-        if cones
-        else "the tube is isolating, but the cone conditions are not proved",
-        delta=balls.magnitude(norm([arb(v) for v in widths])),
-        widths={y.name: v for y, v in zip(result.manifold.branch.system.y, widths)},
-        is_isolating=True,
-        has_cones=cones,
-        boundary=search.sides_of(tube),
-        collar=search.collar(tube) if cones else math.nan,
-        signs=search.basis.signs,
-        tried=tally.tried,
-    )
+    return result._with(found, manifold.branch.system.y, arb(1), tried=tally.tried)
 
 
 def _bases(

@@ -15,7 +15,7 @@ from gsp.algebra.laurent import laurent, pole_order
 from gsp.algebra.substitution import substituted
 from gsp.errors import SplittingError
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.systems.system import VectorField
 
 # Random starts, Gauss-Newton steps and tolerances in the search for equilibria of the layer problem.
@@ -65,12 +65,7 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     _refuse_constants(layer, field)
     states = field.states
     matrix = jacobian(layer, states)
-    compiled = [
-        compile_function(
-            tuple(outputs), arguments=states, epsilon=field.epsilon, parameters=tuple(field.parameters)
-        )
-        for outputs in (layer, matrix)
-    ]
+    compiled = [compile_over(field, tuple(outputs), arguments=states) for outputs in (layer, matrix)]
     p = compile_flow(field).constants
     random = np.random.default_rng(0)
     z = random.standard_normal((SEARCH_STARTS, len(states)))

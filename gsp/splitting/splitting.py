@@ -344,8 +344,6 @@ def _evaluated(mapping: Mapping[sp.Symbol, sp.Expr], values: Mapping[str, float]
     missing = [s.name for s in symbols if s not in given]
     if missing:
         raise DeclarationError(f"no value for {', '.join(missing)}.", "Give each a number.", got=dict(values))
-    function = compile_function(
-        tuple(mapping.values()), arguments=symbols, epsilon=None, parameters=tuple(field.parameters)
-    )
+    function = compile_function(tuple(mapping.values()), arguments=symbols, parameters=tuple(field.parameters))
     numbers = function(np.array([given[s] for s in symbols], dtype=float), compile_flow(field).constants)
     return {symbol.name: float(number) for symbol, number in zip(mapping, numbers)}

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import sympy as sp
 
@@ -25,13 +25,31 @@ from gsp.systems.flow import Flow, Values
 class _Declared(Flow):
     """A flow that was written down: two of one kind are equal when everything that was declared is, in its order."""
 
-    _given: ClassVar[tuple[str, ...]]
-    """Names of the attributes that hold the equations as they were given."""
+    _given: ClassVar[Mapping[str, str]]
+    """What the class takes the equations by, and the attributes that hold them."""
     name: str
+
+    def with_parameters(self, **values: float) -> Self:
+        """The same with other values for some parameters, given by name."""
+        kind: Any = type(self)
+        return kind(
+            **{argument: getattr(self, part) for argument, part in self._given.items()},
+            epsilon=self.epsilon,
+            parameters=updated_parameters(self.parameters, values),
+            name=self.name,
+            observables=self.observables,
+        )
+
+    def __repr__(self) -> str:
+        equations = [f"{argument}={_names(getattr(self, part))}" for argument, part in self._given.items()]
+        return (
+            f"{type(self).__name__}({', '.join(equations)}, epsilon={self.epsilon}, "
+            f"parameters={_listing(self.parameters)})"
+        )
 
     @cached_property
     def _key(self) -> tuple:
-        equations = tuple(tuple(getattr(self, part).items()) for part in self._given)
+        equations = tuple(tuple(getattr(self, part).items()) for part in self._given.values())
         values = tuple(self.parameters.items()), tuple(self.observables.items())
         return (equations, self.epsilon, *values, self.name)
 
@@ -61,7 +79,7 @@ class SlowFastSystem(_Declared, Card):
     SlowFastSystem(slow=[s], fast=[c], epsilon=epsilon, parameters={kappa: 1})
     """
 
-    _given = ("slow", "fast")
+    _given = MappingProxyType({"slow": "slow", "fast": "fast"})
     slow: Mapping[sp.Symbol, sp.Expr]
     fast: Mapping[sp.Symbol, sp.Expr]
     epsilon: sp.Symbol
@@ -130,23 +148,6 @@ class SlowFastSystem(_Declared, Card):
         """Fast rates g(x, y, epsilon), a column; epsilon y' = g."""
         return sp.ImmutableMatrix(list(self.fast.values()))
 
-    def with_parameters(self, **values: float) -> SlowFastSystem:
-        """The same system with other values for some parameters, given by name."""
-        return SlowFastSystem(
-            slow=self.slow,
-            fast=self.fast,
-            epsilon=self.epsilon,
-            parameters=updated_parameters(self.parameters, values),
-            name=self.name,
-            observables=self.observables,
-        )
-
-    def __repr__(self) -> str:
-        return (
-            f"SlowFastSystem(slow={_names(self.slow)}, fast={_names(self.fast)}, epsilon={self.epsilon}, "
-            f"parameters={_listing(self.parameters)})"
-        )
-
     def __str__(self) -> str:
         rows = [(f"{symbol}'", expression) for symbol, expression in self.slow.items()]
         rows += [(f"{self.epsilon} {symbol}'", expression) for symbol, expression in self.fast.items()]
@@ -165,7 +166,7 @@ class VectorField(_Declared, Card):
     VectorField(states=[v, w], epsilon=epsilon, parameters={})
     """
 
-    _given = ("equations",)
+    _given = MappingProxyType({"states": "equations"})
     equations: Mapping[sp.Symbol, sp.Expr]
     epsilon: sp.Symbol | None
     parameters: Values
@@ -205,22 +206,6 @@ class VectorField(_Declared, Card):
         object.__setattr__(self, "rates", tuple(equations.values()))
         object.__setattr__(self, "epsilon", epsilon)
         object.__setattr__(self, "name", name)
-
-    def with_parameters(self, **values: float) -> VectorField:
-        """The same field with other values for some parameters, given by name."""
-        return VectorField(
-            self.equations,
-            epsilon=self.epsilon,
-            parameters=updated_parameters(self.parameters, values),
-            name=self.name,
-            observables=self.observables,
-        )
-
-    def __repr__(self) -> str:
-        return (
-            f"VectorField(states={_names(self.equations)}, epsilon={self.epsilon}, "
-            f"parameters={_listing(self.parameters)})"
-        )
 
     def __str__(self) -> str:
         rows = [(f"{symbol}'", expression) for symbol, expression in self.equations.items()]

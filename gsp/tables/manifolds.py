@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from gsp.critical.continuation.curve import CriticalCurve
@@ -9,7 +11,6 @@ from gsp.critical.continuation.fold_curve import FoldCurve
 from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
-from gsp.systems.system import SlowFastSystem
 from gsp.tables.table import Column, Names, Table, complexes, texts
 
 _Curve = CriticalCurve | FoldCurve
@@ -56,37 +57,32 @@ def sheet(found: CriticalSheet) -> Table:
 
 def slow_points(found: SlowPoints) -> Table:
     """A row for each point of the slow manifold."""
-    system = found.branch.system
-    names = Names([s.name for s in (*system.x, *system.y, system.epsilon)])
-    point = names("point")
-    over = (point,)
     x, y = np.atleast_2d(found.x), np.atleast_2d(found.y)
-    coordinates, variables = _over_slow(system, over, x, y, found.epsilon)
-    variables[names("order")] = Column(over, np.atleast_1d(found.order))
-    variables[names("error")] = Column(over, np.atleast_1d(found.error))
-    told = {"status": found.status.name, "message": found.message, "tolerance": found.tolerance}
-    return Table("SlowPoints", coordinates, variables, told, over)
+    own = {"order": np.atleast_1d(found.order), "error": np.atleast_1d(found.error)}
+    return _over_slow("point", found, x, y, own, {})
 
 
 def sampled_manifold(found: SampledManifold) -> Table:
     """A row for each node that was solved for."""
-    system = found.branch.system
-    names = Names([s.name for s in (*system.x, *system.y, system.epsilon)])
-    node = names("node")
-    over = (node,)
-    coordinates, variables = _over_slow(system, over, found.nodes, found.values, found.epsilon)
-    variables[names("error")] = Column(over, found.node_errors)
-    told = {
-        "status": found.status.name, "message": found.message, "tolerance": found.tolerance,
-        "kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate,
-    }  # fmt: skip
-    return Table("SampledManifold", coordinates, variables, told, over)
+    told = {"kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate}
+    return _over_slow("node", found, found.nodes, found.values, {"error": found.node_errors}, told)
 
 
 def _over_slow(
-    system: SlowFastSystem, over: tuple[str, ...], x: np.ndarray, y: np.ndarray, epsilon: float
-) -> tuple[dict[str, Column], dict[str, Column]]:
-    """Slow variables (m, slow) and epsilon as coordinates, the fast ones (m, fast) as variables."""
+    row: str,
+    found: SlowPoints | SampledManifold,
+    x: np.ndarray,
+    y: np.ndarray,
+    own: Mapping[str, np.ndarray],
+    told: Mapping[str, str | float | int | None],
+) -> Table:
+    """Slow variables (m, slow) and epsilon as coordinates; fast ones (m, fast) and its `own` arrays as variables."""
+    system = found.branch.system
+    names = Names([s.name for s in (*system.x, *system.y, system.epsilon)])
+    over = (names(row),)
     coordinates = {s.name: Column(over, x[:, i]) for i, s in enumerate(system.x)}
-    coordinates[system.epsilon.name] = Column((), np.array(epsilon))
-    return coordinates, {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}
+    coordinates[system.epsilon.name] = Column((), np.array(found.epsilon))
+    variables = {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}
+    variables |= {names(name): Column(over, values) for name, values in own.items()}
+    ending = {"status": found.status.name, "message": found.message, "tolerance": found.tolerance}
+    return Table(type(found).__name__, coordinates, variables, {**ending, **told}, over)

@@ -44,6 +44,11 @@ def test_values_are_stored_in_declared_order_as_floats():
     assert made.span == (0.0, 3.0)
 
 
+def test_a_scene_without_ladder_and_tolerance_has_those_of_a_model_file():
+    asked = Scene(system(), {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 3), 0.01)
+    assert asked == scene(epsilons=(0.02, 0.01, 0.005, 0.0025), tolerance=1e-6)
+
+
 def test_equal_scenes_hash_alike_and_a_replaced_value_makes_another():
     assert scene() == scene()
     assert hash(scene()) == hash(scene())

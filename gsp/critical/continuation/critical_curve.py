@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
-from gsp.critical.continuation.curve import CriticalCurve, Options, closing, frozen, oriented, stability
+from gsp.critical.continuation.curve import CriticalCurve, Options, curve_of, oriented, stability
 from gsp.critical.continuation.location import locate
 from gsp.critical.continuation.special_points import VERTICAL, BranchPoints, SpecialPoint
 from gsp.critical.layer_problem import (
@@ -266,12 +266,11 @@ def _continued(
         points, special, arclength = locate(problem, tracer, joined(traces), known)
         eigenvalues = problem.eigenvalues(points)
     unstable, segments = stability(eigenvalues, [point.row for point in special])
-    return CriticalCurve(
-        **closing(problem, options, tracer, traces, (points, special, arclength)),
-        eigenvalues=frozen(eigenvalues),
-        unstable=frozen(unstable),
-        segments=segments,
-    )
+    located = (points, special, arclength)
+    return curve_of(
+        CriticalCurve, problem, options, tracer, traces, located,
+        eigenvalues=eigenvalues, unstable=unstable, segments=segments,
+    )  # fmt: skip
 
 
 def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None) -> list[CriticalCurve]:

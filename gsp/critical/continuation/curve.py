@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypedDict
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -97,10 +97,16 @@ class NamedPoints:
         return self.points[:, self.names.index(name)]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class NamedCurve(NamedPoints):
     """What curves of M0 and of folds have in common: an order, special points, ends and a card."""
 
     what = "curve"
+    problem: LayerProblem
+    options: Options
+    points: np.ndarray
+    arclength: np.ndarray
+    scales: Mapping[str, float]
     special: tuple[SpecialPoint, ...]
     stops: tuple[Stop, ...]
     stats: ContinuationStats
@@ -151,18 +157,9 @@ class CriticalCurve(NamedCurve, Drawn, Tabular):
     were switched to, when that was asked for.
     """
 
-    problem: LayerProblem
-    options: Options
-    points: np.ndarray
     eigenvalues: np.ndarray
     unstable: np.ndarray
-    arclength: np.ndarray
-    scales: Mapping[str, float]
-    special: tuple[SpecialPoint, ...]
     segments: tuple[Segment, ...]
-    stops: tuple[Stop, ...]
-    stats: ContinuationStats
-    message: str
     others: tuple[CriticalCurve, ...] = ()
 
     def __str__(self) -> str:
@@ -172,6 +169,8 @@ class CriticalCurve(NamedCurve, Drawn, Tabular):
         ]
         return self._card(f"curve of the critical manifold over {', '.join(self.free)}", rows)
 
+
+Curve = TypeVar("Curve", bound=NamedCurve)
 
 # -- assembling ------------------------------------------------------------------------------------
 
@@ -209,32 +208,23 @@ def oriented(tangent: np.ndarray, upright: float, direction: int) -> np.ndarray:
     return tangent * np.sign(tangent[leading]) * (direction or 1)
 
 
-class Closing(TypedDict):
-    """What every curve says of how it was made, as keywords of its class."""
-
-    problem: LayerProblem
-    options: Options
-    points: np.ndarray
-    arclength: np.ndarray
-    scales: Mapping[str, float]
-    special: tuple[SpecialPoint, ...]
-    stops: tuple[Stop, ...]
-    stats: ContinuationStats
-    message: str
-
-
-def closing(
+def curve_of(
+    kind: type[Curve],
     problem: LayerProblem,
     options: Options,
     tracer: PointTracer,
     traces: Sequence[Trace],
     located: tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray],
-) -> Closing:
-    """What the traces say once the special points have been `located`: (points, special, arclength)."""
+    **own: Any,
+) -> Curve:
+    """The curve that the traces make once the special points have been `located`: (points, special, arclength).
+
+    `own` are the fields that curves of this `kind` alone have; arrays are frozen.
+    """
     points, special, arclength = located
     ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
     counters = tracer.counters
-    return Closing(
+    return kind(
         problem=problem,
         options=options,
         points=frozen(problem.rows(points)),
@@ -244,6 +234,7 @@ def closing(
         stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
         stats=ContinuationStats(counters.steps, counters.rejected, counters.corrections, counters.located),
         message=say(problem, len(points), ends, special, tracer.scales),
+        **{name: frozen(value) if isinstance(value, np.ndarray) else value for name, value in own.items()},
     )
 
 

@@ -6,7 +6,7 @@ point (Govaerts 2000, 4.1).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,19 +14,12 @@ import sympy as sp
 
 from gsp.critical.continuation.arclength import PointTracer, Trace
 from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
-from gsp.critical.continuation.curve import (
-    ContinuationStats,
-    NamedCurve,
-    Options,
-    Stop,
-    closing,
-    frozen,
-    oriented,
-)
+from gsp.critical.continuation.curve import NamedCurve, Options, curve_of, oriented
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
 from gsp.critical.continuation.special_points import (
     SpecialKind,
     SpecialPoint,
+    fold_coefficient,
     fold_point,
     fold_vectors,
     special_point,
@@ -60,18 +53,9 @@ class FoldCurve(NamedCurve, Card, Tabular):
     cusps and Bogdanov-Takens points, which are rows of the curve too.
     """
 
-    problem: LayerProblem
-    options: Options
-    points: np.ndarray
     coefficient: np.ndarray
     skew: np.ndarray
     eigenvalues: np.ndarray
-    arclength: np.ndarray
-    scales: Mapping[str, float]
-    special: tuple[SpecialPoint, ...]
-    stops: tuple[Stop, ...]
-    stats: ContinuationStats
-    message: str
 
     def __str__(self) -> str:
         still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
@@ -173,12 +157,10 @@ def fold_curve(
         located = _special(problem, tracer, joined(traces))
         coefficient, skew = _tests(problem, located[0])
         eigenvalues = problem.eigenvalues(located[0])
-    return FoldCurve(
-        **closing(problem, options, tracer, traces, located),
-        coefficient=frozen(coefficient),
-        skew=frozen(skew),
-        eigenvalues=frozen(eigenvalues),
-    )
+    return curve_of(
+        FoldCurve, problem, options, tracer, traces, located,
+        coefficient=coefficient, skew=skew, eigenvalues=eigenvalues,
+    )  # fmt: skip
 
 
 def _corrected_fold(
@@ -246,17 +228,15 @@ def _special(
 def _bordered_test(system, kind: SpecialKind) -> Callable[[np.ndarray], float]:
     """The test function along one step, with the bordered vectors, which are continuous."""
     assert isinstance(system, Singular)
-    k = len(system.problem.free)
 
     def test(u: np.ndarray) -> float:
+        if kind is SpecialKind.CUSP:
+            return fold_coefficient(system, u)
         try:
             null = system.null(u)
         except np.linalg.LinAlgError:
             return float("nan")
-        if kind is SpecialKind.BOGDANOV_TAKENS:
-            return float(null.left @ null.right)
-        second = system.problem.second(u)[:, k:, k:]
-        return float(np.einsum("ijk,i,j,k->", second, null.left, null.right, null.right))
+        return float(null.left @ null.right)
 
     return test
 
@@ -266,5 +246,4 @@ def _described(problem: LayerProblem, u: np.ndarray, kind: SpecialKind, scales: 
     if kind is SpecialKind.BOGDANOV_TAKENS:
         phi, psi = fold_vectors(problem, u)
         return special_point(problem, u, kind, right=phi, left=psi)
-    point = fold_point(problem, u, scales=scales, curvature=float("inf"))
-    return point
+    return fold_point(problem, u, scales=scales, curvature=float("inf"))

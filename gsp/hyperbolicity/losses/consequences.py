@@ -25,6 +25,11 @@ class Verdict(NamedTuple):
     remedy: str
 
 
+NOTHING_PASSES = Verdict("the slow flow vanishes here, so nothing passes", False, "move the region off it")
+STOP_OR_CROSS = "stop the reduced flow here, or integrate the full system across"
+EXIT = "the exit is where the integral of the eigenvalue vanishes"
+
+
 def fold(coefficients: Mapping[str, float], slow: int) -> Verdict:
     """A fold, by the sign of kappa = a <l, g_x f>; zero where the normal switching condition fails."""
     kappa = coefficients["kappa"]
@@ -68,14 +73,14 @@ def cusp(coefficients: Mapping[str, float], slow: int) -> Verdict:
 def transcritical(coefficients: Mapping[str, float]) -> Verdict:
     """A crossing of two branches, by lambda (Krupa and Szmolyan): 1 is the canard case."""
     if "lambda" not in coefficients:
-        return Verdict("the slow flow vanishes here, so nothing passes", False, "move the region off it")
+        return NOTHING_PASSES
     value = coefficients["lambda"]
     if abs(value - 1.0) <= BOUNDARY:
         return Verdict(
             "the branches exchange their stability with delay: orbits stay on the repelling branch for a time of "
             "order 1 in slow time, until the integral of the eigenvalue is zero",
             False,
-            "the exit is where the integral of the eigenvalue vanishes",
+            EXIT,
         )
     if value < 1.0:
         return Verdict(
@@ -93,19 +98,19 @@ def transcritical(coefficients: Mapping[str, float]) -> Verdict:
 def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
     """A pitchfork, by the sign of its cubic coefficient and the push of order epsilon along the fibre."""
     if "crossing" not in coefficients:
-        return Verdict("the slow flow vanishes here, so nothing passes", False, "move the region off it")
+        return NOTHING_PASSES
     if coefficients["c"] > 0.0:
         return Verdict(
             "subcritical: orbits that pass jump along the fast fibre, with delay when nothing pushes them off",
             False,
-            "stop the reduced flow here, or integrate the full system across",
+            STOP_OR_CROSS,
         )
     if abs(coefficients["push"]) <= BOUNDARY:
         return Verdict(
             "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, "
             "until the integral of the eigenvalue is zero",
             False,
-            "the exit is where the integral of the eigenvalue vanishes",
+            EXIT,
         )
     return Verdict(
         "supercritical: orbits go over to one of the two outer branches within epsilon^(1/2), the inner region "
@@ -118,7 +123,7 @@ def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
 def rank_change(coefficients: Mapping[str, float]) -> Verdict:
     """g vanishes along the fast fibre: the eigenvalue passes zero and nothing bends."""
     if "crossing" not in coefficients:
-        return Verdict("the slow flow vanishes here, so nothing passes", False, "move the region off it")
+        return NOTHING_PASSES
     if coefficients["crossing"] < 0.0:
         return Verdict(
             "the fast fibre consists of equilibria; orbits come from where the direction repels and the branch gains "
@@ -131,12 +136,12 @@ def rank_change(coefficients: Mapping[str, float]) -> Verdict:
             "the fast fibre consists of equilibria; orbits leave with delay, when the integral of the eigenvalue is "
             "back to zero",
             False,
-            "the exit is where the integral of the eigenvalue vanishes",
+            EXIT,
         )
     return Verdict(
         "the fast fibre consists of equilibria; orbits leave it after a time (epsilon ln(1/epsilon))^(1/2)",
         False,
-        "stop the reduced flow here, or integrate the full system across",
+        STOP_OR_CROSS,
     )
 
 
@@ -164,7 +169,7 @@ BOGDANOV_TAKENS = Verdict(
     "a fold and a Hopf curve of the layer problem meet; passage takes a slow time of order epsilon^(4/5) and orbits "
     "leave along the nilpotent block",
     False,
-    "stop the reduced flow here, or integrate the full system across",
+    STOP_OR_CROSS,
 )
 NEUTRAL_SADDLE = Verdict("nothing: one eigenvalue on each side of the axis", True, "no change")
 NILPOTENT = Verdict(

@@ -185,7 +185,7 @@ class Validity(Portable):
         through = dict(zip((*self.states, self._fall), (*self._base, self._falls)))
         return compile_function(
             [outputs[column] for column in self._columns],
-            arguments=self._coordinates, epsilon=self.epsilon, parameters=(), through=through, calls=self._parts.calls,
+            arguments=self._coordinates, epsilon=self.epsilon, through=through, calls=self._parts.calls,
         )  # fmt: skip
 
     @cached_property
@@ -265,7 +265,7 @@ class Validity(Portable):
     def _over(
         self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr], calls: tuple[Call, ...] = ()
     ) -> CompiledFunction:
-        return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, parameters=(), calls=calls)
+        return compile_function(outputs, arguments=arguments, epsilon=self.epsilon, calls=calls)
 
 
 @remembered

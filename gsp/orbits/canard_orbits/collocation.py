@@ -14,7 +14,7 @@ from gsp.collocation.gauss import gauss
 from gsp.collocation.mesh import equidistributed
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.systems.system import SlowFastSystem
 from gsp.tracing.newton import Rules, newton
 
@@ -129,11 +129,9 @@ class Collocation:
         self.epsilon_free = epsilon_free
         self.iterations = 0
         self.work = 0
-        self.sensitivity = compile_function(
+        self.sensitivity = compile_over(
+            system,
             [derivative(rate, system.epsilon) for rate in system.rates] if epsilon_free else [sp.Integer(0)],
-            arguments=system.states,
-            epsilon=system.epsilon,
-            parameters=tuple(system.parameters),
         )
         self.equations = Equations(
             self.flow.field, self.flow.jacobian, self.sensitivity.address, 2 if epsilon_free else 1

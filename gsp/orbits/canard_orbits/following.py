@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum, StrEnum
+from enum import Enum
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from gsp.orbits.canard_orbits.canard import (
     section_crossing,
 )
 from gsp.orbits.canard_orbits.collocation import OrbitSegment
+from gsp.orbits.canard_orbits.sheet import CurveEnd
 from gsp.results.card import Card
 from gsp.systems.arguments import check_each, check_noun, check_whole
 from gsp.systems.flow import check_epsilon
@@ -40,22 +41,13 @@ PACE = Pace(FIRST, LONGEST, SHORTEST, AIM, largest_turn=LARGEST_ANGLE, growth=GR
 ACROSS, LOCATED = 0.05, 1e-6
 
 
-class FamilyEnd(StrEnum):
+class FamilyEnd(CurveEnd):
     """Where a family of canards ends."""
 
     BOUND = "the bound of epsilon was reached"
     POINTS = "the allowed number of points was used up"
     STEPS = "the steps fell below rounding"
     MESH = f"a mesh of {MOST} elements no longer resolves the orbit"
-
-    @property
-    def status(self) -> Status:
-        """The same as a `Status`."""
-        return {
-            FamilyEnd.POINTS: Status.TOO_MANY_STEPS,
-            FamilyEnd.STEPS: Status.STEP_TOO_SMALL,
-            FamilyEnd.MESH: Status.NOT_CONVERGED,
-        }.get(self, Status.SUCCESS)
 
 
 # How a tracer's own endings are told of a family.

@@ -135,15 +135,12 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     x, y = system.x, system.y[0]
     point = np.array([float(sp.N(singularity.point[s.name])) for s in system.states])
     jacobian = compile_function(
-        [sp.diff(flow.rates[a], b) for a in system.states for b in system.states],
-        arguments=system.states,
-        epsilon=None,
-        parameters=[],
+        [sp.diff(flow.rates[a], b) for a in system.states for b in system.states], arguments=system.states
     )
     values, vectors = np.linalg.eig(jacobian(point, _NOTHING).reshape(3, 3))
     slope = [sp.diff(flow.g, s) for s in system.states]
     bend = [sp.diff(flow.fold, s) for s in system.states]
-    local = compile_function([*bend, *flow.f], arguments=system.states, epsilon=None, parameters=[])
+    local = compile_function([*bend, *flow.f], arguments=system.states)
     at = local(point, _NOTHING)
     wanted = [float(sp.N(value)) for value in singularity.eigenvalues]
     trace = abs(float(sp.N(singularity.trace)))
@@ -158,7 +155,7 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     contraction = sp.Dummy("contraction")
     states = {s: flow.rates[s] for s in system.states}
     desingularised = VectorField(states={**states, contraction: -(flow.fold**2)}, epsilon=None)
-    critical = compile_function([flow.g, *slope, flow.fold], arguments=(*x, y), epsilon=None, parameters=[])
+    critical = compile_function([flow.g, *slope, flow.fold], arguments=(*x, y))
     return Frame(
         system=system,
         singularity=singularity,

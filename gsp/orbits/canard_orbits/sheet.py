@@ -50,7 +50,16 @@ NEAR, FURTHEST = 0.3, 1.5
 NOWHERE = np.zeros(0)
 
 
-class SheetEnd(StrEnum):
+class CurveEnd(StrEnum):
+    """Where a curve of orbits ends."""
+
+    @property
+    def status(self) -> Status:
+        """The same as a `Status`."""
+        return _STATUS.get(self.name, Status.SUCCESS)
+
+
+class SheetEnd(CurveEnd):
     """Where the curve of a sheet ends."""
 
     WINDOW = "it leaves the window about the node"
@@ -62,15 +71,16 @@ class SheetEnd(StrEnum):
     SEGMENTS = "the allowed number of segments was used up"
     WORK = "the allowed number of Newton steps was used up"
 
-    @property
-    def status(self) -> Status:
-        """The same as a `Status`."""
-        return {
-            SheetEnd.SINGULAR: Status.SINGULAR_JACOBIAN,
-            SheetEnd.STEPS: Status.STEP_TOO_SMALL,
-            SheetEnd.SEGMENTS: Status.TOO_MANY_STEPS,
-            SheetEnd.WORK: Status.TOO_MANY_STEPS,
-        }.get(self, Status.SUCCESS)
+
+# What ends a curve is a success unless it is here.
+_STATUS = {
+    "SINGULAR": Status.SINGULAR_JACOBIAN,
+    "STEPS": Status.STEP_TOO_SMALL,
+    "MESH": Status.NOT_CONVERGED,
+    "POINTS": Status.TOO_MANY_STEPS,
+    "SEGMENTS": Status.TOO_MANY_STEPS,
+    "WORK": Status.TOO_MANY_STEPS,
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,7 +21,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.collocation.bordered import Conditions, Equations, Linearisation, linearise
 from gsp.collocation.gauss import Scheme, gauss
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.lowering.compiled_function import CompiledFunction, compile_over
 from gsp.systems.flow import Flow
 
 
@@ -106,12 +106,7 @@ class OrbitProblem:
         self.place = 0 if free is None or free == flow.epsilon else 1 + list(flow.parameters).index(free)
         self.by_parameter: CompiledFunction | None = None
         if free is not None:
-            self.by_parameter = compile_function(
-                [derivative(rate, free) for rate in flow.rates],
-                arguments=flow.states,
-                epsilon=flow.epsilon,
-                parameters=tuple(flow.parameters),
-            )
+            self.by_parameter = compile_over(flow, [derivative(rate, free) for rate in flow.rates])
 
     @property
     def size(self) -> int:

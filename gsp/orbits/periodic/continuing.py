@@ -18,7 +18,7 @@ from gsp.orbits.periodic.hopf import HopfPoint
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.orbit import PeriodicOrbit, check_name
 from gsp.orbits.periodic.settling import OrbitError
-from gsp.orbits.periodic.tracing import Controls, CycleTracer, Row
+from gsp.orbits.periodic.tracing import CycleControls, CycleTracer, Row
 from gsp.systems.arguments import (
     check_noun,
     check_number,
@@ -100,7 +100,7 @@ def continue_orbits(
             got=f"the bounds ({low:g}, {high:g})",
         )
     period = 2.0 * np.pi / origin.omega if isinstance(origin, HopfPoint) else origin.period
-    controls = Controls(
+    controls = CycleControls(
         float(step), float(max_step), int(max_points), float(tolerance), int(max_intervals),
         float(max_period or 1e3 * period),
     )  # fmt: skip

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsp.critical.continuation.arclength import Controls
 from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
@@ -43,13 +44,9 @@ SLACK = 1.5
 
 
 @dataclass(frozen=True)
-class Controls:
-    """Steps in arclength, how many, the error of each cycle, intervals at most, and the longest period."""
+class CycleControls(Controls):
+    """Controls of a family of cycles, whose errors `tolerance` bounds, with the most intervals and longest period."""
 
-    step: float
-    max_step: float
-    max_points: int
-    tolerance: float
     max_intervals: int
     max_period: float
 
@@ -77,7 +74,7 @@ class Row:
 class CycleTracer(Tracer[Row]):
     """Steps along one family; `bounds` are the parameter's."""
 
-    def __init__(self, problem: OrbitProblem, bounds: Interval, controls: Controls) -> None:
+    def __init__(self, problem: OrbitProblem, bounds: Interval, controls: CycleControls) -> None:
         self.problem = problem
         self.bounds = bounds
         self.controls = controls

@@ -21,7 +21,7 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import PassedLoss, passed_loss
@@ -197,12 +197,7 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
     """Whether E_y g + epsilon E_x f vanishes at points (m, n) of the branch for epsilon > 0, to rounding."""
     system, equations = orbit.branch.system, orbit.equations
     m, n = len(system.x), len(system.y)
-    function = compile_function(
-        [*system.f, *system.g, *equations.E_x, *equations.E_y, *equations.g_y],
-        arguments=system.states,
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    function = compile_over(system, [*system.f, *system.g, *equations.E_x, *equations.E_y, *equations.g_y])
     constants = compile_flow(system).constants.copy()
     for epsilon in TRIED:
         p = constants.copy()

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.errors import Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
@@ -62,20 +63,15 @@ class MeasuredDelay:
     @property
     def why(self) -> str:
         """Why the extended run shows no exit; empty where it does."""
-        if self.exit is not None:
-            return ""
-        run = self.extended
-        return self._reason(*self.extended_distance, "" if run.status.ok else run.status.meaning)
+        return "" if self.exit is not None else self._reason(*self.extended_distance, self.extended.status)
 
     @property
     def double_why(self) -> str:
         """Why the run in double precision shows no exit; empty where it does."""
-        if self.double_exit is not None:
-            return ""
-        run = self.double
-        return self._reason(*self.double_distance, "" if run.status.ok else run.status.meaning)
+        return "" if self.double_exit is not None else self._reason(*self.double_distance, self.double.status)
 
-    def _reason(self, t: np.ndarray, distance: np.ndarray, ended: str) -> str:
+    def _reason(self, t: np.ndarray, distance: np.ndarray, status: Status) -> str:
+        ended = "" if status.ok else status.meaning
         loss = self.delayed.loss.t
         before, after = distance[t <= loss], distance[t > loss]
         if not before.min() < self.radius:
@@ -218,12 +214,7 @@ def _distances(delayed: DelayedExit, run: Trajectory) -> np.ndarray:
     """Distance from the branch at every step of a run (k,)."""
     system, graph = delayed.branch.system, delayed.branch.graph
     assert graph is not None
-    function = compile_function(
-        [y - h for y, h in graph.items()],
-        arguments=system.states,
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    function = compile_over(system, [y - h for y, h in graph.items()])
     # A run that escapes may be too far away for its square.
     with np.errstate(over="ignore", invalid="ignore"):
         return np.linalg.norm(function(run.y.T, compile_flow(system).constants), axis=1)

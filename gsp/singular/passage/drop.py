@@ -13,7 +13,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.systems.declaration import exact
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -82,12 +82,7 @@ def drop_from(
     here = y + direction * v + bending * v**2
     span = PATIENCE / (rate * v)
     slow = {s.name: float(value) for s, value in zip(system.x, x)}
-    compiled = compile_function(
-        [*rates, *(derivative(g, s) for g in rates for s in system.y)],
-        arguments=system.states,
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    compiled = compile_over(system, [*rates, *(derivative(g, s) for g in rates for s in system.y)])
     constants = compile_flow(system).constants
 
     def values(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from gsp.integration.loop import check_tolerances
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.folds import FoldPassage, omega0
@@ -215,12 +215,7 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
     """
     system, problem = passage.system, _problem(passage)
     m = len(system.x)
-    rates = compile_function(
-        [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f],
-        arguments=system.states,
-        epsilon=system.epsilon,
-        parameters=tuple(system.parameters),
-    )
+    rates = compile_over(system, [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f])
     p = compile_flow(system).constants
 
     def tangent(z: np.ndarray, before: np.ndarray) -> np.ndarray:

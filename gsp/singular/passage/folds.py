@@ -35,7 +35,7 @@ from gsp.critical.continuation.special_points import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.singularity import identity, singular_near
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular
 from gsp.singular.passage.drop import Drop, drop_from
@@ -268,9 +268,7 @@ def _slow_rates(system: SlowFastSystem, u: np.ndarray, r: np.ndarray) -> tuple[n
     rates = [laurent(rate, system.epsilon, order=0).get(0, 0) for rate in system.f]
     m, n = len(system.x), len(system.y)
     outputs = [*rates, *(0 if rate == 0 else derivative(rate, s) for rate in rates for s in system.y)]
-    compiled = compile_function(
-        outputs, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
-    )
+    compiled = compile_over(system, outputs)
     values = compiled(u, compile_flow(system).constants)
     return values[:m], values[m:].reshape(m, n) @ r
 

@@ -21,7 +21,7 @@ from gsp.fibres.decaying_signals import chebyshev, tail
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.lowering.compiled_function import compile_function
+from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.system import VectorField
@@ -78,9 +78,7 @@ class Equations:
     def compiled(self, outputs: Sequence[sp.Expr]) -> Callable[[np.ndarray], np.ndarray]:
         """`outputs` as a function of points (x, y), (m, n)."""
         system = self.branch.system
-        function = compile_function(
-            outputs, arguments=system.states, epsilon=system.epsilon, parameters=tuple(system.parameters)
-        )
+        function = compile_over(system, outputs)
         constants = compile_flow(system).constants
         return lambda z: function(z, constants)
 

@@ -38,9 +38,7 @@ def _sizes(a_decade: int) -> np.ndarray:
 def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
     """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
     graph = -g.xreplace({x: sp.Integer(0)}) / slope
-    function = compile_function(
-        [graph, sp.diff(g, y).xreplace({x: graph})], arguments=[y], epsilon=None, parameters=[]
-    )
+    function = compile_function([graph, sp.diff(g, y).xreplace({x: graph})], arguments=[y])
     rows = _sizes(ALONG)
     signs = np.sign(function(rows[:, None], [0.0])[:, 1])
     changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
@@ -53,9 +51,7 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
 def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
     """Folds that Newton's method reaches from sizes of x and y."""
     equations = sp.Matrix([g, sp.diff(g, y)])
-    function = compile_function(
-        [*equations, *equations.jacobian([x, y])], arguments=[x, y], epsilon=None, parameters=[]
-    )
+    function = compile_function([*equations, *equations.jacobian([x, y])], arguments=[x, y])
 
     def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values = function(u[None, :], [0.0])[0]

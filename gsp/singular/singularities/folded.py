@@ -186,9 +186,7 @@ def _starts(
     """Samples of a region that bounds every state, those nearest to the fold first; not asked for by algebra."""
     box = check_region(region, names, required=names)
     samples = grid(np.array([box[name] for name in names], dtype=float))
-    compiled = compile_function(
-        [flow.g, flow.fold, flow.q], arguments=(*flow.x, flow.y), epsilon=None, parameters=[]
-    )
+    compiled = compile_function([flow.g, flow.fold, flow.q], arguments=(*flow.x, flow.y))
     values = np.abs(compiled(samples, [0.0]))
     scale = np.nanmedian(np.where(np.isfinite(values), values, np.nan), axis=0)
     size = np.where(np.isfinite(values), values, np.inf) / np.where(scale > 0.0, scale, 1.0)

@@ -94,9 +94,7 @@ def locate(
     exact = real_points(equations, unknowns)
     if exact is not None:
         return [Located(equations, unknowns, point, {}) for point in exact]
-    compiled = compile_function(
-        [*equations, *jacobian(equations, unknowns)], arguments=unknowns, epsilon=None, parameters=[]
-    )
+    compiled = compile_function([*equations, *jacobian(equations, unknowns)], arguments=unknowns)
     count = len(equations)
 
     def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

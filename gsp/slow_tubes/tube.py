@@ -1,0 +1,90 @@
+"""What is proved about a tube, whatever it lies about."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import sympy as sp
+from flint import arb
+
+from gsp.proofs import balls
+from gsp.proofs.certificate import ProofVerdict
+from gsp.results.card import Card
+from gsp.slow_tubes.isolation import norm
+from gsp.slow_tubes.tube_search import ProvedTube
+from gsp.systems.region import shown_region
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Tube(Card):
+    """A tube over `region`: what `SlowTube` and `SolvedTube` have in common. Nothing is proved unless it is said."""
+
+    region: Mapping[str, tuple[float, float]]
+    verdict: ProofVerdict = ProofVerdict.UNDECIDED
+    reason: str = "no tube was proved isolating"
+    delta: float = math.nan
+    widths: Mapping[str, float] = field(default_factory=dict)
+    is_isolating: bool = False
+    has_cones: bool = False
+    boundary: str = "mixed"
+    collar: float = math.nan
+    signs: tuple[int, ...] = ()
+    tried: int = 0
+
+    @property
+    def statement(self) -> tuple[str, ...]:
+        """What is proved, in sentences."""
+        if not self.is_isolating:
+            return ()
+        if 1 in self.signs:
+            lines = ["the flow crosses every face of the tube, out of it along the unstable directions only"]
+        elif self.boundary == "inflowing":
+            lines = ["a solution that starts in the tube stays in it for ever"]
+        else:
+            lines = [
+                "a solution that starts in the tube stays in it while its slow variables are in the region"
+            ]
+        if not self.has_cones:
+            return (*lines, "no Lipschitz manifold in it is proved")
+        graph = "the graph of a Lipschitz map over the whole region"
+        if self.boundary == "overflowing":
+            return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
+        return (
+            *lines,
+            f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
+            f"off a collar of width {self.collar:.3g} at its sides",
+            "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
+        )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.verdict.name}, {self.reason})"
+
+    def _card(self, at: str, told: Sequence[str]) -> str:
+        """The verdict on the region and the reason; of an isolating tube what is `told`, and the statement."""
+        lines = [f"{self.verdict.value} on {shown_region(self.region)}{at}", f"  {self.reason}"]
+        if self.is_isolating:
+            lines += [f"  {line}" for line in (*told, *self.statement)]
+        return "\n".join(lines)
+
+    def _with(self, found: ProvedTube, fast: Sequence[sp.Symbol], power: arb, **own: Any) -> Self:
+        """This tube with what was `found`, whose half-widths are `power` times those of the search."""
+        search, proved = found.problem, bool(found.cones)
+        scaled = [arb(width) for width in search.half_widths(found.widths)]
+        return replace(
+            self,
+            verdict=ProofVerdict.PROVED if proved else ProofVerdict.UNDECIDED,
+            reason="the slow manifold is in the tube"
+            if proved
+            else "the tube is isolating, but the cone conditions are not proved",
+            delta=balls.magnitude(norm(scaled) * power),
+            widths={y.name: balls.magnitude(width * power) for y, width in zip(fast, scaled)},
+            is_isolating=True,
+            has_cones=proved,
+            boundary=search.sides_of(found),
+            collar=search.collar(found) if proved else math.nan,
+            signs=search.basis.signs,
+            **own,
+        )
