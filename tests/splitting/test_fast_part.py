@@ -1,0 +1,143 @@
+"""The fast part of a field: its pole and its rest, matrices inverted exactly, ranks, and the search for equilibria."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.errors import SplittingError
+from gsp.splitting.fast_part import (
+    RANK_TOLERANCE,
+    TIDY_LIMIT,
+    _by_rows,
+    _equilibrium,
+    _numerical_rank,
+    factorised,
+    inverse,
+    jacobian,
+    layer_rank,
+    principal_part,
+    reduced,
+    shown,
+    tidy,
+)
+from gsp.systems.system import VectorField
+
+x, y, z, a, eps = sp.symbols("x y z a epsilon")
+
+
+def field(*rates: sp.Expr, parameters=None) -> VectorField:
+    return VectorField(dict(zip((x, y, z), rates)), epsilon=eps, parameters=parameters or {})
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_a_matrix_times_its_inverse_is_the_identity(n: int) -> None:
+    entries = np.random.default_rng(n).integers(-5, 6, (n, n)).tolist()
+    matrix = sp.Matrix(entries) + 20 * sp.eye(n)
+    assert matrix * inverse(matrix) == sp.eye(n)
+    if n > 4:
+        return
+    symbolic = sp.Matrix(n, n, lambda i, j: a if i == j else entries[i][j])
+    assert (symbolic * inverse(symbolic)).subs(a, 17) == sp.eye(n)
+
+
+@pytest.mark.parametrize(
+    ("rate", "pole", "rest"),
+    [
+        (x / eps + y, x, y),
+        (y, 0, y),
+        ((x + eps * y) / eps, x, y),
+        ((x + eps) * (y - eps) / eps, x * y, y - x - eps),
+        (x / (eps * (1 + eps)), x, -x / (1 + eps)),
+        (x / eps - x / eps + y, 0, y),
+        (eps * x - 3, 0, eps * x - 3),
+    ],
+)
+def test_a_rate_is_its_pole_and_its_rest(rate: sp.Expr, pole: sp.Expr, rest: sp.Expr) -> None:
+    (layer, *_), (drift, *_) = principal_part(VectorField({x: rate, y: 1 / eps}, epsilon=eps))
+    assert sp.simplify(layer - pole) == 0
+    assert sp.simplify(drift - rest) == 0
+
+
+@pytest.mark.parametrize(
+    ("layer", "rank"),
+    [
+        ([y - x, x - y, 0], 1),
+        ([y - x, z - y, 0], 2),
+        ([y - x, z - y, y - z], 2),
+        ([x * (y - 1), y - 1, 0], 1),
+        ([1 - x**2, -y, -z], 3),
+        ([10**6 * (y - x), 0, 0], 1),
+    ],
+)
+def test_the_rank_is_the_number_of_fast_directions(layer: list, rank: int) -> None:
+    layer = [sp.sympify(e) for e in layer]
+    own = field(*(e / eps for e in layer))
+    assert layer_rank(layer, own) == rank
+    if rank < 3:
+        N, f = factorised(layer, own, rank)
+        assert (N.shape, f.shape) == ((3, rank), (rank, 1))
+        on = {y: x, z: x} if [y - x] == layer[:1] else {y: 1}
+        difference = (N * jacobian(f, (x, y, z)) - jacobian(layer, (x, y, z))).subs(on)
+        assert difference.applyfunc(sp.simplify) == sp.zeros(3, 3)
+
+
+@pytest.mark.parametrize(
+    ("layer", "words"),
+    [
+        ([0, 0, 0], "no rate has a pole"),
+        ([3, y, 0], "which has no equilibrium"),
+        ([1 + x**2, 0, 0], "no real equilibrium"),
+        ([x**2, 0, 0], "vanishes to second order"),
+        ([y, 0, 0], "tangent to its own zeros"),
+    ],
+)
+def test_fast_parts_without_a_critical_manifold_are_refused(layer: list, words: str) -> None:
+    layer = [sp.sympify(e) for e in layer]
+    with pytest.raises(SplittingError, match=words):
+        layer_rank(layer, field(x / eps, y, z))
+
+
+def test_ranks_are_numerical_and_rows_are_judged_by_their_own_size() -> None:
+    least = RANK_TOLERANCE * 2.0
+    assert _numerical_rank(np.diag([1.0, 1.01 * least])) == 2
+    assert _numerical_rank(np.diag([1.0, 0.99 * least])) == 1
+    assert _numerical_rank(np.diag([1e6, 0.2])) == 2
+    assert _numerical_rank(np.zeros((2, 2))) == 0
+    assert _by_rows(np.array([[2.0, -4.0], [0.0, 0.0], [1e-9, 0.0]])).tolist() == [
+        [0.5, -1.0],
+        [0.0, 0.0],
+        [1.0, 0.0],
+    ]
+
+
+def test_equilibria_are_searched_with_steps_no_longer_than_the_point() -> None:
+    visited = []
+
+    def value(z: np.ndarray, _) -> np.ndarray:
+        visited.append(z.copy())
+        return z - 100.0
+
+    found, converged = _equilibrium(np.array([0.0]), (value, lambda *_: np.ones(1)), np.array([]))
+    assert converged
+    assert found == pytest.approx([100.0])
+    # Each step is at most 1 + |z|.
+    assert [float(v[0]) for v in visited[:5]] == pytest.approx([0.0, 1.0, 3.0, 7.0, 15.0])
+    far = _equilibrium(np.array([0.0]), (lambda z, _: z - 2e6, lambda *_: np.ones(1)), np.array([]))
+    assert not far[1]
+    none = _equilibrium(np.array([1.0]), (lambda z, _: z * np.nan, lambda *_: np.ones(1)), np.array([]))
+    assert (none[0].tolist(), none[1]) == ([1.0], False)
+    endless = _equilibrium(np.array([1.0]), (lambda z, _: 1.0 + z**2, lambda z, _: 2 * z), np.array([]))
+    assert not endless[1]
+
+
+def test_expressions_are_shortened_unless_they_are_long() -> None:
+    assert tidy(x * y + x * z) == x * (y + z)
+    assert tidy((x**2 - 1) / (x - 1)) == x + 1
+    long = sp.Add(*[sp.sin(x) ** k * y for k in range(1, TIDY_LIMIT)])
+    assert tidy(long) is long
+    assert reduced((x**2 - y**2) / (x - y)) == x + y
+    fraction = sum(((x**2 - 1) / (x - 1) + sp.sin(k * x) for k in range(TIDY_LIMIT)), sp.Integer(0))
+    assert reduced(fraction) is fraction
+    assert shown(field(x / eps, y, z), [x - y, sp.Integer(0), -z]) == "x' = (x - y)/epsilon, z' = (-z)/epsilon"
