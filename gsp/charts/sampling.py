@@ -14,6 +14,7 @@ from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.scenes.view import TIME
+from gsp.slow.series import best_sum
 from gsp.slow.truncation import errors, past
 from gsp.systems.flow import Flow
 from gsp.systems.system import SlowFastSystem
@@ -157,12 +158,9 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
     result = np.full(leading.shape, np.nan)
     if not good.any():
         return result
-    terms = series.terms(x[good], epsilon)
-    best = np.asarray(series.optimal_order(x[good], epsilon))
-    sums = terms.cumsum(axis=1)[np.arange(len(best)), best]
+    sums, orders, left_out = best_sum(series, x[good], epsilon, near=leading[good])
     size = np.abs(leading[good]).max() or 1.0
-    left_out = np.asarray(series.truncation_error(x[good], epsilon))
-    drawn = (left_out <= TRUSTED * size) & ((best > 0) | (series.order == 0))
+    drawn = (left_out <= TRUSTED * size) & ((orders > 0) | (series.order == 0))
     result[good] = np.where(drawn[:, None], sums, np.nan)
     return result
 

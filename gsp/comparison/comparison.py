@@ -22,7 +22,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
-from gsp.slow.series import SeriesManifold
+from gsp.slow.series import SeriesManifold, best_sum
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilons, check_order, check_orders
 from gsp.systems.system import VectorField
@@ -202,9 +202,7 @@ def on_manifold(series: SeriesManifold, start: Mapping[str, float], epsilon: flo
     """The point of M_epsilon over the slow part of `start`, by the series at its optimal order."""
     system = series.branch.system
     x = {s.name: start[s.name] for s in system.x}
-    order = series.optimal_order(x, epsilon)
-    assert isinstance(order, int)
-    y = series.terms(x, epsilon)[: order + 1].sum(axis=0)
+    y = best_sum(series, x, epsilon)[0][0]
     return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
 
 

@@ -21,7 +21,7 @@ from gsp.integration.trajectory import Method, Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.lowering.tape import write_tape
-from gsp.slow.series import expand
+from gsp.slow.series import best_sum, expand
 from gsp.slow.slow_points import zero_derivative
 from gsp.systems.flow import Point
 from gsp.systems.system import VectorField
@@ -186,10 +186,8 @@ def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surfac
         return found.y, float(np.max(found.error))
 
     def summed(x: np.ndarray) -> tuple[np.ndarray, float]:
-        orders = series.optimal_order(x, epsilon, near=guess)
-        terms = series.terms(x, epsilon, near=guess)
-        y = np.array([row[: k + 1].sum(axis=0) for row, k in zip(terms, np.atleast_1d(orders))])
-        return y, float(np.max(series.truncation_error(x, epsilon, near=guess)))
+        y, _, left_out = best_sum(series, x, epsilon, near=guess)
+        return y, float(np.max(left_out))
 
     try:
         write_tape(branch.system)

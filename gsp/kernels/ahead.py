@@ -6,6 +6,7 @@ Whatever one of the two has compiled the other reads from numba's cache, so that
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -104,7 +105,9 @@ def compiled_ahead() -> Iterator[None]:
     """
     process: Any = None
     if not all(is_kept(*asked) for asked in IN_ORDER):
-        process = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
+        process = multiprocessing.get_context("spawn").Process(
+            target=_help, args=gc.get_threshold(), daemon=True
+        )
         try:
             process.start()
         except OSError:
@@ -123,8 +126,9 @@ def compile_backwards() -> None:
         kernel.compile(arguments)
 
 
-def _help() -> None:
-    """What the second process does. Ctrl-C is the first one's to answer, with which this one ends."""
+def _help(*threshold: int) -> None:
+    """What the second process does, with looks for cycles as rare as in the first, whose Ctrl-C is to answer."""
+    gc.set_threshold(*threshold)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None

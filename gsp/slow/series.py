@@ -170,14 +170,14 @@ class SeriesManifold(Card):
         """
         n = self._order(order)
         check_flag(masked, what="masked")
-        terms, single = self._ahead._terms(x, epsilon, near, masked=masked)
+        terms, coordinates, single = self._ahead._terms(x, epsilon, near, masked=masked)
         # Singular points, which only `masked` lets through, have no sum.
         terms = np.where(np.isfinite(terms), terms, np.nan)
         result = terms[:, : n + 1].sum(axis=1)
         estimates = errors(np.linalg.norm(terms, axis=2), n)
         if past(estimates).any():
             # Looked at again without the terms that are rounding altogether, as `optimal_order` does.
-            estimates = errors(self._ahead._known_sizes(x, terms, epsilon, near), n)
+            estimates = errors(self._ahead._known_sizes(coordinates, terms, epsilon), n)
         beyond = past(estimates)
         if beyond.any():
             if masked:
@@ -188,7 +188,7 @@ class SeriesManifold(Card):
 
     def terms(self, x, epsilon: float, *, near=None) -> np.ndarray:
         """The terms epsilon^k h_k(x), shape (m, n + 1, n_fast), or (n + 1, n_fast) for one point."""
-        terms, single = self._terms(x, epsilon, near)
+        terms, _, single = self._terms(x, epsilon, near)
         return terms[0] if single else terms
 
     def terms_at(self, coordinates: np.ndarray, epsilon: float) -> np.ndarray:
@@ -226,7 +226,7 @@ class SeriesManifold(Card):
         when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
         without digits do not count: the order before the first of them is the last.
         """
-        estimates, single = self._estimates(x, epsilon, near)
+        _, estimates, single = self._estimates(x, epsilon, near)
         found = best(estimates)
         return int(found[0]) if single else found
 
@@ -236,7 +236,7 @@ class SeriesManifold(Card):
         Three times the envelope of the next two terms, summed as a geometric series: no bound, but meant to be above
         the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
         """
-        estimates, single = self._estimates(x, epsilon, near)
+        _, estimates, single = self._estimates(x, epsilon, near)
         error = np.fmin.reduce(estimates, axis=1)
         return float(error[0]) if single else error
 
@@ -259,16 +259,16 @@ class SeriesManifold(Card):
         places = [system.states.index(symbol) for symbol in self.coordinates]
         return array, z[:, places], single
 
-    def _estimates(self, x, epsilon: float, near) -> tuple[np.ndarray, bool]:
-        """Estimated errors (m, order + 1) at every order, NaN at orders whose terms have no digits."""
+    def _estimates(self, x, epsilon: float, near) -> tuple[np.ndarray, np.ndarray, bool]:
+        """(terms, estimated errors (m, order + 1) at every order, single), NaN at orders whose terms have no digits."""
         ahead = self._ahead
-        terms, single = ahead._terms(x, epsilon, near)
-        return errors(ahead._known_sizes(x, terms, epsilon, near), self.order), single
+        terms, coordinates, single = ahead._terms(x, epsilon, near)
+        return terms, errors(ahead._known_sizes(coordinates, terms, epsilon), self.order), single
 
-    def _known_sizes(self, x, terms: np.ndarray, epsilon: float, near) -> np.ndarray:
+    def _known_sizes(self, coordinates: np.ndarray, terms: np.ndarray, epsilon: float) -> np.ndarray:
         """Sizes (m, k) of `terms` (m, k, n_fast), NaN where they have no digits: those say nothing about the error."""
         sizes = np.linalg.norm(terms, axis=2)
-        sizes[np.arange(sizes.shape[1]) > self._last_with_digits(x, terms, epsilon, near)[:, None]] = np.nan
+        sizes[np.arange(sizes.shape[1]) > self._last_with_digits(coordinates, terms, epsilon)[:, None]] = np.nan
         return sizes
 
     def _beyond(self, x, estimates: np.ndarray, beyond: np.ndarray) -> str:
@@ -289,7 +289,8 @@ class SeriesManifold(Card):
             "order=series.optimal_order(x, epsilon), a smaller epsilon, or solve_manifold; masked=True gives NaN."
         )
 
-    def _terms(self, x, epsilon: float, near, *, masked: bool = False) -> tuple[np.ndarray, bool]:
+    def _terms(self, x, epsilon: float, near, *, masked: bool = False) -> tuple[np.ndarray, np.ndarray, bool]:
+        """(terms, the chart's coordinates, single) over `x`."""
         value = check_epsilon(epsilon)
         array, coordinates, single = self._on_branch(x, near)
         system = self.branch.system
@@ -302,14 +303,13 @@ class SeriesManifold(Card):
                 f"the series is singular at {place}: the fast Jacobian or a denominator vanishes there.",
                 "Stay on the normally hyperbolic part of the branch; classify() says where that is.",
             )
-        return terms, single
+        return terms, coordinates, single
 
-    def _last_with_digits(self, x, terms: np.ndarray, epsilon: float, near) -> np.ndarray:
+    def _last_with_digits(self, coordinates: np.ndarray, terms: np.ndarray, epsilon: float) -> np.ndarray:
         """The highest order (m,) up to which all `terms` (m, k, n_fast) have digits, seen by moving the point by ulps.
 
         Expanded numerators of long series cancel: a term may be rounding altogether, and look like any other.
         """
-        _, coordinates, _ = self._on_branch(x, near)
         noise = np.zeros(terms.shape[:2])
         for i, ulps in enumerate(JITTER):
             signs = 1.0 - 2.0 * ((np.arange(coordinates.shape[1]) + i) % 2)
@@ -379,6 +379,15 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
     check_order(order)
     check_flag(symbolic, what="symbolic")
     return series_of(Expansion(branch, symbolic=symbolic), order)
+
+
+def best_sum(
+    series: SeriesManifold, x, epsilon: float, *, near=None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """h_epsilon (m, n_fast) over `x` at each point's own `optimal_order`, these orders and the errors (m,), at once."""
+    terms, estimates, _ = series._estimates(x, epsilon, near)
+    orders = best(estimates)
+    return terms.cumsum(axis=1)[np.arange(len(terms)), orders], orders, np.fmin.reduce(estimates, axis=1)
 
 
 def series_of(expansion: Expansion, order: int) -> SeriesManifold:

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 
 from gsp.charts.manifolds import slow_line
 from gsp.charts.sampling import on_branch, slow_curve, slow_ends
+from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, HyperbolicityError
-from gsp.slow.series import SeriesManifold, expand
+from gsp.slow.series import JITTER, SeriesManifold, best_sum, expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD, best, errors, past
 from gsp.systems.system import SlowFastSystem
@@ -239,3 +240,28 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
     # Far from the fold there is no end to mark.
     study.region = {"y": (0.5, 1.0)}
     assert slow_ends(analysis) == (True, [])
+
+
+def test_a_sum_at_the_best_order_follows_the_sheet_once_and_evaluates_each_term_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - y - sp.sin(y) / 2}, epsilon=eps)
+    branch = solve_critical(system).branches[0].through({x: 0, y: 0})
+    series, points = expand(branch, order=3), np.linspace(-1.0, 1.0, 9)[:, None]
+    orders, left_out = series.optimal_order(points, 0.2), series.truncation_error(points, 0.2)
+    terms = series.terms(points, 0.2)
+    wanted = [row[: k + 1].sum(axis=0) for row, k in zip(terms, np.atleast_1d(orders))]
+
+    calls: list[str] = []
+    for owner, name in ((Branch, "points"), (SeriesManifold, "terms_at")):
+        original = getattr(owner, name)
+        monkeypatch.setattr(
+            owner, name,
+            lambda *a, original=original, name=name, **k: calls.append(name) or original(*a, **k),
+        )  # fmt: skip
+    found, found_orders, found_errors = best_sum(series, points, 0.2)
+    # The digits of the terms are heard by moving the points.
+    assert sorted(calls) == ["points", *["terms_at"] * (1 + len(JITTER))]
+    np.testing.assert_array_equal(found_orders, orders)
+    np.testing.assert_array_equal(found_errors, left_out)
+    np.testing.assert_allclose(found, wanted, rtol=1e-13)

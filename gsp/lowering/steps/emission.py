@@ -125,8 +125,9 @@ class Emitter:
     def _sum(self, expression: sp.Add) -> Any:
         total: Any = None
         # A term with a plus sign first saves a negation.
-        for term in sorted(expression.args, key=_is_negated):
-            if total is not None and _is_negated(term):
+        negated = {term: is_negated(term) for term in expression.args}
+        for term in sorted(expression.args, key=negated.__getitem__):
+            if total is not None and negated[term]:
                 total = self._two(self.builder.fsub, total, self._value(-term))
             else:
                 value = self._value(term)
@@ -277,8 +278,10 @@ class Emitter:
         return result
 
 
-def _is_negated(term: Any) -> bool:
-    return bool(term.as_coeff_Mul()[0].is_negative)
+def is_negated(term: Any) -> bool:
+    number = term.args[0] if term.is_Mul else term
+    # SymPy deduces all that may be known of a number before it says its sign.
+    return number.p < 0 if number.is_Rational else bool(number.is_Number and number.is_negative)
 
 
 def nearest_double(number: Any) -> float:
