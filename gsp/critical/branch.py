@@ -27,7 +27,7 @@ from gsp.critical.sheet_points import (
 )
 from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, within
 from gsp.errors import BranchError
-from gsp.kernels.sheets import follow_sheet, follow_sheets
+from gsp.kernels.sheets import reach_sheet, reach_sheets
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
 from gsp.results.card import Card
@@ -159,12 +159,11 @@ class Branch(Portable, Card):
 
     def over(self, point: np.ndarray) -> np.ndarray:
         """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
-        functions, x0, y0 = self._sheet
-        for pieces in PIECES:
-            y = y0.copy()
-            # In compiled code as far as the line need not be cut anew.
-            if follow_sheet(*functions, x0, y, point, pieces, NEWTON_TOLERANCE, NEWTON_STEPS):
-                return y
+        functions, numbers = self._sheet
+        y = np.empty(len(self.system.y))
+        # In compiled code as far as the line need not be cut anew.
+        if reach_sheet(functions, numbers, point, y):
+            return y
         rows = point[np.newaxis]
         found, good = self.follow(rows)
         if not good[0]:
@@ -173,18 +172,19 @@ class Branch(Portable, Card):
 
     def over_each(self, points: np.ndarray) -> np.ndarray:
         """`over` at each of `points` (m, n_slow): y (m, n_fast), not a number where the line must be cut anew."""
-        functions, x0, y0 = self._sheet
-        y, found = np.empty((len(points), y0.size)), np.empty(len(points), np.bool_)
-        follow_sheets(*functions, x0, y0, points, np.array(PIECES), NEWTON_TOLERANCE, NEWTON_STEPS, y, found)
+        functions, numbers = self._sheet
+        y, found = np.empty((len(points), len(self.system.y))), np.empty(len(points), np.bool_)
+        reach_sheets(functions, numbers, points, y, found)
         y[~found] = np.nan
         return y
 
     @cached_property
-    def _sheet(self) -> tuple[tuple[int, int, int, np.ndarray], np.ndarray, np.ndarray]:
-        """What `follow_sheet` takes of the branch, and its seed."""
+    def _sheet(self) -> tuple[np.ndarray, np.ndarray]:
+        """What `reach_sheet` takes of the branch and its seed."""
         assert self.seed is not None
-        functions = self._residual.address, self._jacobian.address, self._slow_jacobian.address
-        return (*functions, self._values.copy()), np.array(self.seed[0]), np.array(self.seed[1])
+        addresses = self._residual.address, self._jacobian.address, self._slow_jacobian.address
+        functions = np.array([*addresses, NEWTON_STEPS, *PIECES])
+        return functions, np.array([NEWTON_TOLERANCE, *self.seed[0], *self.seed[1], *self._values])
 
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""

@@ -64,8 +64,8 @@ class ReducedFlow(Flow, Card):
         known = plain(start, names) if names else None
         if known is not None:
             if over is not None:
-                known = (*known, *over(np.array(known)).tolist())
-                known = [known[place] for place in places]
+                point = (*known, *over(np.array(known)).tolist())
+                known = [point[place] for place in places]
             return (*known, *rest)
         given = named(start, what="start")
         slow, allowed, own, driven = self._names

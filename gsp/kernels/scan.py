@@ -97,8 +97,10 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
 @inner_kernel
 def begins_clear(functions, p, signs, time, state):
     """Fill `signs` (w,) as they are at the start; False where a run does not begin, or a test is not a number."""
-    point = np.empty(functions[SIZE])
-    out = np.empty(functions[OUTPUTS])
+    size = functions[SIZE]
+    scratch = np.empty(size + functions[OUTPUTS])
+    point = scratch[:size]
+    out = scratch[size:]
     call(functions[LIFT], time, state, p, point)
     call(functions[TESTS], time, point, p, out)
     for value in out:

@@ -36,7 +36,11 @@ def _linearise(jacobian, p, z, flat, factors, pivots):
 
 @inner_kernel
 def _length(vector):
-    return math.sqrt(np.sum(vector * vector))
+    # A loop: the array of the squares would be allocated for each of a dozen lengths.
+    total = 0.0
+    for value in vector:
+        total += value * value
+    return math.sqrt(total)
 
 
 @kernel
@@ -48,33 +52,40 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
     """
     m = x.shape[0]
     n = y.shape[0]
-    z = np.empty(m + n)
-    flat = np.empty(n * n)
-    slow = np.empty(n * m)
-    factors = np.empty((n, n))
-    pivots = np.empty(n, np.int64)
-    step = np.empty(n)
+    # One array: each that is allocated costs as much as a round on a small problem.
+    room = np.empty(2 * m + 4 * n + 2 * n * n + n * m)
+    z = room[: m + n]
+    way = room[m + n : 2 * m + n]
+    step = room[2 * m + n : 2 * m + 2 * n]
+    predicted = room[2 * m + 2 * n : 2 * m + 3 * n]
+    rest = 2 * m + 4 * n
+    pivots = room[rest - n : rest].view(np.int64)
+    flat = room[rest : rest + n * n]
+    factors = room[rest + n * n : rest + 2 * n * n].reshape((n, n))
+    slow = room[rest + 2 * n * n :]
     # Entry by entry: numba's own assignment compiles, for 2 s, the message that shapes do not fit.
     for i in range(m):
         z[i] = x[i]
+        way[i] = target[i] - x[i]
     for i in range(n):
         z[m + i] = y[i]
     orientation = _linearise(jacobian, p, z, flat, factors, pivots)
     for piece in range(pieces):
         call(slow_jacobian, 0.0, z, p, slow)
-        if _linearise(jacobian, p, z, flat, factors, pivots) == 0.0:
+        # Where the line begins the factors are there.
+        if (orientation if piece == 0 else _linearise(jacobian, p, z, flat, factors, pivots)) == 0.0:
             return False
         for i in range(n):
             step[i] = 0.0
             for j in range(m):
-                step[i] -= slow[i * m + j] * (target[j] - x[j]) / pieces
+                step[i] -= slow[i * m + j] * way[j] / pieces
         solve(factors, pivots, step)
-        moved = _length(step) + _length(target - x) / pieces
+        moved = _length(step) + _length(way) / pieces
         for j in range(m):
-            z[j] = target[j] if piece == pieces - 1 else x[j] + (piece + 1) * (target[j] - x[j]) / pieces
+            z[j] = target[j] if piece == pieces - 1 else x[j] + (piece + 1) * way[j] / pieces
         for i in range(n):
             z[m + i] += step[i]
-        predicted = z[m:].copy()
+            predicted[i] = z[m + i]
         converged = False
         for _ in range(rounds):
             call(residual, 0.0, z, p, step)
@@ -92,9 +103,11 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
             if length <= tolerance * scale:
                 converged = True
                 break
-        if not converged or not _length(z[m:] - predicted) <= TRUSTED * moved + ROUNDING:
+        for i in range(n):
+            step[i] = z[m + i] - predicted[i]
+        if not converged or not _length(step) <= TRUSTED * moved + ROUNDING:
             return False
-    if orientation == 0.0 or _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
+    if _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
         return False
     for i in range(n):
         y[i] = z[m + i]
@@ -102,18 +115,27 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
 
 
 @kernel
-def follow_sheets(residual, jacobian, slow_jacobian, p, x, y, targets, pieces, tolerance, rounds, out, found):
-    """`follow_sheet` from (x, y) to each of `targets` (k, n_slow), in the first number of `pieces` (q,) that serves.
+def reach_sheet(functions, numbers, target, y):
+    """Fill `y` (n,) with the point over `target` (n_slow,) of the sheet that a seed lies on; True if it was reached.
 
-    Row i of `out` (k, n) becomes the point over target i, where `found` (k,) says that it was reached.
+    `functions` are the three addresses of `follow_sheet`, its rounds, and the numbers of pieces that are tried one
+    after the other; `numbers` are its tolerance, the seed (x, y) and p.
     """
+    m = 1 + target.shape[0]
+    n = m + y.shape[0]
+    for pieces in functions[4:]:
+        for i in range(y.shape[0]):
+            y[i] = numbers[m + i]
+        if follow_sheet(
+            functions[0], functions[1], functions[2], numbers[n:], numbers[1:m], y, target, pieces, numbers[0],
+            functions[3],
+        ):  # fmt: skip
+            return True
+    return False
+
+
+@kernel
+def reach_sheets(functions, numbers, targets, out, found):
+    """`reach_sheet` over each of `targets` (k, n_slow), into row i of `out` (k, n); `found` (k,) says which."""
     for i in range(targets.shape[0]):
-        found[i] = False
-        for count in pieces:
-            for j in range(y.shape[0]):
-                out[i, j] = y[j]
-            if follow_sheet(
-                residual, jacobian, slow_jacobian, p, x, out[i], targets[i], count, tolerance, rounds
-            ):
-                found[i] = True
-                break
+        found[i] = reach_sheet(functions, numbers, targets[i], out[i])

@@ -111,11 +111,12 @@ def test_one_point_of_a_sheet_is_what_following_it_gives(name, draws):
 
 def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
     branch = study(load("van_der_pol")).branch
-    functions, x0, y0 = branch._sheet
+    functions, numbers = branch._sheet
+    x0, y0, p = numbers[1:2], numbers[2:3], numbers[3:]
     # From x = 2 the sheet ends at y = -2/3; Newton's method alone would find a point of the other one.
     y = y0.copy()
     for pieces in (1, 4, 16):
-        assert not follow_sheet(*functions, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
+        assert not follow_sheet(*functions[:3], p, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
     assert np.array_equal(y, y0)
 
 
