@@ -114,13 +114,10 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
 
 def surroundings(study: Study) -> CriticalCurve | CriticalSheet | None:
     """M0 through its folds in a box around the region; None where `not_followed` has an error."""
-    system, branch = study.system, study.branch
+    system = study.system
     if not_followed(study) is not None:
         return None
-    bounds = _box(study)
-    x = np.array([[study.start[s.name] for s in system.x]])
-    values = np.concatenate([x[0], branch.points(x)[0]])
-    start = {s.name: float(value) for s, value in zip(system.states, values)}
+    bounds, start = _box(study), _on_branch(study)
     if len(system.x) == 1:
         return uninterrupted(continue_critical(system, start=start, bounds=bounds))
     return critical_sheet(system, start=start, bounds=bounds)
@@ -146,7 +143,25 @@ def not_followed(study: Study) -> GspError | None:
             "Bound the fast variables there.",
             got=f"no bounds on {', '.join(unbounded)} in the region of {name}",
         )
+    start = _on_branch(study)
+    for key, (low, high) in _box(study).items():
+        if not low <= start[key] <= high:
+            return GspError(
+                f"over the start's slow values the sheet nearest to the start is at {key} = {start[key]:.6g}, outside "
+                "the box around the region in which folds are followed.",
+                f"Start over slow values at which the region holds a point of the branch, or bound {key} around it.",
+                got=f"the box {key} in [{low:.6g}, {high:.6g}]",
+                value=start[key],
+                point=start,
+            )
     return None
+
+
+def _on_branch(study: Study) -> dict[str, float]:
+    """The point of the branch over the start's slow values."""
+    x = np.array([[study.start[s.name] for s in study.system.x]])
+    values = np.concatenate([x[0], study.branch.points(x)[0]])
+    return {s.name: float(value) for s, value in zip(study.system.states, values)}
 
 
 def never_folds(branch: Branch) -> bool:

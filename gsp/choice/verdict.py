@@ -89,13 +89,15 @@ def judge(evidence: Evidence) -> Verdict:
             _speed(shown, full, pays=pays),
             "" if pays else "Reduce for the formula; to compute a run take the full system.",
         )
+    length = scene.span[1] - scene.span[0]
+    if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < SMALLEST_PART * length:
+        partial = None
     nearest = partial or _nearest(reduced)
     accuracy = f"no reduced model keeps to {wanted}: {named(nearest)} comes nearest, but {nearest.why_not}."
     if nearest.failure is Failure.UNTOLD:
         accuracy = f"no reduced model is known to keep to {wanted}: of {named(nearest)} {nearest.why_not}."
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
-    served = nearest.holds_until - scene.span[0] - evidence.layer
-    if partial is None or served < SMALLEST_PART * (scene.span[1] - scene.span[0]):
+    if partial is None:
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
     place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
     until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")

@@ -58,7 +58,10 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 @output_option("File for the errors, .csv or .json [not written].")
 @json_option
 def compare(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> None:
-    """Compare the reduced flows of MODEL with the full system over its ladder of epsilons: errors and slopes."""
+    """Compare the reduced flows of MODEL with the full system over its ladder of epsilons: errors and slopes.
+
+    Both runs begin on the slow manifold, over the scene's slow start; gsp choose counts the initial layer too.
+    """
     _check_target(output)
     from gsp.comparison.comparison import compare as compare_flows
 

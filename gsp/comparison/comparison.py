@@ -88,8 +88,12 @@ class Comparison(Drawn, Tabular):
             f"  {name}: slope {self.claim_slopes[name]:.2f}  " + "  ".join(f"{e:9.2e}" for e in values)
             for name, values in self.claims.items()
         ]
-        start = "" if self.correction is None else f", start corrected through epsilon^{self.correction}"
-        title = f"largest relative error of the reduced run, by epsilon{start}"
+        if self.correction is None:
+            start = "both runs begin on the slow manifold, over the scene's slow start"
+        else:
+            base = f"the reduced one at its base point through epsilon^{self.correction}"
+            start = f"the full run begins off the slow manifold, {base}"
+        title = f"largest relative error of the reduced run, by epsilon; {start}"
         ending = [f"  {self.ending}"] if self.ending else []
         return "\n".join([title, head, *rows, *self._missing(), *ending])
 
@@ -183,12 +187,15 @@ def compare(
             claimed[name].append(_error(run, reference, names))
         if progress is not None:
             progress((i + 1) / len(ladder))
+    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in wanted}
+    if wanted:
+        floor = with_rounding(ladder, errors[max(wanted)], floor, power=expected[max(wanted)])
     return Comparison(
         scene=scene,
         epsilons=ladder,
         errors=MappingProxyType({n: tuple(values) for n, values in errors.items()}),
         slopes=MappingProxyType({n: slope(ladder, values, floor) for n, values in errors.items()}),
-        expected=MappingProxyType({n: 1 + (n if correction is None else min(n, correction)) for n in wanted}),
+        expected=MappingProxyType(expected),
         floor=tuple(floor),
         statuses=MappingProxyType({n: tuple(values) for n, values in statuses.items()}),
         claims=MappingProxyType({name: tuple(values) for name, values in claimed.items()}),
@@ -220,6 +227,26 @@ def slope(epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[fl
         return float("nan")
     x, y = np.log([e for e, _ in clear]), np.log([error for _, error in clear])
     return float(np.polyfit(x, y, 1)[0])
+
+
+def with_rounding(
+    epsilons: Sequence[float], errors: Sequence[float], floor: Sequence[float], *, power: int
+) -> list[float]:
+    """The floor, raised to the errors of the highest order where these fall no more: what is left is rounding.
+
+    `epsilons` fall. Errors finer than the reference's tolerance that fall by less than half the power of epsilon that
+    they should fall by are rounding of either run, which a second run of the full system alone does not show.
+    """
+    first = last = len(epsilons) - 1
+    while first > 0:
+        share = (epsilons[first - 1] / epsilons[first]) ** (power / 2)
+        if not errors[first - 1] < share * errors[first]:
+            break
+        first -= 1
+    left = errors[first:]
+    if first == last or not max(left) <= RTOL:
+        return list(floor)
+    return [*floor[:first], *(max(low, *left) for low in floor[first:])]
 
 
 def sense(study: Study) -> int:

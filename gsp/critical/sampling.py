@@ -16,7 +16,7 @@ from gsp.critical.sheet_points import Allowance, solve_each
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
-from gsp.systems.region import Interval
+from gsp.systems.region import ImageBox, Interval
 
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
 GRID = {1: 257, 2: 33}
@@ -84,7 +84,15 @@ class Sampler:
                 low, high = box[symbol.name]
                 slack = EDGE * (high - low)
                 good &= ~((z[:, i] < low - slack) | (z[:, i] > high + slack))
+        if isinstance(box, ImageBox):
+            good[good] = box.exists(z[good])
         return good
+
+    def counted(self, x: np.ndarray, box: Mapping[str, Interval]) -> np.ndarray:
+        """Which slow points `x` (m, n_slow) states of the region have: all but in the box of an image."""
+        if not isinstance(box, ImageBox):
+            return np.ones(len(x), dtype=bool)
+        return box.exists(np.hstack([x, np.full((len(x), len(self.system.y)), np.nan)]))
 
     def over(
         self, x: np.ndarray, start: np.ndarray | None, *, allowance: Allowance | None = None

@@ -18,7 +18,7 @@ from gsp.proofs import balls
 from gsp.proofs.covering import Covering, Part, cover, share_of
 from gsp.proofs.equations import Equations
 from gsp.proofs.tubes import Box, middle_of
-from gsp.systems.region import Interval
+from gsp.systems.region import ImageBox, Interval
 from gsp.systems.scattered_points import halton
 
 # Ball operations of one evaluation, times boxes, that are spent: about 30 ms. The number of boxes is held between two.
@@ -203,6 +203,11 @@ class _Search:
         points, origins = np.hstack([x, y])[good], starts[good]
         kept = self.sampler.inside(points, box) & self._is_exact(points)
         ends = np.flatnonzero(~good)
+        if isinstance(box, ImageBox) and len(ends):
+            ends = ends[self.sampler.counted(x[ends], box)]
+            # The straight way from a farther sample may leave the image.
+            beside = self.z[self._nearest(x[ends], np.arange(len(self.z)))]
+            ends = ends[~self.sampler.over(x[ends], beside)[1]]
         for side in (-ASIDE, ASIDE):
             beside = np.clip(x[ends] + side * self.widths, *np.array(self.whole).T)
             ends = ends[~self.sampler.over(beside, starts[ends])[1]]

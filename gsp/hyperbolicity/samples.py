@@ -18,7 +18,7 @@ from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.locator import signed_gap, unstable
 from gsp.hyperbolicity.losses.whole_branch import singular_points
 from gsp.systems.flow import LARGEST
-from gsp.systems.region import Interval, shown_region
+from gsp.systems.region import ImageBox, Interval, shown_region
 
 # How far values on both sides of a removable zero may differ, relative to 1 + their size; towards a pole they double.
 SMOOTH = 1e-3
@@ -86,7 +86,11 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     branch = sampler.branch
     x = off_removable_zeros(sampler, sampler.grid(box), box)
     z, rows = points_of(sampler, x, box)
-    missing = len(x) - len(np.unique(rows))
+    without = np.setdiff1d(np.arange(len(x)), rows)
+    without = without[sampler.counted(x[without], box)]
+    if isinstance(box, ImageBox) and sampler.branch.seed is not None:
+        z, rows, without = _around_corners(sampler, x, z, rows, without)
+    missing = len(without)
     ends = ends_on_grid(z, rows, x) if missing else []
     bounded = sampler.inside(z, box)
     links = sampler.links(z[bounded], rows[bounded], x)
@@ -98,6 +102,22 @@ def sampled(sampler: Sampler, box: Mapping[str, Interval]) -> Samples:
     finite = np.isfinite(eigenvalues).all(axis=1)
     missing += int((~finite).sum())
     return Samples(z[finite], eigenvalues[finite], links, missing, ends)
+
+
+def _around_corners(
+    sampler: Sampler, x: np.ndarray, z: np.ndarray, rows: np.ndarray, without: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Samples of a sheet with those that are met from others of it: the straight way to them may leave an image."""
+    widths = np.ptp(x, axis=0)
+    while len(without) and len(z):
+        scaled = z[:, : x.shape[1]] / widths
+        nearest = [int(np.argmin(np.abs(scaled - point).sum(axis=1))) for point in x[without] / widths]
+        y, good = sampler.over(x[without], z[nearest])
+        if not good.any():
+            break
+        z = np.vstack([z, np.hstack([x[without], y])[good]])
+        rows, without = np.append(rows, without[good]), without[~good]
+    return z, rows, without
 
 
 def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:

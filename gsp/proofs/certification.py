@@ -12,18 +12,19 @@ import sympy as sp
 from flint import arb
 
 from gsp.critical.branch import Branch
+from gsp.critical.sampling import Sampler
 from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
 from gsp.proofs.certificate import Certificate, ProofVerdict
 from gsp.proofs.covering import Covering, cover, glue, share_of
 from gsp.proofs.equations import Equations, limit_equations, without_decimals
-from gsp.proofs.refutation import refute
+from gsp.proofs.refutation import Witness, refute
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
-from gsp.systems.region import check_region
+from gsp.systems.region import ImageBox, Interval, check_region
 
 # Boxes that are tried unless told otherwise: seconds.
 MOST_BOXES = 20_000
@@ -69,6 +70,7 @@ def certify_branch(
             tuple(inner for _, inner in sides),
             start,
             small,
+            checked,
         )
         return _judged(problem, covering)
 
@@ -85,6 +87,7 @@ class _Problem:
     within: Box
     start: tuple[np.ndarray, np.ndarray]
     epsilon: float | None
+    region: Mapping[str, Interval]
 
 
 def _graph(branch: Branch, equations: Equations) -> tuple[sp.Expr, ...] | None:
@@ -163,13 +166,57 @@ def _decided(problem: _Problem, covering: Covering, certificate: Certificate) ->
                 f"only r >= {proved.rate_ratio:.3g}",
             )
         return proved
-    suspects = _suspects(covering, failed, problem.start[0])
-    witness = refute(equations, problem.within, (problem.start[0], anchor), suspects, graph=problem.graph)
-    if witness is not None:
-        return replace(
-            certificate, verdict=ProofVerdict.REFUTED, reason="normal hyperbolicity is lost", witness=witness
-        )
+    outside = None
+    for suspect in _suspects(covering, failed, problem.start[0]):
+        witness = refute(equations, problem.within, (problem.start[0], anchor), [suspect], graph=problem.graph)
+        if witness is not None and not _is_inside(problem, witness):
+            outside = outside or witness
+            witness = _as_end(problem, witness)
+        if witness is not None:
+            return replace(
+                certificate,
+                verdict=ProofVerdict.REFUTED,
+                reason="normal hyperbolicity is lost",
+                witness=witness,
+            )
+    if outside is not None:
+        return replace(certificate, reason=_why_outside(outside))
     return replace(certificate, reason=_why(problem, covering, failed))
+
+
+def _is_inside(problem: _Problem, witness: Witness) -> bool:
+    """Whether the region's bounds on fast variables, and its states, leave the witness in it."""
+    equations = problem.equations
+    sides = np.array([witness.box[s.name] for s in equations.x])
+    x = sides.mean(axis=1)
+    if all(s.name in witness.box for s in equations.y):
+        y = np.array([np.mean(witness.box[s.name]) for s in equations.y])
+    else:
+        reached = equations.followed(problem.start[0], x, problem.start[1])
+        if reached is None:
+            return True
+        y = reached[1]
+    nx = len(problem.branch.system.x)
+    return bool(Sampler(problem.branch).inside(np.concatenate([x[:nx], y])[None, :], problem.region)[0])
+
+
+def _as_end(problem: _Problem, witness: Witness) -> Witness | None:
+    """What a witness outside the region says of it: the sheet ends at a fold, and is no graph over the slow variables.
+
+    A change of type out there says nothing; nor does a fold that no state of the region goes to.
+    """
+    if witness.kind != "fold" or isinstance(problem.region, ImageBox):
+        return None
+    return replace(
+        witness,
+        statement=f"{witness.statement}, outside the bounds on the fast variables: over slow values beyond it the "
+        "sheet has no point",
+    )
+
+
+def _why_outside(witness: Witness) -> str:
+    where = ", ".join(f"{name} = {np.mean(side):.6g}" for name, side in witness.box.items())
+    return f"the branch is lost at {where} only, which is not in the region; keep the slow variables away from there"
 
 
 def _is_on(covering: Covering, x: np.ndarray, anchor: list[arb]) -> bool:

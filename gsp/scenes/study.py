@@ -27,13 +27,14 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
+from gsp.scenes.raw_states import RawStates
 from gsp.scenes.scene import Scene
 from gsp.slow.expansion import Expansion
 from gsp.slow.series import LONGEST, SeriesManifold, series_of
 from gsp.splitting.splitting import Splitting, split
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon, check_order
-from gsp.systems.region import Interval
+from gsp.systems.region import ImageBox, Interval
 from gsp.systems.system import SlowFastSystem
 
 # Points per axis of the box that is mapped when a slow coordinate is no multilinear function of raw states.
@@ -299,8 +300,9 @@ class Study(Card):
 
     def _region(self) -> Mapping[str, Interval]:
         scene, splitting = self.scene, self.splitting
-        region = dict(scene.region) if splitting is None else _image(scene, splitting, self.system)
-        return MappingProxyType(region)
+        return (
+            MappingProxyType(dict(scene.region)) if splitting is None else _image(scene, splitting, self.system)
+        )
 
 
 def study(scene: Scene) -> Study:
@@ -319,8 +321,8 @@ def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
     return Study(scene)
 
 
-def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> dict[str, Interval]:
-    """The box of the slow coordinates that contains the image of the raw region; fast bounds are kept."""
+def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> Mapping[str, Interval]:
+    """The box of the slow coordinates around the image of the raw region; fast bounds are kept."""
     region: dict[str, Interval] = {}
     for symbol, expression in splitting.coordinates.items():
         used = [z for z in scene.system.states if expression.has(z)]
@@ -343,4 +345,10 @@ def _image(scene: Scene, splitting: Splitting, system: SlowFastSystem) -> dict[s
         )
         values = function(points, compile_flow(scene.system).constants)
         region[symbol.name] = (float(values.min()), float(values.max()))
-    return region
+    made_of = [
+        e.free_symbols & set(scene.system.states) for x, e in splitting.coordinates.items() if x in system.x
+    ]
+    if len(set().union(*made_of)) == sum(map(len, made_of)):
+        # No two slow coordinates are made of one state: the image is the box.
+        return MappingProxyType(region)
+    return ImageBox(MappingProxyType(region), RawStates(splitting, scene.region).have)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +14,33 @@ from gsp.systems.arguments import shown
 from gsp.systems.flow import LARGEST, named
 
 Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ImageBox(Mapping[str, Interval]):
+    """The box around the image of a region in other coordinates, with places in it that no state of the region has.
+
+    `exists` takes points (m, n) in these coordinates, fast ones as NaN where any will do, and tells which of them
+    states of the region have: (m,) bool.
+    """
+
+    intervals: Mapping[str, Interval]
+    exists: Callable[[np.ndarray], np.ndarray]
+
+    def __getitem__(self, name: str) -> Interval:
+        return self.intervals[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.intervals)
+
+    def __len__(self) -> int:
+        return len(self.intervals)
+
+
+def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) -> Mapping[str, Interval]:
+    """The region with other intervals for some names; the states of an image stay what they were."""
+    intervals = MappingProxyType({**region, **sides})
+    return replace(region, intervals=intervals) if isinstance(region, ImageBox) else intervals
 
 
 def shown_region(region: Mapping[str, Interval]) -> str:
@@ -79,4 +107,5 @@ def check_region(
         raise DeclarationError(
             f"region gives no interval for {', '.join(missing)}.", "Give each (low, high).", got=given
         )
-    return MappingProxyType({name: given[name] for name in names if name in given})
+    checked = MappingProxyType({name: given[name] for name in names if name in given})
+    return replace(region, intervals=checked) if isinstance(region, ImageBox) else checked

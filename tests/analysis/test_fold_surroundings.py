@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.analysis.fold_surroundings import boundary_of, never_folds
+from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed, surroundings
 from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.scenes.scene import Scene
@@ -81,6 +81,17 @@ def test_explicit_branches_have_no_folds_and_cost_nothing() -> None:
     assert ends.surroundings is None
     assert ends.orbit is None
     assert repr(ends) == "Boundary(no folds)"
+
+
+def test_a_sheet_outside_the_box_is_named_with_its_place() -> None:
+    # Over y = 1 only the sheet through x = 2.1 is left; bounds on x that were meant for the left one do not hold it.
+    system = SlowFastSystem(slow={y: -x}, fast={x: y - x**3 / 3 + x}, epsilon=epsilon)
+    region = {"y": (-0.4, 1.2), "x": (-2.0, -1.2)}
+    study = study_of(Scene(system, region, {"y": 1.0, "x": -1.5}, (0, 0.1), 0.01, (0.02, 0.01), 1e-4))
+    obstacle = not_followed(study)
+    assert obstacle is not None
+    assert "the sheet nearest to the start is at x = 2.1038, outside the box" in obstacle.fact
+    assert surroundings(study) is None
 
 
 def test_no_orbit_starts_on_a_repelling_branch() -> None:

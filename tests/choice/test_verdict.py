@@ -83,6 +83,16 @@ def test_part_of_the_span_is_told_with_its_place() -> None:
     assert verdict_of(FULL, part, FULL, partial=part, layer=0.59).answer is Answer.NO
 
 
+def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
+    # All fail at the end of the layer, so that none serves longer than another.
+    flows = [
+        failing(n, Failure.ERROR, holds_until=0.6, predicted=p) for n, p in enumerate((0.43, 0.30, 0.34, 0.45))
+    ]
+    found = verdict_of(FULL, *flows, FULL, partial=flows[-1], layer=0.6)
+    assert found.answer is Answer.NO
+    assert "the reduced flow of order 1 comes nearest" in found.accuracy
+
+
 @pytest.mark.parametrize(
     ("failure", "changes", "help"),
     [

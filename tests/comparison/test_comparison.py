@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.comparison.comparison import compare, on_manifold, slope
+from gsp.comparison.comparison import compare, on_manifold, slope, with_rounding
 from gsp.errors import DeclarationError, Status
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
@@ -153,3 +153,24 @@ def test_a_layer_longer_than_half_of_the_span_is_refused_whenever_the_clock_bega
     for begin in (0, 7):
         with pytest.raises(DeclarationError, match="more than half of the span"):
             compare(replace(asked, span=(begin, begin + 0.5)), correction=1, epsilons=(0.1, 0.05))
+
+
+def test_errors_that_fall_no_more_with_epsilon_are_rounding() -> None:
+    # Of a stirred reactor with exp(-15000/T), T about 900: these are its rounding; two full runs agree better.
+    ladder, floor = (0.002, 0.001, 0.0005, 0.00025), [4e-15] * 4
+    flat, falling = [2.33e-14, 2.96e-14, 2.93e-14, 2.65e-14], [3.05e-10, 1.91e-11, 1.19e-12, 7.53e-14]
+    assert with_rounding(ladder, flat, floor, power=4) == [2.96e-14] * 4
+    assert np.isnan(slope(ladder, flat, with_rounding(ladder, flat, floor, power=4)))
+    assert with_rounding(ladder, falling, floor, power=4) == floor
+    ending = [4.15e-13, 5.42e-14, 2.93e-14, 2.65e-14]
+    assert with_rounding(ladder, ending, floor, power=4) == [4e-15, *[5.42e-14] * 3]
+    # An error that is large is none of rounding, however it falls.
+    assert with_rounding(ladder, [1e-3] * 4, floor, power=4) == floor
+    assert with_rounding(ladder, [float("nan")] * 4, floor, power=4) == floor
+
+
+def test_the_card_says_where_both_runs_begin() -> None:
+    scene = models.load("michaelis_menten")
+    assert "both runs begin on the slow manifold" in str(compare(scene, orders=(0,)))
+    corrected = str(compare(scene, orders=(0,), correction=1))
+    assert "the full run begins off the slow manifold, the reduced one at its base point" in corrected

@@ -11,6 +11,7 @@ from gsp.orbits.canard_orbits.canard import CanardKind
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
 from gsp.orbits.canard_orbits.following import FamilyEnd
+from gsp.orbits.canard_orbits.frame import frame_at
 from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError
 from tests.cases import sampled, thinned
@@ -43,6 +44,18 @@ def normal_form(mu: sp.Rational) -> gsp.SlowFastSystem:
 def node(system: gsp.SlowFastSystem, **region: tuple[float, float]) -> gsp.FoldedSingularity:
     (found,) = gsp.folded_singularities(system, region=region)
     return found
+
+
+def test_the_frame_takes_fast_rates_that_switch_elsewhere() -> None:
+    smooth = normal_form(sp.Rational(1, 9))
+    gated = gsp.SlowFastSystem(
+        slow=smooth.slow, fast={s: g * sp.Abs(s + 3) / (s + 3) for s, g in smooth.fast.items()}, epsilon=epsilon
+    )
+    box = {s.name: (-1.0, 1.0) for s in smooth.states}
+    wanted, found = (frame_at(node(system, **box), epsilon=0.01) for system in (smooth, gated))
+    np.testing.assert_allclose(
+        [*found.strong, *found.weak], [*wanted.strong, *wanted.weak], rtol=1e-9, atol=1e-12
+    )
 
 
 @pytest.fixture(scope="module")

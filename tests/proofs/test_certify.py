@@ -227,6 +227,29 @@ def test_a_branch_that_is_real_in_a_part_of_the_region_is_found_there() -> None:
     assert Fraction(low) <= 13 <= Fraction(high)
 
 
+def test_a_change_of_type_outside_the_bounds_on_y_is_none_of_the_region() -> None:
+    # y = x loses its stability where it crosses y = 1/4, below the bounds.
+    line = branch({y: (x - y) * (y - sp.Rational(1, 4))})
+    region = {"x": (-1.0, 1.0), "y": (0.3, 1.0)}
+    assert line.graph == {y: x}
+    assert certify(line, region={"x": region["x"]}).verdict is REFUTED
+    found = certify(line, region=region)
+    assert found.verdict is UNDECIDED
+    assert found.witness is None
+    assert "0.25 only, which is not in the region" in found.reason
+    assert gsp.classify(line, region=region, prove=True).kind == "attracting"
+    assert certify(line, region={**region, "x": (0.3, 1.0)}).verdict is PROVED
+
+
+def test_a_fold_outside_the_bounds_on_y_is_told_as_the_end_of_the_sheet() -> None:
+    region = {"x": (-1.0, 3.0), "y": (1.5, 2.5)}
+    found = certify(van_der_pol(), region=region)
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    assert "outside the bounds on the fast variables: over slow values beyond it" in found.witness.statement
+    assert "outside" not in str(certify(van_der_pol(), region={"x": region["x"]}))
+
+
 def test_a_pole_at_which_the_eigenvalue_changes_its_sign_is_no_change_of_type() -> None:
     found = certify(branch({y: -y / (x - sp.Rational(1, 3))}), region={"x": (-1.0, 1.0)})
     assert found.verdict is UNDECIDED

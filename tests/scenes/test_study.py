@@ -53,6 +53,28 @@ def test_the_sleigh_is_placed_in_its_slow_momentum() -> None:
     assert study.region["w"] == (-1.0, 1.0)
 
 
+def test_places_that_no_state_has_are_not_counted() -> None:
+    # Around the image of (S, I, R) under (I + R + S, S exp(3 R)) a box has places without a state, and there the fast
+    # equation has no root. On I = 0 the eigenvalue is 3 S - 1, of which S = 0.2 is the largest.
+    S, I, R = sp.symbols("S I R")  # noqa: E741
+    field = VectorField(
+        {S: -3 * S * I / eps - S, I: 3 * S * I / eps - I / eps, R: I / eps + S}, epsilon=eps, name="vaccination"
+    )
+    region = {"S": (0.02, 0.2), "I": (0, 0.3), "R": (0.05, 0.6)}
+    study = study_of(scene(field, region=region, start={"S": 0.15, "I": 0.1, "R": 0.1}, epsilon=0.001))
+    assert any(e.has(sp.exp) for e in study.system.g)
+    found = study.hyperbolicity
+    assert (found.kind, found.holds) == ("attracting", True)
+    assert found.gap == pytest.approx(0.4, rel=1e-3)
+    # What is lost where no state is refutes nothing.
+    assert found.with_proof(most_boxes=16).kind == "attracting"
+    # With S up to 0.5 the fold S = 1/3 is among the states.
+    assert (
+        study_of(scene(field, region={**region, "S": (0.02, 0.5)}, start=study.scene.start)).hyperbolicity.kind
+        == "lost"
+    )
+
+
 def test_a_standard_system_keeps_its_names_and_numbers() -> None:
     home = models.load("michaelis_menten")
     study = study_of(home)

@@ -354,3 +354,20 @@ def test_the_nearest_canard_point_is_found_in_any_units(name) -> None:
         found = canard_value(morris_lecar(declared, volts, gate), parameter="I", order=0)
         assert float(found.coefficients[0]) == pytest.approx(nearest, rel=1e-12)
         assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "gate", [(1 + sp.sign(x + 3)) / 2, sp.Abs(x + 3) / (x + 3), sp.Heaviside(x + 3), sp.Max(x + 3, 0) / (x + 3)]
+)
+def test_rates_that_switch_elsewhere_have_the_same_canard_value(gate: sp.Expr) -> None:
+    systems = planar((y - x**3 / 3 + x) * gate, (a - x) * gate, a=1), planar(y - x**3 / 3 + x, a - x, a=1)
+    found, wanted = (canard_value(system, parameter=a, order=2) for system in systems)
+    assert found.coefficients == wanted.coefficients
+
+
+def test_a_switch_at_the_canard_point_is_named() -> None:
+    gated = planar(y - x**3 / 3 + x, (a - x) * (3 + sp.sign(x - 1)), a=1)
+    with pytest.raises(
+        CanardError, match=r"not smooth at .*, where sign\(x - 1\) switches: there is no expansion"
+    ):
+        canard_value(gated, parameter=a, order=2, near={"x": 1})

@@ -350,3 +350,6 @@ def test_slow_rates_that_switch_elsewhere_change_nothing_at_a_folded_singularity
     (smooth,) = found(sp.Integer(1))
     (gated,) = found((1 + sp.sign(x + sp.Rational(3, 2))) / 2)
     assert str(gated) == str(smooth)
+    (switching,) = found(3 + sp.sign(x))
+    assert switching.kind is FoldedKind.DEGENERATE
+    assert switching.reason == "the rates are not smooth here, where sign(x) switches"

@@ -12,7 +12,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler, grid
 from gsp.errors import BranchError
 from gsp.hyperbolicity.losses.kinds import Loss
-from gsp.systems.region import Interval
+from gsp.systems.region import Interval, with_sides
 
 # Share of a part that is left free next to a loss, parts tried, and the least share of the region worth naming.
 MARGIN = 0.02
@@ -56,7 +56,7 @@ def largest_sub_region(
         share = (interval[1] - interval[0]) / (region[axis][1] - region[axis][0])
         if best is not None and share < 0.5 * longest:
             break
-        part = {**region, axis: interval}
+        part = with_sides(region, {axis: interval})
         try:
             for candidate, through in _sheets(branch, part):
                 if not _is_graph(candidate, part):

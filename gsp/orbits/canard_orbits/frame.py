@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
@@ -135,11 +136,11 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     x, y = system.x, system.y[0]
     point = np.array([float(sp.N(singularity.point[s.name])) for s in system.states])
     jacobian = compile_function(
-        [sp.diff(flow.rates[a], b) for a in system.states for b in system.states], arguments=system.states
+        [derivative(flow.rates[a], b) for a in system.states for b in system.states], arguments=system.states
     )
     values, vectors = np.linalg.eig(jacobian(point, _NOTHING).reshape(3, 3))
-    slope = [sp.diff(flow.g, s) for s in system.states]
-    bend = [sp.diff(flow.fold, s) for s in system.states]
+    slope = [derivative(flow.g, s) for s in system.states]
+    bend = [derivative(flow.fold, s) for s in system.states]
     local = compile_function([*bend, *flow.f], arguments=system.states)
     at = local(point, _NOTHING)
     wanted = [float(sp.N(value)) for value in singularity.eigenvalues]

@@ -17,6 +17,7 @@ import flint
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_series import PlanarField, program_of
@@ -203,7 +204,7 @@ class _Critical:
         self.inputs: dict[sp.Symbol, list[Taylor]] = {x: [ring.zero], y: [ring.zero], a: [ring.zero]}
         program = program_of(ring, field.epsilon, self.inputs)
         g = field.g
-        expressions = (g, sp.diff(g, x), sp.diff(g, y), field.f)
+        expressions = (g, derivative(g, x), derivative(g, y), field.f)
         self.nodes = [program.compile(e) for e in expressions]
         self.program = program
 

@@ -20,8 +20,10 @@ from types import MappingProxyType
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent, vanishes
 from gsp.errors import DeclarationError, GspError
+from gsp.hyperbolicity.losses.switching import switches
 from gsp.singular.singularities.canard_series import PlanarField
 from gsp.singular.singularities.fold_starts import fold_starts
 from gsp.singular.singularities.located_points import Located, locate
@@ -114,7 +116,7 @@ def _candidates(
 ) -> list[CanardPoint]:
     f0, g0 = (laurent(e, field.epsilon, order=0).get(0, sp.Integer(0)) for e in (field.f, field.g))
     x, y, a = field.symbols
-    fold = (g0, sp.diff(g0, y))
+    fold = (g0, derivative(g0, y))
     if vanishes(fold[1]):
         raise CanardError(
             f"there is no fold: the fast rate does not depend on {y}.", got=f"g = {g0} at {field.epsilon} = 0"
@@ -177,11 +179,14 @@ def _judged(field: PlanarField, f0: sp.Expr, g0: sp.Expr, located: Located) -> C
     where = "at " + ", ".join(
         f"{name} = {sp.sstr(sp.N(v, 10) if not v.is_Rational else v)}" for name, v in point.items()
     )
-    g_x, g_yy, f_y = sp.diff(g0, x), sp.diff(g0, y, 2), sp.diff(f0, y)
+    g_x, g_yy, f_y = derivative(g0, x), derivative(derivative(g0, y), y), derivative(f0, y)
     values = {"g_x": g_x, "g_yy": g_yy, "f_y": f_y}
     fault = ""
     crossing = 0
-    if located.sign(g_x) == 0:
+    switching = [s.source for s in switches((f0, g0), (x, y, a)) if located.sign(s.surface) == 0]
+    if switching:
+        fault = f"the rates are not smooth {where}, where {switching[0]} switches: there is no expansion."
+    elif located.sign(g_x) == 0:
         fault = (
             f"the critical manifold is singular {where}: g_{x} = 0, two of its branches meet. This is no fold."
         )
@@ -189,9 +194,9 @@ def _judged(field: PlanarField, f0: sp.Expr, g0: sp.Expr, located: Located) -> C
         fault = f"the fold {where} is degenerate, a cusp: g_{y}{y} = 0. A canard point needs a quadratic fold."
     else:
         crossing = located.sign(f_y * g_x)
-        X_a = -sp.diff(g0, a) / g_x
-        Y_a = -(sp.diff(g0, y, a) + sp.diff(g0, y, x) * X_a) / g_yy
-        values["d"] = sp.diff(f0, a) + sp.diff(f0, x) * X_a + f_y * Y_a
+        X_a = -derivative(g0, a) / g_x
+        Y_a = -(derivative(derivative(g0, y), a) + derivative(derivative(g0, y), x) * X_a) / g_yy
+        values["d"] = derivative(f0, a) + derivative(f0, x) * X_a + f_y * Y_a
         if crossing == 0:
             fault = f"the canard point {where} is degenerate: f_{y} = 0, the equilibrium is not simple there."
         elif located.sign(values["d"]) == 0:

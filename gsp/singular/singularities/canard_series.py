@@ -22,6 +22,7 @@ from typing import Any, cast
 
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.taylor_ring import Rationals, Scalar, Taylor, TaylorRing
 
@@ -69,7 +70,7 @@ def formal_canard(
     at_zero = program_of(ring, field.epsilon, inputs)
     f, g = program.compile(field.f), program.compile(field.g)
     rates = {
-        name: at_zero.compile(sp.diff(rate, symbol))
+        name: at_zero.compile(derivative(rate, symbol))
         for name, rate, symbol in (
             ("g_x", field.g, x),
             ("g_a", field.g, a),
@@ -143,11 +144,11 @@ def hopf_series(
     x, y, a = field.symbols
     inputs = {symbol: [ring.scalar(point[symbol])] for symbol in (x, y, a)}
     program = program_of(ring, field.epsilon, inputs)
-    trace = sp.diff(field.g, y) + field.epsilon * sp.diff(field.f, x)
+    trace = derivative(field.g, y) + field.epsilon * derivative(field.f, x)
     equations = (field.f, field.g, trace)
     nodes = [program.compile(e) for e in equations]
     slopes = program_of(ring, field.epsilon, inputs)
-    matrix = [[slopes.compile(sp.diff(e, s)) for s in (x, y, a)] for e in equations]
+    matrix = [[slopes.compile(derivative(e, s)) for s in (x, y, a)] for e in equations]
     slopes.extend(0)
     program.extend(0)
     rows = [[_coefficient(node, 0) for node in row] for row in matrix]

@@ -50,14 +50,14 @@ class Desingularised:
     @property
     def trace(self) -> sp.Expr:
         """T of (2)."""
-        return sp.Add(*[sp.diff(self.g, s) * derivative(rate, self.y) for s, rate in zip(self.x, self.f)])
+        return sp.Add(*[derivative(self.g, s) * derivative(rate, self.y) for s, rate in zip(self.x, self.f)])
 
     @property
     def determinant(self) -> sp.Expr:
         """D of (2)."""
         along = sp.Add(*[rate * derivative(self.q, s) for s, rate in zip(self.x, self.f)])
-        turning = sp.Add(*[rate * sp.diff(self.g, s, self.y) for s, rate in zip(self.x, self.f)])
-        return sp.diff(self.g, self.y, 2) * along - turning * derivative(self.q, self.y)
+        turning = sp.Add(*[rate * derivative(derivative(self.g, s), self.y) for s, rate in zip(self.x, self.f)])
+        return derivative(derivative(self.g, self.y), self.y) * along - turning * derivative(self.q, self.y)
 
 
 def desingularise(system: SlowFastSystem) -> Desingularised:
@@ -81,9 +81,9 @@ def desingularise(system: SlowFastSystem) -> Desingularised:
     g = laurent(system.g[0], system.epsilon, order=0).get(0, zero).xreplace(put_in)
     f = tuple(laurent(rate, system.epsilon, order=0).get(0, zero).xreplace(put_in) for rate in system.f)
     y = system.y[0]
-    fold = sp.diff(g, y)
+    fold = derivative(g, y)
     if vanishes(fold):
         raise FoldedError(f"there is no fold: the fast rate does not depend on {y}.", got=f"g = {g}", value=g)
-    q = sp.Add(*[sp.diff(g, s) * rate for s, rate in zip(system.x, f)])
+    q = sp.Add(*[derivative(g, s) * rate for s, rate in zip(system.x, f)])
     rates = {**{s: sp.expand_mul(-fold * rate) for s, rate in zip(system.x, f)}, y: q}
     return Desingularised(g, f, system.x, y, MappingProxyType(rates), fold, q)

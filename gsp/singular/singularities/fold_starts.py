@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.differentiation import derivative, jacobian
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.lowering.compiled_function import compile_function
 from gsp.roots import roots
@@ -24,7 +25,7 @@ def fold_starts(
 ) -> Iterator[tuple[float, float, float]]:
     """(x, y, a) next to folds {g = g_y = 0} at a = `declared`, x slow and y fast: those met over eight decades of y."""
     here = g.xreplace({a: sp.Rational(declared)})
-    slope = sp.diff(here, x)
+    slope = derivative(here, x)
     found = _in_plane(here, x, y) if slope.has(x) or slope == 0 else _along(here, slope, x, y)
     return ((u, v, declared) for u, v in found)
 
@@ -38,7 +39,7 @@ def _sizes(a_decade: int) -> np.ndarray:
 def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
     """Folds of x = X(y), where g is affine in x: sign changes of g_y on it."""
     graph = -g.xreplace({x: sp.Integer(0)}) / slope
-    function = compile_function([graph, sp.diff(g, y).xreplace({x: graph})], arguments=[y])
+    function = compile_function([graph, derivative(g, y).xreplace({x: graph})], arguments=[y])
     rows = _sizes(ALONG)
     signs = np.sign(function(rows[:, None], [0.0])[:, 1])
     changed = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
@@ -50,8 +51,8 @@ def _along(g: sp.Expr, slope: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[t
 
 def _in_plane(g: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> Iterator[tuple[float, float]]:
     """Folds that Newton's method reaches from sizes of x and y."""
-    equations = sp.Matrix([g, sp.diff(g, y)])
-    function = compile_function([*equations, *equations.jacobian([x, y])], arguments=[x, y])
+    equations = [g, derivative(g, y)]
+    function = compile_function([*equations, *jacobian(equations, [x, y])], arguments=[x, y])
 
     def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values = function(u[None, :], [0.0])[0]

@@ -17,7 +17,9 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import InfinitelyManyPoints
+from gsp.algebra.differentiation import derivative
 from gsp.critical.sampling import grid
+from gsp.hyperbolicity.losses.switching import switches
 from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.singular.singularities.desingularised import Desingularised, FoldedError, desingularise
@@ -219,9 +221,12 @@ def _classified(
     trace, determinant = sign(T), sign(D)
     discriminant = sign(T**2 - 4 * D)
     kind, reason = FoldedKind.DEGENERATE, ""
-    if sign(sp.diff(flow.g, flow.y, 2)) == 0:
+    switching = [s.source for s in switches((*flow.f, flow.g), (*flow.x, flow.y)) if sign(s.surface) == 0]
+    if switching:
+        reason = f"the rates are not smooth here, where {switching[0]} switches"
+    elif sign(derivative(derivative(flow.g, flow.y), flow.y)) == 0:
         reason = f"the fold is degenerate here, a cusp: g_{flow.y}{flow.y} = 0"
-    elif all(sign(sp.diff(flow.g, s)) == 0 for s in flow.x):
+    elif all(sign(derivative(flow.g, s)) == 0 for s in flow.x):
         reason = "the critical manifold is singular here: g_x = 0"
     elif determinant < 0:
         kind = FoldedKind.SADDLE
