@@ -87,13 +87,16 @@ def newton_at_each(
     jacobian_at: Callable[[np.ndarray], np.ndarray],
     x: np.ndarray,
     y: np.ndarray,
+    *,
+    tolerance: float = NEWTON_TOLERANCE,
+    steps: int = NEWTON_STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Newton's method at all points (x, y) at once; returns y (m, n_fast) and which points converged (m,)."""
     n = y.shape[1]
     good = np.zeros(len(x), dtype=bool)
     active = np.arange(len(x))
     y = y.copy()
-    for _ in range(NEWTON_STEPS):
+    for _ in range(steps):
         z = np.hstack([x[active], y[active]])
         residual = residual_at(z)
         jacobian = jacobian_at(z).reshape(-1, n, n)
@@ -106,7 +109,7 @@ def newton_at_each(
         scale = 1.0 + np.linalg.norm(y[active], axis=1)
         length = np.linalg.norm(step, axis=1)
         y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
-        done = length <= NEWTON_TOLERANCE * scale
+        done = length <= tolerance * scale
         good[active[done]] = True
         active = active[~done]
         if len(active) == 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
+from gsp.models.plane import LECTURE
 from gsp.scenes.scene import Scene
 from gsp.systems.system import VectorField
 
@@ -45,10 +46,7 @@ def chaplygin_sleigh() -> Scene:
         span=(0, 12),
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
-        source=(
-            'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
-            "(2015), sections 3-4"
-        ),
+        source=f"{LECTURE}, sections 3-4",
         description=(
             "A sleigh on one skate slides on the plane. Friction against sideways slip grows as 1/epsilon; "
             "in the limit the skate cannot slip at all and the sleigh obeys the Lagrange-d'Alembert equations. "

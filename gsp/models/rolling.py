@@ -7,14 +7,12 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
+from gsp.models.plane import FORWARD, LECTURE, SIDEWAYS, epsilon, m, phi, phidot, x, xdot, y, ydot
 from gsp.scenes.scene import Scene
 
-x, y, phi, theta, psi = sp.symbols("x y phi theta psi")
-xdot, ydot, phidot, thetadot, psidot = sp.symbols("xdot ydot phidot thetadot psidot")
-m, R, g, epsilon = sp.symbols("m R g epsilon")
-FORWARD = xdot * sp.cos(phi) + ydot * sp.sin(phi)
-SIDEWAYS = -xdot * sp.sin(phi) + ydot * sp.cos(phi)
-LECTURE = 'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015)'
+theta, psi = sp.symbols("theta psi")
+thetadot, psidot = sp.symbols("thetadot psidot")
+R, g = sp.symbols("R g")
 
 
 @cache

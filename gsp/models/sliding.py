@@ -7,13 +7,11 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
+from gsp.models.plane import FORWARD, LECTURE, SIDEWAYS, epsilon, m, phi, phidot, x, xdot, y, ydot
 from gsp.scenes.scene import Scene
 
-x, y, z, phi = sp.symbols("x y z phi")
-xdot, ydot, zdot, phidot = sp.symbols("xdot ydot zdot phidot")
-v, omega, m, epsilon = sp.symbols("v omega m epsilon")
-FORWARD = xdot * sp.cos(phi) + ydot * sp.sin(phi)
-SIDEWAYS = -xdot * sp.sin(phi) + ydot * sp.cos(phi)
+z, zdot = sp.symbols("z zdot")
+v, omega = sp.symbols("v omega")
 
 
 @cache
@@ -49,10 +47,7 @@ def sleigh_from_lagrangian() -> Scene:
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         path=("x", "y"),
-        source=(
-            'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" '
-            "(2015), equations (10)-(18)"
-        ),
+        source=f"{LECTURE}, equations (10)-(18)",
         description=(
             "A sleigh that spins on the spot is derived from its Lagrangian. The skate turns the spin into "
             "motion ahead; with friction in place of the constraint it slips outwards and loses energy."

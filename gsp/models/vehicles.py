@@ -7,6 +7,7 @@ from functools import cache
 import sympy as sp
 
 from gsp.mechanics import FrictionSystem, LagrangianSystem, with_friction
+from gsp.models.plane import FORWARD, LECTURE, SIDEWAYS, epsilon, m, phi, phidot, x, xdot, y, ydot
 from gsp.scenes.scene import Scene
 
 
@@ -17,12 +18,9 @@ def car_with_friction() -> FrictionSystem:
     (x, y) is the middle of the rear axle, phi the heading, sigma the steering angle. The slips w1, w2 are the
     sideways velocities of the rear and of the front wheel.
     """
-    x, y, phi, sigma, t = sp.symbols("x y phi sigma t")
-    xdot, ydot, phidot, sigmadot = sp.symbols("xdot ydot phidot sigmadot")
-    m, J, K, a, length, k, F, u, epsilon = sp.symbols("m J K a l k F u epsilon")
-    forward = xdot * sp.cos(phi) + ydot * sp.sin(phi)
-    sideways = -xdot * sp.sin(phi) + ydot * sp.cos(phi)
-    kinetic = m * (xdot**2 + ydot**2 + 2 * a * phidot * sideways) / 2 + J * phidot**2 / 2 + K * sigmadot**2 / 2
+    sigma, sigmadot, t = sp.symbols("sigma sigmadot t")
+    J, K, a, length, k, F, u = sp.symbols("J K a l k F u")
+    kinetic = m * (xdot**2 + ydot**2 + 2 * a * phidot * SIDEWAYS) / 2 + J * phidot**2 / 2 + K * sigmadot**2 / 2
     system = LagrangianSystem(
         kinetic - k * sigma**2 / 2,
         [x, y, phi, sigma],
@@ -35,8 +33,8 @@ def car_with_friction() -> FrictionSystem:
         time=t,
         name="car",
     )
-    front = sideways * sp.cos(sigma) - forward * sp.sin(sigma) + length * phidot * sp.cos(sigma)
-    return with_friction(system, [sideways, front], epsilon=epsilon, frame={u: forward, sigmadot: sigmadot})
+    front = SIDEWAYS * sp.cos(sigma) - FORWARD * sp.sin(sigma) + length * phidot * sp.cos(sigma)
+    return with_friction(system, [SIDEWAYS, front], epsilon=epsilon, frame={u: FORWARD, sigmadot: sigmadot})
 
 
 def car() -> Scene:
@@ -63,10 +61,7 @@ def car() -> Scene:
         epsilon=0.05,
         epsilons=(0.02, 0.01, 0.005, 0.0025),
         path=("x", "y"),
-        source=(
-            'J. Eldering, "Nonholonomic dynamics as limit of friction: an introduction by example" (2015), '
-            "section 2; R. M. Murray and S. S. Sastry (1993)"
-        ),
+        source=f"{LECTURE}, section 2; R. M. Murray and S. S. Sastry (1993)",
         description=(
             "A car cannot move sideways, yet rocking to and fro while steering twice as fast parks it. With tyres "
             "that slip the manoeuvre closes up to O(epsilon) only."

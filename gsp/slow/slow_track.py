@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.sheet_points import newton_at_each
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 
 # Which end: against the slow flow for stable directions, along it for unstable ones.
@@ -84,24 +85,11 @@ class _SlowFlow:
 
     def settle(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """y with g(x, y, epsilon) = 0 near `y`, and where Newton's method converged."""
-        y = y.copy()
-        good = np.zeros(len(x), dtype=bool)
-        active = np.arange(len(x))
-        for _ in range(NEWTON_STEPS):
-            z = np.hstack([x[active], y[active]])
-            g = self.epsilon * self.flow.rates(z, self.p)[:, self.nx :]
-            step = divide(self.jacobian(z)[:, self.nx :, self.nx :], g[:, :, None])[:, :, 0]
-            length = np.linalg.norm(step, axis=1)
-            scale = 1.0 + np.linalg.norm(y[active], axis=1)
-            usable = np.isfinite(length)
-            active, step, length, scale = active[usable], step[usable], length[usable], scale[usable]
-            y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
-            done = length <= NEWTON_TOLERANCE * scale
-            good[active[done]] = True
-            active = active[~done]
-            if active.size == 0:
-                break
-        return y, good
+        return newton_at_each(
+            lambda z: self.epsilon * self.flow.rates(z, self.p)[:, self.nx :],
+            lambda z: self.jacobian(z)[:, self.nx :, self.nx :],
+            x, y, tolerance=NEWTON_TOLERANCE, steps=NEWTON_STEPS,
+        )  # fmt: skip
 
     def step(self, x: np.ndarray, y: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """One classical Runge-Kutta step; Newton's method starts on the tangent of {g = 0}.

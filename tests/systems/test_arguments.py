@@ -240,7 +240,7 @@ def test_orders_are_taken_from_zero_to_the_highest() -> None:
 
 
 def test_a_plain_point_is_read_in_order_and_any_other_is_left() -> None:
-    assert plain({"y": 2, "x": 1}, ("x", "y")) == [1.0, 2.0]
+    assert plain({"y": 2, "x": 1}, ("x", "y")) == (1.0, 2.0)
     for other in (
         {"x": 1}, {"x": 1, "y": 2, "z": 3}, {"x": 1, "z": 2}, {"x": 1, "y": nan}, {"x": 1, "y": inf},
         {"x": 1, "y": True},
