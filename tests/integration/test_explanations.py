@@ -1,0 +1,99 @@
+"""What is said of a run that failed: poles with their order and place, lost backward runs, starts off the domain."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.errors import Status
+from gsp.integration.explanations import LOST, explain
+from gsp.integration.reduced_flow import real_or_nan
+from gsp.integration.reduction_end.endings import begins
+from gsp.systems.system import SlowFastSystem, VectorField
+
+x, y, eps = sp.symbols("x y epsilon")
+NO_PARAMETERS = np.array([np.nan])
+
+
+def told(flow, times, states, *, status: Status = Status.NON_FINITE, last: float = 9.0, p=NO_PARAMETERS):
+    record = SimpleNamespace(
+        times=np.array(times, dtype=float),
+        states=np.array(states, dtype=float),
+        status=status,
+        stats=SimpleNamespace(),
+    )
+    return explain(flow, p, record, last)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("rate", "power", "factor"),
+    # x ~ C (2 - t)^(-k) for x' = k/C^(1/k) x^(1 + 1/k), here with C = 3.
+    [
+        (lambda x: x**2 / 3, 1.0, 3.0),
+        (lambda x: x**3 / 18, 0.5, 3.0),
+        (lambda x: 2 * x ** sp.Rational(3, 2) / sp.sqrt(3), 2.0, 3.0),
+    ],
+)
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_pole_is_named_with_its_order_and_place(rate, power: float, factor: float, direction: float) -> None:
+    # Backward in time the pole lies at -2.
+    flow = VectorField({y: sp.Integer(0), x: direction * rate(x)}, epsilon=None)
+    left = np.geomspace(2.0, 1e-8 if power >= 1.0 else 1e-10, 40)
+    times = direction * (2.0 - left)
+    states = np.stack([np.ones(40), factor * left**-power], axis=1)
+    explanation = told(flow, times, states, last=9.0 * direction)
+    assert explanation.note.startswith(
+        f"x grows without bound, like (T - t)^-{power:.3g} with T = {direction * 2:.7g}"
+    )
+    assert explanation.remedy == Status.NON_FINITE.remedy
+
+
+def test_growth_that_is_no_power_of_the_distance_or_not_enough_is_no_pole() -> None:
+    flow = VectorField({x: x}, epsilon=None)
+    times = np.linspace(0.0, 20.0, 40)
+    assert told(flow, times, np.exp(times)[:, None]).note == ""
+    quadratic = VectorField({x: x**2}, epsilon=None)
+    left = np.geomspace(1.0, 1e-3, 30)
+    assert told(quadratic, 1 - left, (1 / left)[:, None]).note == ""
+    left = np.geomspace(1.0, 1e-5, 4)
+    assert told(quadratic, 1 - left, (1 / left)[:, None]).note == ""
+
+
+def test_a_start_off_the_domain_is_told_from_a_first_step_that_fails() -> None:
+    flow = VectorField({x: sp.log(x)}, epsilon=None)
+    assert told(flow, [0.0], [[-1.0]]).note == "the field is not finite at the start"
+    assert told(flow, [0.0], [[1.0]]).note == ""
+    assert told(flow, [0.0], [[1.0]]).remedy == Status.NON_FINITE.remedy
+    assert told(flow, [0.0], [[-1.0]], status=Status.SUCCESS).note == ""
+
+
+def test_a_backward_run_that_has_lost_every_digit_says_how_fast_it_did() -> None:
+    flow = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y}, epsilon=eps)
+
+    def note(span: float, epsilon: float = 0.01) -> str:
+        return told(flow, [0.0, -1e-3], [[0.0, 1.0], [0.0, 2.0]], last=-span, p=np.array([epsilon])).note
+
+    # The rate is 1/epsilon = 100.
+    assert note(0.01 * LOST * 1.001).startswith(
+        "backward in time the fast directions grow at the rate 100, by 1e16 over"
+    )
+    assert note(0.01 * LOST * 0.999) == ""
+    assert "1e434" in note(10.0)
+    # Forward they decay, and in a field without a fast part nothing is lost.
+    assert told(flow, [0.0, 1.0], [[0.0, 1.0], [0.0, 2.0]], last=10.0, p=np.array([0.01])).note == ""
+
+
+def test_a_run_begins_where_its_series_holds_and_at_order_zero_anywhere() -> None:
+    rows = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-300], [1.0, 1.0, -1.0]])
+    for order, expected in ((0, [True] * 3), (1, [False, True, False]), (3, [False, True, False])):
+        assert begins(SimpleNamespace(order=order), rows).tolist() == expected  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("unreal", [sp.oo, -sp.oo, sp.zoo, sp.nan, sp.I, sp.sqrt(-2) * x, sp.oo * x])
+def test_observables_that_are_infinite_or_imaginary_throughout_are_no_numbers(unreal: sp.Expr) -> None:
+    found = real_or_nan({x: x + 1, y: unreal})
+    assert found[x] == x + 1
+    assert found[y] is sp.nan
