@@ -2,6 +2,7 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from gsp.orbits.periodic.finding import ISOLATED, isolation_of
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import interval_errors
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
+from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.orbits.periodic.settling import OrbitError
 from tests.cases import sampled
 
@@ -431,3 +433,19 @@ def test_an_equilibrium_below_the_tolerance_is_zero() -> None:
     sink = gsp.SlowFastSystem(slow={y: -y}, fast={x: y - x}, epsilon=eps)
     with pytest.raises(OrbitError, match="settles at the equilibrium y = 0, x = 0"):
         gsp.periodic_orbit(sink, start={"y": 1, "x": 1}, epsilon=0.05)
+
+
+@pytest.mark.parametrize(
+    ("error", "shown"),
+    [
+        (1e-6, "6.28319"),
+        (9e-4, "6.28"),
+        (0.5, "6"),
+        (3.0, "6"),
+        (0.0, "6.28318530717959"),
+        (1e-30, "6.28318530717959"),
+    ],
+)
+def test_a_period_is_shown_to_the_digits_that_its_error_leaves(error: float, shown: str) -> None:
+    orbit = SimpleNamespace(period=2 * np.pi, period_error=error)
+    assert PeriodicOrbit._period_shown.fget(orbit) == shown  # pyright: ignore[reportAttributeAccessIssue]
