@@ -49,6 +49,23 @@ def test_elimination_ends_where_the_equations_grow() -> None:
     assert sum(len(sp.Add.make_args(e)) for e in branch.equations) <= elimination.TERM_LIMIT
 
 
+def test_elimination_ends_where_the_numbers_grow() -> None:
+    # Every coefficient is a fraction that depends on x: what 60 links leave of each other is found by numbers instead.
+    n = 60
+    y = sp.symbols(f"y1:{n + 1}")
+    left, right = (x, *y[:-1]), (*y[1:], sp.Integer(0))
+    rates = {
+        s: k * a / 7 - (sp.Rational(20 * k, 91) + x / (k + 3)) * s + k * b / 17
+        for k, s, a, b in zip(range(1, n + 1), y, left, right)
+    }
+    branch = sheet(SlowFastSystem(slow={x: y[-1] - x}, fast=rates, epsilon=eps))
+    assert not branch.is_explicit
+    assert sum(map(elimination._bits, branch.equations)) < elimination.BIT_LIMIT
+    k = np.arange(1.0, n + 1)
+    matrix = np.diag(-20 * k / 91 - 1.0 / (k + 3)) + np.diag(k[1:] / 7, -1) + np.diag(k[:-1] / 17, 1)
+    np.testing.assert_allclose(branch.points([[1.0]])[0], np.linalg.solve(matrix, -np.eye(n)[0] / 7), rtol=1e-9)
+
+
 @pytest.mark.parametrize("links", [200])
 def test_the_gap_of_a_chain_far_from_normal_is_exact(links: int) -> None:
     # The units of neighbours differ by sqrt(2), those of the ends by 2^100: no decomposition in doubles tells.
