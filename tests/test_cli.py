@@ -222,13 +222,6 @@ def test_nothing_is_written_when_the_scene_is_refused(tmp_path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_the_installed_command_runs() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "gsp.cli", "--version"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.startswith("gsp, version")
-
-
 def test_choose_prints_the_card_and_json() -> None:
     text = run("choose", "linear", "--tolerance", "1e-3").output
     assert "predicted" in text

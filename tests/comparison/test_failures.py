@@ -101,7 +101,13 @@ def test_newtons_method_goes_astray_where_its_basin_ends():
 
 
 def test_on_a_repelling_branch_runs_go_backward():
-    found = failure_map(scene(-x, y - x**2, {"x": 1, "y": 1}, {"x": (0.5, 2)}), orders=(0, 1))
+    found = failure_map(
+        scene(-x, y - x**2, {"x": 1, "y": 1}, {"x": (0.5, 2)}),
+        orders=(0, 1),
+        epsilons=(0.01, 0.04),
+        tolerances=(1e-3, 1e-6),
+        positions=(0.5, 1.0, 2.0),
+    )
     assert found.places[MANIFOLD].share > 0.9
 
 

@@ -214,22 +214,6 @@ def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_first_solve_does_without_the_linear_algebra_of_scipy() -> None:
-    text = (
-        "import sys, gsp, numba, numpy as np, sympy as sp\n"
-        "x = sp.Symbol('x')\n"
-        "field = gsp.VectorField({x: -1000 * (x - sp.cos(x))}, epsilon=None)\n"
-        "gsp.integrate(field, start={x: 2}, span=(0, 3), rtol=1e-6)\n"
-        "print('scipy.linalg' in sys.modules)\n"
-        "product = numba.njit(lambda a: a @ a)(np.array([[1.0, 1.0], [0.0, 1.0]]))\n"
-        "print('scipy.linalg' in sys.modules, product[0, 1])"
-    )
-    found = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, timeout=300, check=True
-    )
-    assert found.stdout.splitlines() == ["False", "True 2.0"], found.stdout
-
-
 def test_kernels_that_are_on_disk_are_read_without_what_compiling_needs() -> None:
     text = (
         "import sys, gsp, sympy as sp\n"
