@@ -17,6 +17,9 @@ from gsp.kernels import ledger
 from gsp.kernels.launch import before_record
 from gsp.lowering.compiled_flow import CompiledFlow
 
+# Entries of a room that is kept for a result that needs a part of it: 128 kB.
+MOST_KEPT = 1 << 14
+
 
 class Layout(NamedTuple):
     """What all rooms of one method's runs over one flow have in common.
@@ -146,6 +149,10 @@ class Record:
         names = "times", "states", "dense", "status", "method", "counters", "series"
         return Record(**{name: changes[name] if name in changes else getattr(self, name) for name in names})
 
+    def without_dense(self) -> Record:
+        """The same with nothing between the steps."""
+        return self.replaced(times=self.times.copy(), states=self.states.copy(), dense=self.dense[:0].copy())
+
     @property
     def stats(self) -> Stats:
         """Method and counters by name."""
@@ -161,12 +168,23 @@ class Record:
 class RecordInRoom(Record):
     """A record that lies in the one room of its run, from which it is cut when it is read."""
 
+    _holds_dense = True
+
     def __init__(self, room: np.ndarray, status: Status, method: Method) -> None:
         self.room, self.status, self.method = room, status, method
 
+    def without_dense(self) -> Record:
+        """As the base has it; a small room is kept whole, since to cut it takes half as long as a short run."""
+        if self.room.size > MOST_KEPT:
+            return super().without_dense()
+        self.__dict__.pop("_piece", None)
+        self._holds_dense = False
+        return self
+
     @cached_property
     def _piece(self) -> Piece:
-        return cut(self.room)
+        made = cut(self.room)
+        return made if self._holds_dense else made._replace(dense=made.dense[:0])
 
     @property
     def times(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -322,7 +322,7 @@ def trajectory_of(
     if grid is not None:
         states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)
         if not dense:
-            record = record.replaced(dense=record.dense[:0].copy())
+            record = record.without_dense()
         told = told or {}
         # What was not reached is left out.
         told["t"] = frozen(grid if reached == len(grid) else grid[:reached])

@@ -461,3 +461,22 @@ def test_a_run_and_its_reading_are_a_call_of_compiled_code_each_and_nothing_is_c
     assert np.array_equal(found.y, expected[1])
     assert calls[-1] == "cut"
     assert calls.count("cut") == 1
+
+
+@pytest.mark.parametrize("cells", [1, 20])
+def test_without_values_between_the_steps_times_asked_for_cut_nothing_out_of_a_small_run(cells, monkeypatch):
+    states = sp.symbols(f"x0:{cells}")
+    field = VectorField({s: -s * (i + 1) for i, s in enumerate(states)}, epsilon=None)
+    asked = {"start": dict.fromkeys(states, 1.0), "span": (0.0, 1.0), "at": [0.3, 1.0], "method": Method.RADAU9}
+    expected = integrate(field, **asked)
+    calls = []
+    cut = room.cut
+    monkeypatch.setattr(room, "cut", lambda *given: calls.append(1) or cut(*given))
+    found = integrate(field, **asked, dense=False)
+    assert calls == [1] * (cells > 1)
+    assert np.array_equal(found.y, expected.y)
+    assert found.stats == expected.stats
+    assert found._record.dense.size == 0
+    assert np.array_equal(found._record.times, expected._record.times)
+    with pytest.raises(GspError, match="no values between its steps"):
+        found.at(0.5)
