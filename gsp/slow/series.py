@@ -149,15 +149,17 @@ class SeriesManifold(Card):
     @cached_property
     def _ahead(self) -> SeriesManifold:
         """The series with the parameters' values in, and the next two orders as far as they look short."""
-        sizes = self.specialised.sizes
-        growth = max(1.0, sizes[-1] / sizes[-2]) if self.order and sizes[-2] else 1.0
-        further = sum(max(sizes) * growth**k <= LONGEST for k in range(1, AHEAD + 1))
-        while further:
+        series = self.specialised
+        for _ in range(AHEAD):
+            sizes = series.sizes
+            growth = max(1.0, sizes[-1] / sizes[-2]) if series.order and sizes[-2] else 1.0
+            if max(sizes) * growth > LONGEST:
+                break
             try:
-                return series_of(self._expansion.numeric, self.order + further).over(self.branch)
+                series = series_of(self._expansion.numeric, series.order + 1).over(self.branch)
             except BudgetError:
-                further -= 1
-        return self.specialised
+                break
+        return series
 
     def evaluate(
         self, x, epsilon: float, *, order: int | None = None, near=None, masked: bool = False

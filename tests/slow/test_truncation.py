@@ -12,7 +12,7 @@ from gsp.charts.sampling import on_branch, slow_curve, slow_ends
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, HyperbolicityError
-from gsp.slow.series import JITTER, SeriesManifold, best_sum, expand
+from gsp.slow.series import JITTER, LONGEST, SeriesManifold, best_sum, expand
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow.truncation import AHEAD, best, errors, past
 from gsp.systems.system import SlowFastSystem
@@ -265,3 +265,20 @@ def test_a_sum_at_the_best_order_follows_the_sheet_once_and_evaluates_each_term_
     np.testing.assert_array_equal(found_orders, orders)
     np.testing.assert_array_equal(found_errors, left_out)
     np.testing.assert_allclose(found, wanted, rtol=1e-13)
+
+
+def test_orders_ahead_are_judged_by_those_before_them() -> None:
+    # Of 103, 5504 and 115,736 terms: by the first alone all would look short.
+    V, m, h, n, w = sp.symbols("V m h n w")
+    current = 4 * m**3 * h * (1 - V) - 3 * n**4 * (V + 1) - w * (V + 1)
+    fast = {
+        m: 10 * (1 / (1 + sp.exp(-7 * V)) - m),
+        h: 1 / (1 + sp.exp(8 * V)) - h,
+        n: (1 / (1 + sp.exp(-5 * V)) - n) / (1 + sp.exp(-(V**2))),
+        w: (1 / (1 + sp.exp(-9 * V)) - w) * sp.cosh(V),
+    }
+    branch = solve_critical(SlowFastSystem(slow={V: current}, fast=fast, epsilon=eps)).branches[0]
+    series = expand(branch, order=0, symbolic=False)
+    ahead = series._ahead
+    assert max(series.sizes) <= LONGEST < ahead.sizes[1]
+    assert ahead.order == 1
