@@ -12,7 +12,7 @@ from gsp.integration.room import Record, RecordInRoom
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
 from gsp.kernels.landing import LANDING_RECORD, land
-from gsp.kernels.launch import read_room
+from gsp.kernels.launch import doubt_room, read_room
 from gsp.lowering.compiled_flow import CompiledFlow
 
 
@@ -30,8 +30,26 @@ def read(
         solver = solver_of(record.method, rtol)
         reached, looks = divmod(read_room(solver.check, record.room, grid, out), 2)
         if looks:
-            part = record.times, record.states, record.dense
-            _land(compiled, p, solver, record, part, grid[:reached], out[:reached], rtol=rtol, atol=atol)
+            asked, doubts = grid[:reached], np.empty(reached, np.int64)
+            program = solver.program(compiled)
+            # Counted in the room.
+            record.forget_counters()
+            if doubt_room(solver.check, program, _linear(solver, program), record.room, asked, doubts):
+                counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+                part = record.times, record.states, record.dense
+                _land(
+                    solver,
+                    program,
+                    np.array(p, float),
+                    part,
+                    asked,
+                    doubts,
+                    out[:reached],
+                    counters,
+                    rtol,
+                    atol,
+                )
+                _count(record, counters)
         return (out if reached == len(grid) else out[:reached]), reached
     times, states, dense, series = record.times, record.states, record.dense, record.series
     parts = [(record.method, times, states, dense)]
@@ -47,41 +65,50 @@ def read(
         reached, looks = kernels.read_grid(solver.check, rtol, atol, *part, grid, before, out)
         if looks:
             new = slice(before, reached)
-            _land(compiled, p, solver, record, part, grid[new], out[new], rtol=rtol, atol=atol)
+            program, constants = solver.program(compiled), np.array(p, float)
+            doubts, counters = np.empty(reached - before, np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+            if kernels.doubt_grid(
+                solver.check, program, _linear(solver, program), constants, rtol, atol, *part, grid[new], 0,
+                reached - before, doubts, counters,
+            ):  # fmt: skip
+                _land(solver, program, constants, part, grid[new], doubts, out[new], counters, rtol, atol)
+            _count(record, counters)
     return (out if reached == len(grid) else out[:reached]), reached
 
 
+def _linear(solver: Solver, program: np.ndarray) -> np.ndarray | None:
+    """What `grid.doubt_grid` takes for linear systems."""
+    return None if solver.check == kernels.CHECKS_EXPLICIT else program
+
+
+def _count(record: Record, counters: np.ndarray) -> None:
+    """Add what reading cost to what the run cost."""
+    for i, spent in enumerate(counters[: len(record.counters)].tolist()):
+        record.counters[i] += spent
+
+
 def _land(
-    compiled: CompiledFlow,
-    p: Numbers,
     solver: Solver,
-    record: Record,
+    program: np.ndarray,
+    p: np.ndarray,
     part: Sequence[np.ndarray],
     grid: np.ndarray,
+    doubts: np.ndarray,
     out: np.ndarray,
-    *,
+    counters: np.ndarray,
     rtol: float,
     atol: float,
 ) -> None:
     """Replace the rows of `out` (m, n) that are in doubt by landing on their times `grid` (m,).
 
-    `part` is times, states and dense output of the steps in question; `record` is told what it costs.
+    `part` is times, states and dense output of the steps in question.
     """
-    times, states, dense = part
-    program, constants = solver.program(compiled), np.array(p, float)
-    doubts, counters = np.empty(len(grid), np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
-    linear = None if solver.check == kernels.CHECKS_EXPLICIT else program
-    if kernels.doubt_grid(
-        solver.check, program, linear, constants, rtol, atol, times, states, dense, grid, 0, len(grid), doubts,
-        counters,
-    ):  # fmt: skip
-        n = states.shape[1]
-        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n)))
-        memory = np.zeros(solver.memory_size(n))
-        while (
-            land(program, constants, rtol, atol, times, states, grid, doubts, out, counters, memory, scratch)
-            == ledger.LOOPS_WANTED
-        ):
-            solver.give_loops(program)
-    for i, spent in enumerate(counters[: len(record.counters)].tolist()):
-        record.counters[i] += spent
+    times, states, _ = part
+    n = states.shape[1]
+    scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), np.empty((0, solver.rows, n)))
+    memory = np.zeros(solver.memory_size(n))
+    while (
+        land(program, p, rtol, atol, times, states, grid, doubts, out, counters, memory, scratch)
+        == ledger.LOOPS_WANTED
+    ):
+        solver.give_loops(program)

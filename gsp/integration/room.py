@@ -206,6 +206,10 @@ class RecordInRoom(Record):
         """As the base has them."""
         return counters_in(self.room)
 
+    def forget_counters(self) -> None:
+        """Have them read anew, since compiled code has counted on."""
+        self.__dict__.pop("counters", None)
+
     def __reduce__(self) -> tuple:
         parts = self.times, self.states, self.dense, self.status, self.method, self.counters
         return Record, parts

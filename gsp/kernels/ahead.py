@@ -23,10 +23,10 @@ from gsp.kernels.compilation import is_kept
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.evaluate import evaluate_many
-from gsp.kernels.grid import doubt_grid, runs_along
+from gsp.kernels.grid import runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
-from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_room
+from gsp.kernels.launch import begins_mildly, doubt_room, launch, launch_watched, read_room
 from gsp.kernels.radau import radau
 from gsp.kernels.taylor import taylor
 from gsp.kernels.zero_derivative import at_order, to_tolerance
@@ -72,10 +72,7 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
         ),
     ),
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
-    (
-        doubt_grid,
-        (_WHOLE, _WHOLES, types.none, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _WHOLES, _WHOLES),
-    ),
+    (doubt_room, (_WHOLE, _WHOLES, types.none, _REALS, _REALS, _WHOLES)),
     (
         land,
         (

@@ -24,7 +24,7 @@ from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
-from gsp.kernels.grid import read_grid
+from gsp.kernels.grid import doubt_grid, read_grid
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero
 from gsp.kernels.step_control import largest_rate
 
@@ -146,3 +146,22 @@ def read_room(check, room, grid, out):
         grid, 0, out,
     )  # fmt: skip
     return 2 * reached + (1 if looks else 0)
+
+
+@kernel
+def doubt_room(check, program, linear, room, grid, doubts):
+    """`grid.doubt_grid` of the times `grid` (m,), all of which the record of a room reaches; counted in the room."""
+    head = room[:HEAD].view(np.int64)
+    counters = room[COUNTERS:GIVEN].view(np.int64)
+    n = head[STATES]
+    steps = counters[ledger.STEPS]
+    record = _start_of_record(head)
+    states = record + head[LENGTH] + 1
+    dense = states + (head[LENGTH] + 1) * n
+    return doubt_grid(
+        check, program, linear, room[Y + n : Y + n + head[CONSTANTS]], room[RTOL], room[ATOL],
+        room[record : record + steps + 1],
+        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
+        room[dense : dense + steps * head[ROWS] * n].reshape((steps, head[ROWS], n)),
+        grid, 0, grid.shape[0], doubts, counters,
+    )  # fmt: skip

@@ -11,7 +11,10 @@ import sympy as sp
 from gsp.errors import Status
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.methods import Method
+from gsp.integration.output import read
+from gsp.integration.room import Record
 from gsp.integration.trajectory import integrate
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.system import VectorField
 from tests.cases import crossed, thinned
 from tests.integration.test_stiff_accuracy import PROBLEMS, STIFF
@@ -174,3 +177,24 @@ def test_a_run_that_was_handed_over_is_read_by_the_method_of_each_step():
     many = integrate_many(field, [{"x": 1, "y": 0, "z": 0}], at=at, **options)
     assert np.array_equal(many.y[0], run.y)
     assert many.member(0).stats == replace(run.stats, method=many.member(0).stats.method)
+
+
+@pytest.mark.parametrize("method", [Method.RODAS5P, Method.RADAU5, Method.RADAU9, Method.DOP853])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_what_is_read_in_the_room_of_a_run_is_what_is_read_of_its_record(method, rtol):
+    x, y = sp.symbols("x y")
+    field = VectorField({x: y, y: 5 * (1 - x**2) * y - x}, epsilon=None)
+    asked = {"start": {x: 2.0, y: 0.0}, "span": (0.0, 6.0), "rtol": rtol, "atol": rtol, "method": method}
+    times = np.linspace(0.1, 6.0, 60)
+    found = integrate(field, at=times, **asked)
+    lies = integrate(field, **asked)._record
+    apart = Record(
+        lies.times.copy(), lies.states.copy(), lies.dense.copy(), lies.status, lies.method, [*lies.counters]
+    )
+    compiled = compile_flow(field)
+    states, reached = read(compiled, compiled.parameters(None), apart, times, rtol=rtol, atol=rtol)
+    assert reached == len(times)
+    assert np.array_equal(found.y, states.T)
+    assert found.stats == apart.stats
+    # Radau's order 9 is trusted, Rodas5P on gentle steps.
+    assert found.stats.field_calls > lies.stats.field_calls or method in (Method.RADAU9, Method.RODAS5P)
