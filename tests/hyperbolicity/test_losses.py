@@ -15,6 +15,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
+from gsp.hyperbolicity.losses.examination import _is_singular_throughout
 from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -353,6 +354,14 @@ def test_a_branch_that_is_singular_everywhere_is_named(name) -> None:
 @pytest.mark.parametrize("name", sampled(EVERYWHERE, always=("nilpotent",)))
 def test_a_branch_that_is_singular_everywhere_is_named_in_disguise(name) -> None:
     assert_named(name, 4)
+
+
+def test_a_point_of_a_multiple_zero_may_be_inexact() -> None:
+    # g_y = ((0, 1), (-3 d^2, 0)) at a point that is d off the branch, where it is nilpotent.
+    matrices = np.array([[[0.0, 1.0], [-3.0 * d**2, 0.0]] for d in (0.0, 1e-6, 0.0)])
+    assert _is_singular_throughout(matrices)
+    assert not _is_singular_throughout(matrices[[0, 1, 1]])
+    assert not _is_singular_throughout(np.concatenate([matrices, np.eye(2)[None]]))
 
 
 def assert_named(name: str, seed: int | None) -> None:

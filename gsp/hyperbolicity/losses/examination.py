@@ -24,7 +24,7 @@ from gsp.hyperbolicity.losses.locator import (
 )
 from gsp.hyperbolicity.losses.naming import named
 from gsp.hyperbolicity.losses.poles import poles
-from gsp.hyperbolicity.losses.whole_branch import centre_branch, degenerate_branch
+from gsp.hyperbolicity.losses.whole_branch import ZERO_SINGULAR, centre_branch, degenerate_branch
 from gsp.systems.region import Interval
 
 # Rows of g_y on the branch below this share of what they are beside it are zero, as far as points are exact.
@@ -113,14 +113,27 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
 def _whole_branch(diagnosis: Diagnosis, z: np.ndarray, eigenvalues: np.ndarray) -> Loss | None:
     """The loss of a branch on which every sample is singular, or has an imaginary pair."""
     sizes = np.abs(eigenvalues).min(axis=1)
-    # One matrix after the other: the first that is not singular decides.
-    singular = all(is_singular(matrix[None])[0] for matrix in diagnosis.sampler.fast_jacobian(z))
-    if singular or (sizes.max() <= ZERO_TOLERANCE * diagnosis.scale and _has_zero_row(diagnosis, z)):
+    if _is_singular_throughout(diagnosis.sampler.fast_jacobian(z)) or (
+        sizes.max() <= ZERO_TOLERANCE * diagnosis.scale and _has_zero_row(diagnosis, z)
+    ):
         return degenerate_branch(diagnosis, z)
     # A rate that is small beside the others is a rate all the same; beside its own frequency it is none.
     if (np.abs(np.real(eigenvalues)) <= ZERO_TOLERANCE * np.abs(eigenvalues)).any(axis=1).all():
         return centre_branch(diagnosis, z)
     return None
+
+
+def _is_singular_throughout(matrices: np.ndarray) -> bool:
+    """Whether most of the matrices (m, n, n) are singular to rounding, and the others as far as points are exact."""
+
+    def is_nearly(matrix: np.ndarray) -> bool:
+        sizes = np.linalg.svd(matrix, compute_uv=False)
+        return bool(sizes[-1] <= ZERO_SINGULAR * sizes[0])
+
+    # One matrix after the other: the first that is not singular decides. Points of multiple zeros are inexact, by how
+    # much is up to the order in which a processor adds.
+    nearly = all(is_singular(matrix[None])[0] or is_nearly(matrix) for matrix in matrices)
+    return nearly and bool(2 * is_singular(matrices).sum() > len(matrices))
 
 
 def _has_zero_row(diagnosis: Diagnosis, z: np.ndarray) -> bool:
