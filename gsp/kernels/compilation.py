@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -82,6 +83,13 @@ class _Files(IndexDataCacheFile):
         except FileNotFoundError:
             return None
         return data if (version, stamp) == (self._version, self._source_stamp) else None
+
+    def _load_data(self, name):
+        data = Path(self._data_path(name)).read_bytes()
+        # To read code is to import what it names, and these import SciPy's linear algebra unless they are made ready.
+        if b"numba.np.arraymath" in data:
+            _ready()
+        return pickle.loads(data)
 
     def flush(self):
         """Nothing: the file that could not be read is replaced by the next `save`."""
