@@ -260,6 +260,8 @@ def test_a_system_prints_as_one_line_and_as_a_card() -> None:
     field = VectorField({x: -x / epsilon}, epsilon=epsilon)
     assert repr(field) == "VectorField(states=[x], epsilon=epsilon, parameters={})"
     assert str(field).startswith("vector field\n  x' = -x/epsilon")
+    assert str(VectorField({x: -x / epsilon}, epsilon=epsilon, name="toy")).startswith("toy\n  x'")
+    assert str(standard()).startswith("slow-fast system\n")
     assert r"\begin{aligned}" in system._repr_latex_()
 
 
