@@ -298,6 +298,7 @@ def test_a_point_in_one_symbol_may_be_a_number_a_mapping_or_a_row(value) -> None
     assert single == (value == 3.0 or value == {"x": 3.0})
     assert as_points((x, y), [1.0, 2.0], what="x")[1]
     assert not as_points((x, y), [[1.0, 2.0]], what="x")[1]
+    assert "has shape (1, 2)" in words(as_points, (x,), [[1.0, 2.0]], what="x")
 
 
 def test_starts_of_many_are_those_of_each_also_where_a_flow_has_its_own() -> None:
