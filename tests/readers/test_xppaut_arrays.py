@@ -81,7 +81,7 @@ def test_a_file_grows_no_further_than_its_limit() -> None:
         read_ode(text)
     with pytest.raises(ModelFileError, match="characters"):
         read_ode("x[1..2000]'=" + "1+" * 4000 + "1")
-    cells = "%[0..399]\nx[j]'=-x[j]+sum(0,399)of(shift(x0,i')*[j])\n%"
+    cells = "%[0..399]\nx[j]'=-x[j]+sum(0,39)of(shift(x0,i')*[j]*" + "1" * 90 + ")\n%"
     with pytest.raises(ModelFileError, match="more than 1000000 characters"):
         read_ode(cells)
     with pytest.raises(ModelFileError, match="a sum from 0 to 1999 is too long"):
