@@ -36,6 +36,9 @@ class ImageBox(Mapping[str, Interval]):
     def __len__(self) -> int:
         return len(self.intervals)
 
+    def __repr__(self) -> str:
+        return f"ImageBox({dict(self.intervals)})"
+
 
 def with_sides(region: Mapping[str, Interval], sides: Mapping[str, Interval]) -> Mapping[str, Interval]:
     """The region with other intervals for some names; the states of an image stay what they were."""

@@ -63,6 +63,7 @@ def test_places_that_no_state_has_are_not_counted() -> None:
     region = {"S": (0.02, 0.2), "I": (0, 0.3), "R": (0.05, 0.6)}
     study = study_of(scene(field, region=region, start={"S": 0.15, "I": 0.1, "R": 0.1}, epsilon=0.001))
     assert any(e.has(sp.exp) for e in study.system.g)
+    assert repr(study.region) == f"ImageBox({dict(study.region)})"
     found = study.hyperbolicity
     assert (found.kind, found.holds) == ("attracting", True)
     assert found.gap == pytest.approx(0.4, rel=1e-3)
