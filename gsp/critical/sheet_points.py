@@ -108,7 +108,7 @@ def newton_at_each(
         # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
         scale = 1.0 + np.linalg.norm(y[active], axis=1)
         length = np.linalg.norm(step, axis=1)
-        y[active] -= step * np.minimum(1.0, scale / np.maximum(length, 1e-300))[:, None]
+        y[active] -= step * (scale / np.maximum(length, scale))[:, None]
         done = length <= tolerance * scale
         good[active[done]] = True
         active = active[~done]

@@ -248,3 +248,12 @@ def test_guesses_are_finite_and_one_or_one_each() -> None:
     for wrong in ([1.0, np.inf], [], [1, 2, 3], [[1, 2]] * 3):
         with pytest.raises(DeclarationError, match="finite numbers for x, y"):
             guesses(wrong, 2, (x, y))
+
+
+def test_newton_at_rest_far_out_overflows_nothing() -> None:
+    # A warning is an error here. A step of no length was a divisor of 1e-300.
+    found, good = newton_at_each(
+        lambda z: 0.0 * z[:, 1:], lambda z: np.ones((len(z), 1)), np.zeros((1, 1)), np.array([[1e9]])
+    )
+    assert good.all()
+    assert found[0, 0] == 1e9
