@@ -112,16 +112,14 @@ class _Cache(FunctionCache):
 
     def load_overload(self, sig, target_context):
         # numba's own way makes ready all that typing and lowering need, as long as all else in a process's first solve.
-        # Machine code needs the functions for memory alone, and who compiles makes the rest ready.
+        # Machine code needs the functions for memory, and the modules that it was made of; who compiles makes the rest.
         rtsys.initialize(target_context)
+        _ready()
         try:
-            found = self._load_overload(sig, target_context)
+            return self._load_overload(sig, target_context)
         except Exception:
             # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
-            found = None
-        if found is None:
-            _ready()
-        return found
+            return None
 
     def has(self, sig, target_context) -> bool:
         try:
