@@ -112,14 +112,16 @@ class _Cache(FunctionCache):
 
     def load_overload(self, sig, target_context):
         # numba's own way makes ready all that typing and lowering need, as long as all else in a process's first solve.
-        # Machine code needs the functions for memory, and the modules that it was made of; who compiles makes the rest.
+        # Machine code needs the functions for memory alone, and who compiles makes the rest ready.
         rtsys.initialize(target_context)
-        _ready()
         try:
-            return self._load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
         except Exception:
             # A file that is cut off or overwritten can raise anything. It is replaced, and only if that fails told.
-            return None
+            found = None
+        if found is None:
+            _ready()
+        return found
 
     def has(self, sig, target_context) -> bool:
         try:
