@@ -93,7 +93,7 @@ def _attempt_by_code(program, p, step, stages, control, twice, memory, block, co
     if block[USABLE] != 1.0:
         return math.inf, 0, FAILURE_FACTOR, ledger.NON_FINITE
     most = most_rounds(stages)
-    now = opening(memory[CONTRACTION])
+    now = opening(memory[CONTRACTION], stages)
     verdict = GOING_ON
     factor = FAILURE_FACTOR
     rounds = 0

@@ -159,7 +159,7 @@ def attempt_by_loops(
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     _guess(memory, step, z)
     most = most_rounds(stages)
-    now = opening(memory[CONTRACTION])
+    now = opening(memory[CONTRACTION], stages)
     verdict = GOING_ON
     factor = FAILURE_FACTOR
     rounds = 0

@@ -158,6 +158,15 @@ def test_ends_of_runs_of_stiff_problems_are_within_ten_tolerances(name: str, met
         assert max(between for _, between in errors.values()) < 20, errors
 
 
+@pytest.mark.parametrize(
+    ("name", "method"), [("Davis and Skodje, 1e5", Method.RADAU9), ("cascade", Method.RADAU13)]
+)
+def test_no_tolerance_is_an_unlucky_one(name: str, method: Method) -> None:
+    # One run in some hundreds ended far off, after a step whose first round was believed.
+    worst = max(errors_of(PROBLEMS[name], method, rtol)[0] for rtol in np.geomspace(2e-4, 1e-3, 60).tolist())
+    assert worst < 1
+
+
 @pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13])
 def test_a_single_round_of_newton_is_believed_only_where_it_moves_little(method: Method) -> None:
     # Out of the transient x moves on and y follows one round late: in the transient, where only y moves and is linear,
