@@ -228,7 +228,7 @@ def test_keeping_omega_and_dropping_w_never_converges() -> None:
 def test_a_correction_keeps_its_word_about_claims_and_the_card() -> None:
     comparison = compare(moved("chaplygin_sleigh"), orders=(0, 1), correction=1)
     assert comparison.correction == 1
-    assert "corrected through epsilon^1" in str(comparison)
+    assert "at its base point through epsilon^1" in str(comparison)
     assert comparison.claim_slopes["(18) with its sign corrected"] == pytest.approx(2, abs=0.1)
     assert comparison.claim_slopes["(18) as printed"] == pytest.approx(1, abs=0.1)
 
