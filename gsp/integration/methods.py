@@ -127,7 +127,10 @@ def solver_of(method: Method, rtol: float) -> Solver:
 
 def taylor_order(rtol: float) -> int:
     """The order of a Taylor series at a tolerance."""
-    return next(order for least, order in _TAYLOR_ORDERS if rtol >= least)
+    for least, order in _TAYLOR_ORDERS:
+        if rtol >= least:
+            return order
+    return _TAYLOR_ORDERS[-1][1]
 
 
 def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarray:

@@ -17,8 +17,9 @@ from gsp.kernels import ledger
 from gsp.kernels.launch import before_record
 from gsp.lowering.compiled_flow import CompiledFlow
 
-# Entries of a room that is kept for a result that needs a part of it: 128 kB.
-MOST_KEPT = 1 << 14
+# Entries of a room that is kept for a result that needs a part of it: 512 kB, of which those that were never written
+# take no memory. A Taylor run of three states has 150 kB; to cut it out took a third of a call with `at=`.
+MOST_KEPT = 1 << 16
 
 
 class Layout(NamedTuple):
@@ -68,10 +69,9 @@ class Piece(NamedTuple):
 
 def cut(room: np.ndarray, earlier: int = 0) -> Piece:
     """The steps in the record of a room, where `earlier` ones were made in other rooms."""
-    _, _, n, constants, stops, memory, watches, length, dense, rows = (
-        room[: kernels.HEAD].view(np.int64).tolist()
-    )
-    count = steps_in(room) - earlier
+    numbers = room[: kernels.COUNTERS + ledger.STEPS + 1].view(np.int64).tolist()
+    _, _, n, constants, stops, memory, watches, length, dense, rows = numbers[: kernels.HEAD]
+    count = numbers[-1] - earlier
     times = before_record(n, constants, stops, memory, watches)
     states = times + length + 1
     between = states + (length + 1) * n
@@ -169,6 +169,7 @@ class RecordInRoom(Record):
     """A record that lies in the one room of its run, from which it is cut when it is read."""
 
     _holds_dense = True
+    _made: Piece | None = None
 
     def __init__(self, room: np.ndarray, status: Status, method: Method) -> None:
         self.room, self.status, self.method = room, status, method
@@ -177,14 +178,17 @@ class RecordInRoom(Record):
         """As the base has it; a small room is kept whole, since to cut it takes half as long as a short run."""
         if self.room.size > MOST_KEPT:
             return super().without_dense()
-        self.__dict__.pop("_piece", None)
-        self._holds_dense = False
+        self._holds_dense, self._made = False, None
         return self
 
-    @cached_property
+    @property
     def _piece(self) -> Piece:
-        made = cut(self.room)
-        return made if self._holds_dense else made._replace(dense=made.dense[:0])
+        made = self._made
+        if made is None:
+            made = cut(self.room)
+            # Kept by hand: `cached_property` takes a lock, a sixth of what reading a run's states takes.
+            self._made = made = made if self._holds_dense else made._replace(dense=made.dense[:0])
+        return made
 
     @property
     def times(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
