@@ -212,7 +212,10 @@ class NodeBuilder:
         return value
 
     def _evaluated(self, constant: sp.Expr, position: int, *, digits: int = 15) -> sp.Expr:
-        value = constant.evalf(digits)
+        try:
+            value = constant.evalf(digits)
+        except ZeroDivisionError:
+            self.fail("a constant cannot be told from a division by 0", position, "Rescale the variables.")
         if not (value.is_Float or value.is_Rational):
             self.fail("a constant is not a real number", position, "Keep roots and logarithms in their domain.")
         if value != 0 and not 1 / LARGEST < abs(value) < LARGEST:
