@@ -264,7 +264,7 @@ def integrate_many(
     # Compiled code does not come back for them in the middle of a member.
     solver.give_loops(program)
     # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
-    tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol, 0.0)
+    tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol)
     tries = tries and kernels.any_begins(
         compiled.derivatives_program, members.constants.copy(), first, last, members.starts.copy(), MILD
     )

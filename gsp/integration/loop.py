@@ -172,11 +172,7 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
     if many > 1:
         end = Y + n + constants
         room[end : end + many] = stops
-    if (
-        tries
-        and begins_mildly(compiled.derivatives_program, room, MILD)
-        and begins_with_series(compiled, rtol, 0.0)
-    ):
+    if tries and begins_mildly(compiled.derivatives_program, room, MILD) and begins_with_series(compiled, rtol):
         return advance(asked._replace(max_steps=min(MILD_ATTEMPTS, max_steps)), Method.TAYLOR)
     full: list[np.ndarray] = []
     code = ledger.RECORD_FULL

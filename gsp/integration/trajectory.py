@@ -28,6 +28,7 @@ from gsp.integration.loop import (
     stops_of,
 )
 from gsp.integration.methods import (
+    MILD,
     MILD_ATTEMPTS,
     Method,
     begins_with_series,
@@ -295,7 +296,7 @@ def trajectory_of(
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
     if asked is not None and chosen is None and flow.is_stiff:
         times = fast_times(compiled, np.array(p), np.array(y), first, last)
-        if begins_with_series(compiled, rtol, times):
+        if times <= MILD and begins_with_series(compiled, rtol):
             # A step is gone over again by the method that made it, so that a watched run keeps to one.
             found = trajectory_of(
                 flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,

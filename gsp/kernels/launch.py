@@ -49,8 +49,11 @@ _before_record = inlined_kernel(before_record)
 
 
 @inlined_kernel
-def _start_of_record(head):
-    return _before_record(head[STATES], head[CONSTANTS], head[STOPS], head[MEMORY], head[WATCHES])
+def _record(head):
+    """Where the times, the states and the dense output of the record begin."""
+    times = _before_record(head[STATES], head[CONSTANTS], head[STOPS], head[MEMORY], head[WATCHES])
+    states = times + head[LENGTH] + 1
+    return times, states, states + (head[LENGTH] + 1) * head[STATES]
 
 
 @kernel
@@ -72,11 +75,8 @@ def launch(program, room):
     constants = Y + n
     stops = constants + head[CONSTANTS]
     work = stops + head[STOPS]
-    rate = work + head[MEMORY] + head[WATCHES]
-    record = rate + n
-    length = head[LENGTH]
-    states = record + length + 1
-    dense = states + (length + 1) * n
+    record, states, dense = _record(head)
+    rate = record - n
     memory = room[work : work + head[MEMORY]]
     y = room[Y:constants]
     p = room[constants:stops]
@@ -95,7 +95,7 @@ def launch(program, room):
         program[ledger.METHOD], program, p, room[stops:work], room[RTOL], room[ATOL], head[LIMIT],
         y, room[rate:record], memory, counters,
         room[record + 1 : states],
-        room[states + n : dense].reshape((length, n)),
+        room[states + n : dense].reshape((head[LENGTH], n)),
         room[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
     )  # fmt: skip
 
@@ -113,10 +113,8 @@ def launch_watched(program, functions, room):
     new = counters[ledger.STEPS] - before
     n = head[STATES]
     p = room[Y + n : Y + n + head[CONSTANTS]]
-    record = _start_of_record(head)
+    record, states, dense = _record(head)
     signs = room[record - n - functions[WATCHED] : record - n]
-    states = record + head[LENGTH] + 1
-    dense = states + (head[LENGTH] + 1) * n
     start = room[states : states + n]
     if signs[0] == 0.0 and (new == 0 or not begins_clear(functions, p, signs, room[record], start)):
         return ledger.LOOK_WANTED
@@ -135,9 +133,7 @@ def read_room(check, room, grid, out):
     head = room[:HEAD].view(np.int64)
     n = head[STATES]
     steps = room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS]
-    record = _start_of_record(head)
-    states = record + head[LENGTH] + 1
-    dense = states + (head[LENGTH] + 1) * n
+    record, states, dense = _record(head)
     between = min(steps, head[DENSE])
     reached, looks = read_grid(
         check, room[RTOL], room[ATOL], room[record : record + steps + 1],
@@ -155,9 +151,7 @@ def doubt_room(check, program, linear, room, grid, doubts):
     counters = room[COUNTERS:GIVEN].view(np.int64)
     n = head[STATES]
     steps = counters[ledger.STEPS]
-    record = _start_of_record(head)
-    states = record + head[LENGTH] + 1
-    dense = states + (head[LENGTH] + 1) * n
+    record, states, dense = _record(head)
     return doubt_grid(
         check, program, linear, room[Y + n : Y + n + head[CONSTANTS]], room[RTOL], room[ATOL],
         room[record : record + steps + 1],
