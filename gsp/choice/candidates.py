@@ -129,7 +129,7 @@ def _untold(prediction: Prediction, order: int) -> str:
     last = prediction.compared(order)[-1]
     if last == order:
         return "no higher order is run"
-    return f"the term of order {last} vanishes along the run, and no higher order is run"
+    return f"the term of order {last} moves the run by no more than its own error, and no higher order is run"
 
 
 def solved_candidate(

@@ -304,12 +304,21 @@ class Sampler:
         return J, np.linalg.solve(J[:, nx:, nx:], J[:, nx:, :nx]), usable
 
     def tangents(self, z: np.ndarray) -> np.ndarray:
-        """dz/dx along the sheet at `z` (m, n): (m, n, n_slow), not a number where g_y is singular or not finite."""
+        """dz/dx along the sheet at `z` (m, n): (m, n, n_slow), not a number where the sheet has no slope."""
         nx = len(self.system.x)
         _, slope, usable = self._slopes(z)
         found = np.full((*z.shape, nx), np.nan)
         found[usable] = np.concatenate([np.broadcast_to(np.eye(nx), (len(slope), nx, nx)), -slope], axis=1)
+        if self.branch.is_explicit and not usable.all():
+            # Where another branch passes through a graph, g_y is singular and the graph has its slope.
+            found[~usable, :nx] = np.eye(nx)
+            found[~usable, nx:] = self._graph_slopes(z[~usable], self.p).reshape(-1, *slope.shape[1:])
         return found
+
+    @cached_property
+    def _graph_slopes(self):
+        graph = self.branch.graph or {}
+        return self.compiled(entries([graph[y] for y in self.system.y], self.system.x))
 
     def tangential_rate(self, z: np.ndarray) -> float:
         """Largest |eigenvalue| of the symmetric part of f_x - f_y g_y^-1 g_x."""

@@ -64,7 +64,9 @@ class Rates:
     def r(self, epsilon: float) -> float:
         """The r of r-normal hyperbolicity: normal rate per tangential rate, normal/(epsilon tangential)."""
         small = check_epsilon(epsilon)
-        return self.normal / (small * self.tangential) if self.tangential else float("inf")
+        if not self.tangential:
+            return float("inf") if self.normal else 0.0
+        return self.normal / (small * self.tangential)
 
 
 @dataclass(frozen=True, eq=False)

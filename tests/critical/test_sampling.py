@@ -163,6 +163,14 @@ def test_where_the_fast_jacobian_is_singular_there_are_no_tangents() -> None:
     assert sampler({x: y}, {y: x - y}).jacobian_variation(fold) == 0.0
 
 
+def test_a_graph_keeps_its_slope_where_another_branch_passes_through_it() -> None:
+    """g = (x - 1)(x^2 - y) on y = x^2: g_y = 1 - x, and dh_0/dx = 2x at x = 1 as elsewhere."""
+    own = sampler({x: 1}, {y: (x - 1) * (x**2 - y)})
+    z = np.array([[0.5, 0.25], [1.0, 1.0]])
+    assert own.tangents(z)[:, :, 0] == pytest.approx(np.array([[1.0, 1.0], [1.0, 2.0]]))
+    assert own.jacobian_variation(z) == pytest.approx(1.0)
+
+
 def test_residuals_are_relative_to_the_point() -> None:
     own = sampler({x: y}, {y: x - y})
     assert own.residual(np.array([[1.0, 1.0], [9.0, 4.0]])) == pytest.approx(5 / 10)

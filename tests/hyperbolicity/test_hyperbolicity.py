@@ -259,6 +259,8 @@ def test_the_rates_give_the_r_of_normal_hyperbolicity() -> None:
     assert found.value == pytest.approx(5)
     assert not condition(judge(x - 2 * y, f=-4 * x, epsilon=1), "normal rate dominates").holds
     assert judge(x - 2 * y, f=sp.Integer(1)).rates.r(0.1) == float("inf")
+    # No rate dominates where there is none.
+    assert judge(x * (x - 2 * y), f=sp.Integer(1)).rates.r(0.1) == 0.0
 
 
 def test_the_tangential_rate_is_that_of_the_reduced_flow() -> None:
