@@ -195,10 +195,6 @@ class CircuitRing:
         """The element of a declared symbol."""
         return self._generators[symbol]
 
-    def knows(self, symbol: sp.Symbol) -> bool:
-        """Whether `symbol` is a generator."""
-        return symbol in self._generators
-
     def set_derivative(self, symbol: sp.Symbol, j: int, image: Gate) -> None:
         """Let derivation j map the generator of `symbol` to `image`; the default is 0."""
         self._images[j][self._generators[symbol].index] = image

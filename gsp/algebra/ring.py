@@ -177,10 +177,6 @@ class LocalisedRing:
         """The element of a declared symbol."""
         return Element(self, self._gens[self._index[symbol]], ())
 
-    def knows(self, symbol: sp.Symbol) -> bool:
-        """Whether `symbol` is a generator."""
-        return symbol in self._index
-
     def constant(self, value: sp.Rational | int) -> Element:
         """A rational number as an element."""
         rational = sp.Rational(value)

@@ -44,9 +44,6 @@ RTOL, ATOL = 1e-8, 1e-10
 
 T = TypeVar("T")
 
-# The stage of which there is one for each order and epsilon.
-_BASE_POINT = "base point"
-
 
 class _Kept:
     """Values by key, each made once, with the seconds that each took without those it rests on."""
@@ -229,18 +226,8 @@ class Study(Card):
         check_order(order)
         epsilon = self.scene.epsilon
         return self._once(
-            (_BASE_POINT, order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
+            ("base point", order, epsilon), lambda: base_point_of(self.inner(order + 2), epsilon, order)
         )
-
-    @property
-    def base_points(self) -> Mapping[int, BasePoint]:
-        """The base points that were asked for so far, by order, at the scene's epsilon."""
-        found = {
-            key[1]: value
-            for key, value in self._kept.values.items()
-            if key[0] == _BASE_POINT and key[2] == self.scene.epsilon
-        }
-        return MappingProxyType(found)  # pyright: ignore[reportReturnType]
 
     def spent(self, *key: Hashable) -> float:
         """Seconds that the stages took whose key begins so, without those they rest on."""
