@@ -259,7 +259,7 @@ def _exact(problem: Problem, order: int, deepest: int) -> InnerExpansion:
 
 
 def _varies(slope: sp.Expr, problem: Problem) -> bool:
-    """Whether `slope` has two values at two values of y: then g is not linear, which `cancel` takes minutes to say."""
+    """Whether `slope` has two values at two values of y: then g is not linear, and nothing need be simplified."""
     here = {y: exact(problem.start[y.name]) for y in problem.system.y}
     beside = {y: value + sp.Rational(k + 1, 7) for k, (y, value) in enumerate(here.items())}
     first, second = (sp.N(slope.xreplace(point)) for point in (here, beside))

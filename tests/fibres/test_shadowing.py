@@ -1,0 +1,98 @@
+"""Shadows of linear systems, whose fibres and slow manifolds are straight: the base point is a projection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp.critical.branch import Branch
+from gsp.critical.critical_manifold import solve_critical
+from gsp.errors import UnsupportedFunctionError
+from gsp.fibres import shadowing
+from gsp.fibres.base_points import project
+from gsp.fibres.shadowing import NEAR, shadow
+from gsp.systems.system import SlowFastSystem
+
+x, y, q, eps = sp.symbols("x y q epsilon")
+START = {"x": 1.0, "y": 3.0}
+
+
+def linear(a: float, b: float, c: float, d: float) -> tuple[Branch, dict[float, float]]:
+    """The branch of x' = a x + b y, epsilon y' = c x + d y, and x of the base point of `START` at two epsilons."""
+    system = SlowFastSystem(slow={x: a * x + b * y}, fast={y: c * x + d * y}, epsilon=eps)
+    exact = {}
+    for epsilon in (0.02, 0.01):
+        values, vectors = np.linalg.eig(np.array([[a, b], [c / epsilon, d / epsilon]]))
+        slow = int(np.argmin(np.abs(values)))
+        exact[epsilon] = vectors[0, slow] * np.linalg.solve(vectors, list(START.values()))[slow]
+    return solve_critical(system).branches[0], exact
+
+
+@pytest.mark.parametrize("fast", [-0.5, -20.0, 0.5, 20.0])
+def test_both_routes_give_the_projection_along_the_fast_eigenvector(fast: float) -> None:
+    branch, exact = linear(-0.5, 1.0, 1.0, fast)
+    gap = abs(fast)
+    for epsilon, value in exact.items():
+        found = shadow(branch, START, epsilon=epsilon, reconstruction={})
+        assert abs(found.values["x"] - value) <= found.error + 1e-13
+        assert found.error < 1e-11
+        # The layer, 3 - 1/gap high or so, is over when it is 1e-12.
+        assert found.time * gap / epsilon == pytest.approx(-np.log(NEAR), rel=0.2)
+    # Each order of the series leaves a term of the next: half of epsilon halves the error so many times.
+    for order in (0, 1, 2):
+        errors = [project(branch, START, epsilon=e, order=order)["x"] - value for e, value in exact.items()]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.3)
+
+
+def driven(fast: float) -> tuple[Branch, dict[sp.Symbol, sp.Expr], dict[str, float]]:
+    """q' = 5 (y - h) with x at rest: the layer from 3 to 1/2 adds 5 (5/2) epsilon/gap, forward or backward."""
+    system = SlowFastSystem(slow={x: sp.Integer(0)}, fast={y: fast * (y - x / 2)}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    return branch, {q: 5 * (y - x / 2)}, {"x": 1.0, "q": -12.5 * 0.01 / fast}
+
+
+@pytest.mark.parametrize("fast", [-2.0, 2.0])
+def test_what_is_driven_by_the_fast_variable_jumps_by_the_integral_of_its_layer(fast: float) -> None:
+    branch, rates, expected = driven(fast)
+    found = shadow(branch, START, epsilon=0.01, reconstruction=rates)
+    assert found.values == pytest.approx(expected, abs=1e-12)
+    assert 0 < found.error < 1e-10
+    assert dict(project(branch, START, epsilon=0.01, order=1, reconstruction=rates)) == pytest.approx(expected)
+
+
+class Surface:
+    """The manifold y = x/2, off by what it says."""
+
+    error_estimate = 1e-6
+
+    @staticmethod
+    def evaluate(points: np.ndarray) -> np.ndarray:
+        return 0.5 * points - Surface.error_estimate
+
+
+@pytest.mark.parametrize("fast", [-2.0, 2.0])
+def test_the_error_of_the_manifold_is_in_that_of_the_base_point(fast: float) -> None:
+    branch, rates, expected = driven(fast)
+    found = shadow(branch, START, epsilon=0.01, reconstruction=rates, surface=Surface)
+    off = abs(found.values["q"] - expected["q"])
+    rate, layer_time = 5 * Surface.error_estimate, 0.01 / 2
+    # The layer counts as over at ten errors of the manifold.
+    assert max(off, rate * (found.time + layer_time)) < found.error < rate * (found.time + 10 * layer_time)
+
+
+def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_points(monkeypatch) -> None:
+    # x' = -x^2 with y' = (x - y)/epsilon: h_k is k! x^(k + 1), so that sums are exact to rounding near x = 0 alone.
+    system = SlowFastSystem(slow={x: -(x**2)}, fast={y: x - y}, epsilon=eps)
+    (branch,) = solve_critical(system).branches
+    places = np.array([[0.01], [1.0]])
+    jets, _ = shadowing._height(branch, 0.05, np.zeros(1), None)(places)
+
+    def refuse(system: SlowFastSystem) -> None:
+        raise UnsupportedFunctionError("no series.", "")
+
+    monkeypatch.setattr(shadowing, "write_tape", refuse)
+    sums, error = shadowing._height(branch, 0.05, np.zeros(1), None)(places)
+    off = np.abs(sums - jets)[:, 0]
+    assert off[0] < 1e-14
+    assert 1e-9 < off[1] <= error < 1e-4
