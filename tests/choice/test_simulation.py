@@ -10,12 +10,15 @@ import sympy as sp
 from gsp import models
 from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import choose
-from gsp.choice.model_switching import _Nearness, _Switcher
+from gsp.choice.hybrid_run import Run
+from gsp.choice.model_switching import SOLVED_LOOKS, _Nearness, _Switcher, run_solved
 from gsp.choice.prediction import Failure
 from gsp.choice.simulation import simulate
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.integration.trajectory import integrate
 from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
+from gsp.slow.solved_manifold import solve_manifold
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, w, eps = sp.symbols("x y w epsilon")
@@ -177,6 +180,25 @@ def test_outside_the_region_the_full_system_runs() -> None:
     assert [(s.entering, s.why) for s in run.switches] == [("full", str(Failure.REGION))]
     assert run.switches[0].time == pytest.approx(1, abs=1e-3)
     assert run["x"][-1] == pytest.approx(3)
+
+
+@pytest.mark.parametrize("span", [(0.0, 2.0), (0.0, 0.4)])
+def test_a_solved_manifold_is_left_where_the_piece_that_was_solved_ends(span: tuple[float, float]) -> None:
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y}, epsilon=eps)
+    study = study_of(Scene(system, {"x": (0, 4)}, {"x": 1, "y": 0}, span, 0.01, (0.02, 0.01), 1e-3))
+    run = Run(study, True)
+    run_solved(run, solve_manifold(study.branch, region={"x": (0.5, 1.5)}, epsilon=0.01, tolerance=1e-6))
+    whole = span[1] < 0.5
+    assert [piece.kind for piece in run.pieces] == (
+        [ModelKind.SOLVED] if whole else [ModelKind.SOLVED, ModelKind.FULL]
+    )
+    assert [(s.leaving, s.entering) for s in run.switches] == ([] if whole else [("solved", "full")])
+    end = run.pieces[0].end
+    # x = 1 + t leaves 1.5 between two of the places that are looked at.
+    assert end == span[1] if whole else 0.5 - 2 * 2 / SOLVED_LOOKS < end <= 0.5
+    # On the manifold y = x - epsilon.
+    last = run.pieces[-1].run.sample(np.array([span[1]]))
+    assert (last["x"][0], last["y"][0]) == pytest.approx((1 + span[1], 0.99 + span[1]), abs=1e-3)
 
 
 def test_a_simulation_does_not_depend_on_when_the_clock_began() -> None:
