@@ -62,6 +62,17 @@ def test_a_box_with_the_fold_is_refuted_with_the_fold_as_witness() -> None:
     assert told == pytest.approx({"x": -2 / 3, "y": 1}, abs=1e-9)
 
 
+def test_each_box_has_its_own_gap_and_the_least_is_that_of_all() -> None:
+    # The eigenvalue is -1 - x^2.
+    found = certify(branch({y: x - (1 + x**2) * y}), region={"x": (0.5, 4.0)})
+    assert len(found.gaps) == len(found.boxes) > 1
+    for box, gap in zip(found.boxes, found.gaps):
+        low = box[0][0]
+        assert 1.0 < gap <= 1 + low**2
+    assert max(found.gaps) > 4 * min(found.gaps)
+    assert min(found.gaps) == found.gap
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_every_built_in_scene_is_proved(name: str) -> None:
     from gsp.scenes.study import study_of

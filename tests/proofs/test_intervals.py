@@ -70,6 +70,18 @@ def test_elementary_functions_hold_the_exact_value() -> None:
     elementary_functions_hold(CASES // 3)
 
 
+def test_exponentials_of_large_numbers_hold_the_exact_value_and_no_more_than_rounding() -> None:
+    # The most powers of two are taken out here, each with the rounding of log 2.
+    draw = random.Random(6)
+    with mpmath.workprec(400):
+        for _ in range(60):
+            a = Fraction(draw.uniform(1000.0, 2000.0))
+            value = mpmath.exp(mpmath.mpf(a.numerator) / a.denominator) * ia.ONE
+            low, high = ia.exp(ia.of(a))
+            assert low <= value <= high
+            assert high - low <= value * 2.0**-110
+
+
 @pytest.mark.exhaustive
 def test_every_operation_holds_the_exact_value_in_ten_thousand_cases() -> None:
     rational_operations_hold(WHOLE)
