@@ -47,6 +47,7 @@ def sheet(found: CriticalSheet) -> Table:
     variables = {name: Column(over, found[name]) for name in found.names}
     variables[names("unstable")] = Column(over, found.unstable)
     variables[names("on_fold")] = Column(over, found.on_fold)
+    variables[names("on_crossing")] = Column(over, found.on_crossing)
     variables |= complexes(which, (point, which), found.eigenvalues)
     variables[names("triangles")] = Column((triangle, corner), found.triangles)
     variables[names("triangle_unstable")] = Column((triangle,), found.triangle_unstable)

@@ -223,6 +223,27 @@ def test_the_sheet_of_koper_has_its_two_lines_of_folds() -> None:
     assert euler(sheet) == 1
 
 
+def test_sheets_that_cross_have_no_fold_there() -> None:
+    # The prey of a food chain: x = 0, and a graph that folds at x = 1/3, y = 4/15 and crosses x = 0 at y = 1/5.
+    sheet = critical_sheet(
+        over(y * (1 - y) - 5 * y * a / (1 + 3 * y)), start={"a": 0.1, "b": 0, "y": 0.9}, resolution=16,
+        bounds={"a": (-0.4, 0.5), "b": (-1, 1), "y": (-0.25, 1.5)},
+    )  # fmt: skip
+    (folds,) = sheet.folds
+    assert folds["a"] == pytest.approx(4 / 15, abs=1e-12)
+    assert sheet["a"][sheet.on_crossing] == pytest.approx(0.2, abs=1e-12)
+    assert sheet["y"][sheet.on_crossing] == pytest.approx(0.0, abs=1e-12)
+    assert sheet["a"][sheet.on_fold] == pytest.approx(4 / 15, abs=1e-12)
+    assert "another sheet crosses it at a = 0.2, b from -1 to 1, y = 0" in sheet.message
+    # A fold next to a crossing that is not quite one stays a fold.
+    apart = critical_sheet(
+        over(y * (a - y) - sp.Rational(1, 10**6)), start={"a": 1, "b": 0, "y": 1}, resolution=8,
+        bounds={"a": (-0.9, 1), "b": (-1, 1), "y": (-2, 2)},
+    )  # fmt: skip
+    assert not apart.on_crossing.any()
+    assert [float(fold["a"].mean()) for fold in apart.folds] == pytest.approx([2e-3], abs=1e-9)
+
+
 def test_a_sheet_in_two_fast_variables_is_the_same_in_disguise() -> None:
     sheet = critical_sheet(
         DISGUISED,

@@ -23,6 +23,7 @@ from gsp.critical.layer_problem import (
     least_norm_newton,
     natural_scales,
 )
+from gsp.critical.normal_forms import null_vectors
 from gsp.critical.singularity import identity, singular_near
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
@@ -39,6 +40,8 @@ POLISHING = 12
 LEAVES = 0.5
 # Curves of folds on one sheet that are followed at most.
 MOST_FOLDS = 16
+# Sheets cross where the rows of g_u are dependent, up to this share of what they change by over one cube.
+DEPENDENT = 1e-5
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,7 @@ class CriticalSheet(NamedPoints, Drawn, Tabular):
     unstable: np.ndarray
     triangle_unstable: np.ndarray
     on_fold: np.ndarray
+    on_crossing: np.ndarray
     folds: tuple[FoldCurve, ...]
     residual: float
     status: Status
@@ -163,7 +167,7 @@ def _grid(
 
 
 class _Builder:
-    """Vertices corrected onto M0, merged, and split at the folds."""
+    """Vertices corrected onto M0, merged, and split where g_y is `singular` (m,)."""
 
     def __init__(
         self, problem: LayerProblem, grid: Grid, mesh: Mesh, scales: np.ndarray, bounds: np.ndarray
@@ -175,7 +179,7 @@ class _Builder:
         self.held = ends.all(axis=1) & (grid.counts >= 0) & (mesh.nodes == mesh.nodes[:, :1]).all(axis=1)
         self.u = self._polished()
         self.triangles = mesh.triangles
-        self.on_fold = np.zeros(len(self.u), dtype=bool)
+        self.singular = np.zeros(len(self.u), dtype=bool)
         self._split()
         self._orient()
 
@@ -228,7 +232,7 @@ class _Builder:
         return np.linalg.det(self.problem.fast_jacobians(self.u))
 
     def _split(self) -> None:
-        """Cut the triangles along the folds, where det g_y changes its sign."""
+        """Cut the triangles where det g_y changes its sign."""
         value = self._determinants()
         sign = value > 0.0
         edges = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -246,7 +250,7 @@ class _Builder:
             true.append(found is not None)
         place = {(int(a), int(b)): len(self.u) + i for i, (a, b) in enumerate(edges)}
         self.u, self.held = np.vstack([self.u, fresh]), np.vstack([self.held, held])
-        self.on_fold = np.concatenate([self.on_fold, true])
+        self.singular = np.concatenate([self.singular, true])
         mixed = sign[self.triangles].sum(axis=1) % 3 != 0
         pieces = []
         for triangle in self.triangles[mixed].tolist():
@@ -282,14 +286,19 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
     count = (np.real(eigenvalues) > 0.0).sum(axis=1)
     size = np.abs(eigenvalues).max(axis=1, keepdims=True, initial=0.0)
     at_rest = (np.real(eigenvalues) > ZERO_EIGENVALUE * size).sum(axis=1)
-    count = np.where(built.on_fold, at_rest, count)
-    off = np.where(built.on_fold, -1, count)[built.triangles].max(axis=1)
+    count = np.where(built.singular, at_rest, count)
+    off = np.where(built.singular, -1, count)[built.triangles].max(axis=1)
     inside = np.where(off >= 0, off, count[built.triangles].max(axis=1))
-    folds = _folds(problem, built, options)
+    crossing = np.zeros(len(u), dtype=bool)
+    crossing[built.singular] = [_crosses(problem, v, built.grid.size) for v in u[built.singular]]
+    on_fold = built.singular & ~crossing
+    folds = _folds(problem, built, on_fold, options)
     status = Status.COMPLETE if mesh.complete else Status.TOO_MANY_POINTS
     if mesh.skipped:
         status = Status.NON_FINITE
     message = f"{len(u)} points and {len(built.triangles)} triangles: {status}"
+    if crossing.any():
+        message = f"{message}; another sheet crosses it at {_ranges(problem, u[crossing], built.grid.size)}"
     return CriticalSheet(
         problem=problem,
         points=frozen(problem.rows(u)),
@@ -297,7 +306,8 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
         eigenvalues=frozen(eigenvalues),
         unstable=frozen(count),
         triangle_unstable=frozen(inside),
-        on_fold=frozen(built.on_fold),
+        on_fold=frozen(on_fold),
+        on_crossing=frozen(crossing),
         folds=folds,
         residual=float(np.abs(problem.residual(u)).max(initial=0.0)),
         status=status,
@@ -306,11 +316,27 @@ def _finished(problem: LayerProblem, built: _Builder, options: Options) -> Criti
     )
 
 
-def _folds(problem: LayerProblem, built: _Builder, options: Options) -> tuple[FoldCurve, ...]:
-    """The curves of folds through the vertices on folds, each once."""
-    seeds = built.u[built.on_fold]
+def _crosses(problem: LayerProblem, u: np.ndarray, size: np.ndarray) -> bool:
+    """Whether the rows of g_u (n, N) are dependent at u, where g_y is singular: M0 is no manifold there."""
+    left = null_vectors(problem.jacobian(u)[:, len(problem.free) :])[1]
+    change = np.einsum("i,ijk->jk", left, problem.second(u)) * size[:, None] * size
+    return bool(np.abs(left @ problem.jacobian(u) * size).max() <= DEPENDENT * np.abs(change).max())
+
+
+def _ranges(problem: LayerProblem, u: np.ndarray, size: np.ndarray) -> str:
+    """Where the points (m, N) lie, in words; what is nothing beside a cube is 0."""
+    low, high = (np.where(np.abs(ends) > 1e-9 * size, ends, 0.0) for ends in (u.min(axis=0), u.max(axis=0)))
+    texts = [(s.name, f"{a:.6g}", f"{b:.6g}") for s, a, b in zip(problem.unknowns, low, high, strict=True)]
+    return ", ".join(f"{name} = {a}" if a == b else f"{name} from {a} to {b}" for name, a, b in texts)
+
+
+def _folds(
+    problem: LayerProblem, built: _Builder, on_fold: np.ndarray, options: Options
+) -> tuple[FoldCurve, ...]:
+    """The curves of folds through the vertices `on_fold`, each once."""
+    seeds = built.u[on_fold]
     # From the inside first: a start on a bound would be continued one way only.
-    held = built.held[built.on_fold].any(axis=1)
+    held = built.held[on_fold].any(axis=1)
     seeds = np.vstack([seeds[~held], seeds[held]])
     curves: list[FoldCurve] = []
     columns = [problem.names.index(s.name) for s in problem.unknowns]
