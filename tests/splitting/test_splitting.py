@@ -327,6 +327,21 @@ def test_equilibria_are_found_whatever_the_units() -> None:
     assert [s.name for s in split(far).system.x] == ["y"]
 
 
+def test_rates_of_a_million_beside_rates_of_one_are_not_nilpotent() -> None:
+    # An enzyme and its competitive inhibitor in moles in a litre: g_y has the eigenvalues -0.9 and -16 there.
+    substrate, c, inhibited = x, y, z
+    enzyme = sp.Rational(1, 10**9) - c - inhibited
+    rates = {
+        substrate: c - 10**6 * enzyme * substrate,
+        c: (10**6 * enzyme * substrate - 2 * c) / eps,
+        inhibited: (4 * enzyme - inhibited / 2) / eps,
+    }
+    assert [s.name for s in split(field(rates)).system.x] == ["x"]
+    # Far from one in every unit, and nilpotent in each.
+    with pytest.raises(SplittingError, match="tangent to its own zeros"):
+        split(field({x: 10**6 * (x + y - sp.Rational(1, 10**9)) / eps, y: -(10**6) * (x + y - sp.Rational(1, 10**9)) / eps, z: -x}))
+
+
 def test_a_field_without_epsilon_can_be_integrated_not_split() -> None:
     with pytest.raises(SplittingError, match="has no small parameter"):
         split(VectorField({x: -x}, epsilon=None))
