@@ -206,7 +206,7 @@ def classify(
         samples=len(z),
         evidence=evidence,
         looked_at=found.looked_at,
-        notes=found.notes,
+        notes=judged.notes,
         exclusion=exclusion,
     )
     return verdict.with_proof(epsilon=epsilon) if prove else verdict

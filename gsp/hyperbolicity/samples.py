@@ -161,6 +161,17 @@ class Judged:
     def gap(self) -> float:
         return self.found.gap
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said beside the losses; a sheet that ends at a switching surface meets it."""
+        met = {loss.test for loss in self.losses}
+        smooth = (
+            f"{switch.source} is not smooth, but the branch does not cross where it switches"
+            for switch in self.found.unmet
+            if str(switch.surface) not in met
+        )
+        return (*smooth, *self.found.notes)
+
 
 def judged_samples(
     sampler: Sampler, box: Mapping[str, Interval], samples: Samples, epsilon: float | None

@@ -437,6 +437,17 @@ def test_a_switching_surface_is_a_loss_when_the_branch_meets_it(g, met, jump, ki
         assert "not smooth" in verdict.notes[0]
 
 
+@pytest.mark.parametrize(("g", "grows"), [(sp.sqrt(x) - y, True), (x ** sp.Rational(3, 2) - y, False)])
+def test_a_root_on_the_edge_of_its_domain_is_said_to_have_no_bounded_slope(g: sp.Expr, grows: bool) -> None:
+    # Only one side of x = 0 has a field: nothing there tells a jump, and x^(1/2) has an infinite slope.
+    branch = solve_critical(SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: g}, epsilon=eps)).branches[0]
+    loss = only(classify(branch, region={"x": (0, 4)}), LossKind.NON_SMOOTH)
+    assert loss.on_edge
+    assert ("grows without bound" in loss.consequence) is grows
+    assert loss.may_reduce is not grows
+    assert ("kink" in loss.coefficients) is not grows
+
+
 def test_a_kink_in_disguise_is_found_where_it_is() -> None:
     case = Case(
         {x: sp.Integer(1)}, {y: sp.Abs(y - THIRD) + x - 3 * y}, {"x": 0, "y": 0.0833}, UNIT, LossKind.NON_SMOOTH
@@ -462,6 +473,7 @@ def test_a_sheet_that_ends_at_a_switching_surface_says_so() -> None:
     assert loss.crossing == "end of the sheet"
     assert loss.point["x"] == pytest.approx(-0.5, abs=1e-6)
     assert verdict.kind is Kind.LOST
+    assert not any("does not cross" in note for note in verdict.notes)
 
 
 def test_a_branch_that_ends_for_no_reason_found_is_not_given_one() -> None:

@@ -339,7 +339,15 @@ def test_rates_of_a_million_beside_rates_of_one_are_not_nilpotent() -> None:
     assert [s.name for s in split(field(rates)).system.x] == ["x"]
     # Far from one in every unit, and nilpotent in each.
     with pytest.raises(SplittingError, match="tangent to its own zeros"):
-        split(field({x: 10**6 * (x + y - sp.Rational(1, 10**9)) / eps, y: -(10**6) * (x + y - sp.Rational(1, 10**9)) / eps, z: -x}))
+        split(
+            field(
+                {
+                    x: 10**6 * (x + y - sp.Rational(1, 10**9)) / eps,
+                    y: -(10**6) * (x + y - sp.Rational(1, 10**9)) / eps,
+                    z: -x,
+                }
+            )
+        )
 
 
 def test_a_field_without_epsilon_can_be_integrated_not_split() -> None:

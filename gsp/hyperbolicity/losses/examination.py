@@ -38,7 +38,7 @@ Links = tuple[np.ndarray, np.ndarray]
 class Examination:
     """What was found on a branch: `losses`, `looked_at` (no losses), `notes`, and the `gap`, 0 with a loss.
 
-    Gaps up to `zero` count as none.
+    Gaps up to `zero` count as none. `unmet` are the switches of the field that no sample meets.
     """
 
     diagnosis: Diagnosis | None
@@ -47,6 +47,7 @@ class Examination:
     notes: tuple[str, ...]
     gap: float
     zero: float = 0.0
+    unmet: tuple[switching.Switch, ...] = ()
 
 
 def examine(
@@ -76,14 +77,14 @@ def examine(
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
     neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
-    notes = [f"{source} is not smooth, but the branch does not cross where it switches" for source in unmet]
     return Examination(
         diagnosis,
         tuple(losses),
         tuple(neutral),
-        (*locator.notes, *notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
+        (*locator.notes, *_spread_rates(sampler, z, eigenvalues, epsilon)),
         gap,
         ZERO_TOLERANCE * usual,
+        tuple(unmet),
     )
 
 

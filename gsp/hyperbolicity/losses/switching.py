@@ -20,6 +20,8 @@ ZERO_SWITCH = 1e-12
 # Distance from the surface at which the two sides are compared, and the share that counts as a jump.
 SIDE = 1e-6
 JUMP = 1e-3
+# A Jacobian is unbounded when it grows so much at every step so much nearer to the surface.
+NEARER, GROWS = 1e-2, 2.0
 BISECTIONS = 52
 STARTS = 6
 
@@ -59,8 +61,8 @@ def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
 
 def meetings(
     diagnosis: Diagnosis, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
-) -> tuple[list[Loss], list[str]]:
-    """A loss for every switching surface that the branch meets, and the functions whose surfaces it does not meet."""
+) -> tuple[list[Loss], list[Switch]]:
+    """A loss for every switching surface that the branch meets, and the switches that it does not meet."""
     sampler = diagnosis.sampler
     found, unmet = [], []
     for switch in switches([*sampler.f, *sampler.g], sampler.system.states):
@@ -68,7 +70,7 @@ def meetings(
         if len(points):
             found.append(_loss(diagnosis, switch, points, lies_in_it))
         else:
-            unmet.append(switch.source)
+            unmet.append(switch)
     return found, unmet
 
 
@@ -136,12 +138,20 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
     slopes = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
     normal = slopes((z + SIDE)[None, :], sampler.p)[0]
     length = float(np.linalg.norm(normal))
-    jumps = (0.0, 0.0)
+    jumps, endless = (0.0, 0.0), False
     if np.isfinite(length) and length > 0.0:
         step = SIDE * (1.0 + np.linalg.norm(z)) * normal / length
         jumps = _jumps(diagnosis, z - step, z + step)
-    coefficients = {"jump": jumps[0], "kink": jumps[1]}
-    if jumps[0]:
+        endless = _grows(diagnosis, z, step)
+    coefficients = {} if endless else {"jump": jumps[0], "kink": jumps[1]}
+    if endless:
+        verdict = Verdict(
+            "the Jacobian grows without bound, and so do the terms of the series from the first on: the slow manifold "
+            "is not smooth up to the surface",
+            False,
+            "keep the region off the surface",
+        )
+    elif jumps[0]:
         verdict = Verdict(
             "the rates jump: orbits cross or slide along the surface, and no slow manifold goes through it",
             False,
@@ -176,6 +186,18 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
     names = [s.name for s in sampler.system.x]
     extent = {name: (float(points[:, i].min()), float(points[:, i].max())) for i, name in enumerate(names)}
     return replace(loss, samples=len(points), extent=extent)
+
+
+def _grows(diagnosis: Diagnosis, z: np.ndarray, step: np.ndarray) -> bool:
+    """Whether the Jacobian of (f, g) at z + s step, on a side where it is finite, grows without bound as s falls."""
+    for side in (step, -step):
+        jacobians = diagnosis.sampler.jacobians(
+            np.array([z + share * side for share in (1.0, NEARER, NEARER**2)])
+        )
+        sizes = np.abs(jacobians).max(axis=tuple(range(1, jacobians.ndim)))
+        if np.isfinite(sizes).all() and (sizes[1:] > GROWS * sizes[:-1]).all():
+            return True
+    return False
 
 
 def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
