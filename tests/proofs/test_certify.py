@@ -327,7 +327,9 @@ def test_a_budget_that_ends_leaves_what_was_proved() -> None:
     assert found.verdict is UNDECIDED
     assert found.tried == 7
     assert "budget of 7 boxes" in found.reason
-    assert 0.0 < found.undecided_volume < 1.0
+    left = sum(high - low for ((low, high),) in found.undecided)
+    assert 0.0 < found.undecided_volume == pytest.approx(left / (8 / 3 - 1e-9), rel=1e-12)
+    assert found.undecided_volume < 0.5
     assert found.boxes
 
 

@@ -59,3 +59,24 @@ def test_a_track_that_is_cut_at_a_fold_ends_where_what_is_felt_of_it_is_least() 
     assert track.drift[0] == pytest.approx(value / (4 * last), rel=1e-6)
     # -ln x - decay is least where x^(3/2) = epsilon/2, and the steps are as long as that.
     assert 0.25 < last / (value / 2) ** (2 / 3) < 4
+
+
+def test_segments_of_the_reversed_flow_are_the_same_and_so_are_their_errors() -> None:
+    # With time reversed the stable direction is unstable, and what was fixed upstream is fixed downstream.
+    places = np.array([[0.1], [0.25]])
+    found = []
+    for sign, unstable in ((1, 0), (-1, 1)):
+        system = SlowFastSystem(slow={x: sp.Integer(sign)}, fast={y: sign * (y**2 - x)}, epsilon=epsilon)
+        branch = solve_critical(system).nearest({"x": 1.0, "y": -1.0})
+        found.append(
+            SegmentSolver(branch, epsilon=0.01, unstable=unstable, tolerance=1e-8).solve(places, -(places**0.5))
+        )
+    forward, backward = found
+    # Next to the fold the segment is cut short, and its end is felt.
+    assert forward.cut.all()
+    assert backward.cut.all()
+    assert forward.selection[0] > 1e3 * forward.selection[1] > 0
+    np.testing.assert_allclose(backward.y, forward.y, rtol=1e-9)
+    np.testing.assert_allclose(backward.selection, forward.selection, rtol=1e-3)
+    np.testing.assert_allclose(backward.discretisation, forward.discretisation, rtol=0.1, atol=1e-13)
+    np.testing.assert_allclose(backward.ends, forward.ends, rtol=1e-6)
