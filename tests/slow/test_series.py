@@ -374,3 +374,12 @@ def test_piecewise_is_refused_with_its_equation_and_a_remedy() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: sp.Piecewise((x, x > 0), (0, True)) - y}, epsilon=eps)
     with pytest.raises(UnsupportedFunctionError, match=r"in the equation for y': Piecewise.*Write it with Abs"):
         expand(branch_of(system), order=1)
+
+
+def test_a_series_is_printed_through_its_last_order() -> None:
+    system = SlowFastSystem(slow={x: -y}, fast={y: x - y}, epsilon=eps)
+    shown = str(expand(solve_critical(system).branches[0], order=2)).splitlines()
+    # h = x + epsilon x + 2 epsilon^2 x, and x' = -h.
+    assert [line.strip() for line in shown[1:]] == [
+        "h_0: y = x", "h_1: y = x", "h_2: y = 2*x", "f_0: x' = -x", "f_1: x' = -x", "f_2: x' = -2*x",
+    ]  # fmt: skip
