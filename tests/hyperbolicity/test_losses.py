@@ -255,6 +255,32 @@ def test_the_coefficients_of_a_hopf_point() -> None:
     assert nagumo.coefficients["crossing"] == pytest.approx(np.sqrt(0.6) * slope, rel=1e-6)
 
 
+# Rates of y, a start on the branch, and the coefficients that have no units of y.
+IN_UNITS = {
+    "cusp over a line": (x - y**3, (0.5, 0.8), LossKind.CUSP, {"kappa": -1.0}),
+    "quadratic fold": (x - y**2, (0.5, 0.7), LossKind.FOLD, {"kappa": -1.0}),
+    "exchange of stability": (
+        y * (x - y) + 2 * eps, (-0.5, 0.0), LossKind.TRANSCRITICAL, {"lambda": -3.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("unit", "length"), [(10**-4, 10**3), (10**4, 10**-3)])
+@pytest.mark.parametrize("name", IN_UNITS)
+def test_units_of_the_variables_change_neither_name_nor_invariants(
+    name: str, unit: float, length: float
+) -> None:
+    rate, (x0, y0), kind, invariants = IN_UNITS[name]
+    of_y, of_x = map(sp.nsimplify, (unit, length))
+    fast = {y: sp.expand(of_y * rate.subs({x: x / of_x, y: y / of_y}, simultaneous=True))}
+    region = {"x": (-length, 1.1 * length)}
+    case = Case({x: of_x}, fast, {"x": length * x0, "y": unit * y0}, region, kind)
+    (loss,) = judge(case).losses
+    assert loss.kind is kind
+    assert (loss.point["x"] / length, loss.point["y"] / unit) == pytest.approx((0.0, 0.0), abs=1e-7)
+    assert {name: loss.coefficients[name] for name in invariants} == pytest.approx(invariants, rel=1e-6)
+
+
 # -- two slow variables -------------------------------------------------------------------------------
 
 CURVES = {

@@ -31,7 +31,7 @@ def gauss_newton(
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
         slope = slope if scales is None else slope * scales
-        step = _least_norm(slope, value) if sparse else np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        step = _least_norm(slope, value) if sparse else _least_squares(slope, value)
         step = step if scales is None else step * scales
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -44,6 +44,13 @@ def gauss_newton(
     value, _ = evaluate(u)
     # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
     return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None
+
+
+def _least_squares(slope: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """The shortest of the best steps; which rows depend on one another must not depend on the equations' factors."""
+    largest = np.abs(slope).max(axis=1)
+    factors = np.where(largest > 0.0, largest, 1.0)
+    return np.linalg.lstsq(slope / factors[:, None], value / factors, rcond=1e-12)[0]
 
 
 def _least_norm(slope: np.ndarray, value: np.ndarray) -> np.ndarray:
