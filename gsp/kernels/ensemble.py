@@ -6,6 +6,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
+from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.grid import TRUSTS, doubt_grid, read_grid
@@ -109,6 +110,11 @@ def run_members(
     """
     rtol, atol, max_steps = control
     first_program, border, attempts = trial
+    program, first_program = borrowed(program), borrowed(first_program)
+    stops, grid = borrowed(stops), borrowed(grid)
+    constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
+    rate, memory = borrowed(rate), borrowed(memory)
+    record, trial_record = borrowed_record(record), borrowed_record(trial_record)
     spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
     spare = np.empty_like(memory)
     for i in range(low, high):

@@ -22,6 +22,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
+from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.grid import doubt_grid, read_grid
@@ -69,6 +70,7 @@ def begins_mildly(derivatives, room, border):
 @kernel
 def launch(program, room):
     """Begin a run, or go on with it."""
+    program, room = borrowed(program), borrowed(room)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
     n = head[STATES]
@@ -106,6 +108,7 @@ def launch_watched(program, functions, room):
 
     `functions` are as `scan` takes them; their signs, zeros at first, stand in the room.
     """
+    program, functions, room = borrowed(program), borrowed(functions), borrowed(room)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
     before = counters[ledger.STEPS] if head[BEGUN] != 0 else 0
@@ -130,6 +133,7 @@ def launch_watched(program, functions, room):
 @kernel
 def read_room(check, room, grid, out):
     """`grid.read_grid` from the record of a room: twice how many of `grid` (m,) are read, and 1 more where it looks."""
+    room, grid, out = borrowed(room), borrowed(grid), borrowed(out)
     head = room[:HEAD].view(np.int64)
     n = head[STATES]
     steps = room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS]
@@ -147,6 +151,7 @@ def read_room(check, room, grid, out):
 @kernel
 def doubt_room(check, program, linear, room, grid, doubts):
     """`grid.doubt_grid` of the times `grid` (m,), all of which the record of a room reaches; counted in the room."""
+    room, grid, doubts = borrowed(room), borrowed(grid), borrowed(doubts)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
     n = head[STATES]

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_algebra import factorise, solve
@@ -121,6 +122,7 @@ def reach_sheet(functions, numbers, target, y):
     `functions` are the three addresses of `follow_sheet`, its rounds, and the numbers of pieces that are tried one
     after the other; `numbers` are its tolerance, the seed (x, y) and p.
     """
+    functions, numbers, target, y = borrowed(functions), borrowed(numbers), borrowed(target), borrowed(y)
     m = 1 + target.shape[0]
     n = m + y.shape[0]
     for pieces in functions[4:]:
@@ -137,5 +139,6 @@ def reach_sheet(functions, numbers, target, y):
 @kernel
 def reach_sheets(functions, numbers, targets, out, found):
     """`reach_sheet` over each of `targets` (k, n_slow), into row i of `out` (k, n); `found` (k,) says which."""
+    functions, numbers, targets, out = borrowed(functions), borrowed(numbers), borrowed(targets), borrowed(out)
     for i in range(targets.shape[0]):
         found[i] = reach_sheet(functions, numbers, targets[i], out[i])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.kernels import ensemble, ledger
+from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.compilation import kernel
 from gsp.kernels.scan import clear_of_zero
 
@@ -20,9 +21,12 @@ def run_watched_members(
     False is not begun; the entry becomes False, and the member is left where it is, when a look does not find its steps
     clear.
     """
+    program, stops, grid = borrowed(program), borrowed(stops), borrowed(grid)
+    constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
+    rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
     times, states, dense = record
     spare = np.empty_like(memory)
-    functions, signs = tests
+    functions, signs = borrowed(tests[0]), borrowed(tests[1])
     for i in range(low, high):
         if halt[0] != 0:
             return
