@@ -169,12 +169,20 @@ def solved_candidate(
     elif not predicted <= (1.0 - INTEGRATION) * scene.tolerance:
         failure = Failure.ERROR
         why = f"{failure}"
-    holds, preparation = scene.span[0] if why else last, outlook.shared + surface.preparation
+    holds = _held(surface, times, (1.0 - INTEGRATION) * scene.tolerance) if why else last
+    preparation = outlook.shared + surface.preparation
     candidate = Candidate(
         ModelKind.SOLVED, None, predicted, holds, seconds, preparation,
         float(run.stats.steps), float(run.stats.field_calls), not why, why, failure,
     )  # fmt: skip
     return candidate, surface
+
+
+def _held(surface: SurfaceOutlook, times: np.ndarray, limit: float) -> float:
+    """The last of `times` up to which the run on the solved manifold is inside and its error is within `limit`."""
+    alive = times[times <= surface.run.t[-1]]
+    good = surface.inside(alive) & surface.within_region(alive) & (surface.errors(alive) <= limit)
+    return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
 
 
 def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Candidate, Interval]:

@@ -92,7 +92,9 @@ def judge(evidence: Evidence) -> Verdict:
     length = scene.span[1] - scene.span[0]
     if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < SMALLEST_PART * length:
         partial = None
-    nearest = partial or _nearest(reduced)
+    nearest = _nearest(reduced)
+    if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
+        nearest = partial
     accuracy = f"no reduced model keeps to {wanted}: {named(nearest)} comes nearest, but {nearest.why_not}."
     if nearest.failure is Failure.UNTOLD:
         accuracy = f"no reduced model is known to keep to {wanted}: of {named(nearest)} {nearest.why_not}."
@@ -101,7 +103,8 @@ def judge(evidence: Evidence) -> Verdict:
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
     place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
     until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")
-    accuracy = f"{accuracy} It serves until {until}."
+    subject = "It" if nearest is partial else f"T{named(partial)[1:]}"
+    accuracy = f"{accuracy} {subject} serves until {until}."
     return Verdict(
         Answer.IN_PART,
         accuracy,
@@ -139,8 +142,8 @@ def _speed(shown: Candidate, full: Candidate, *, pays: bool) -> str:
 
 
 def _nearest(reduced: Sequence[Candidate]) -> Candidate:
-    """Of the reduced flows that hold longest, the one that is predicted to be least wrong."""
-    flows = [c for c in reduced if c.order is not None]
+    """Of the candidates that hold longest, the one that is predicted to be least wrong."""
+    flows = [c for c in reduced if c.order is not None or c.failure is not None]
     furthest = max(c.holds_until for c in flows)
     reaching = [c for c in flows if c.holds_until >= furthest]
     return min(reaching, key=lambda c: np.inf if np.isnan(c.predicted) else c.predicted)

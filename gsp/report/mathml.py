@@ -17,8 +17,10 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 
 _ONE_LINE = re.compile(r"<mo>\(</mo>((?:(?!<mo>[()]</mo>|<mfrac).)*)<mo>\)</mo>")
 
-# A product whose next factor is a function named by a word, as in v cos(phi).
-_FUNCTION = re.compile(r"<mo>&#8290;</mo>(?=<mrow><mi>[a-z]{2,})")
+# A product next to a word, as in v cos(phi), c tanh(x)^2 and Ke Kt: set solid, the two would be one.
+_WORD = r"<mi>[^<&]{2,}</mi>"
+_BEFORE_A_WORD = re.compile(rf"<mo>&#8290;</mo>(?=(?:<m(?:row|su[bp]|subsup)>)*{_WORD})")
+_BEHIND_A_WORD = re.compile(rf"({_WORD}<mo>&#8290;</mo>)(?!<mspace)")
 
 
 class _Printer(MathMLPresentationPrinter):
@@ -49,7 +51,8 @@ class Typesetter:
         text = text.replace("<mi>&ExponentialE;</mi>", "<mi>e</mi>").replace("&InvisibleTimes;", "&#8290;")
         # Without a mathematical font a browser sets the ASCII sign as a hyphen.
         text = text.replace("<mo>-</mo>", "<mo>−</mo>").replace("<mn>-", "<mn>−")
-        text = _FUNCTION.sub(r'\g<0><mspace width="0.17em"></mspace>', text)
+        for product in (_BEFORE_A_WORD, _BEHIND_A_WORD):
+            text = product.sub(r'\g<0><mspace width="0.17em"></mspace>', text)
         # Brackets of one line keep their size: grown to the exact height they look loose.
         return _ONE_LINE.sub(r'<mo stretchy="false">(</mo>\1<mo stretchy="false">)</mo>', text)
 

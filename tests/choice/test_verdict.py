@@ -93,6 +93,18 @@ def test_what_comes_nearest_is_predicted_to_be_least_wrong() -> None:
     assert "the reduced flow of order 1 comes nearest" in found.accuracy
 
 
+def test_a_solved_manifold_that_holds_longest_comes_nearest() -> None:
+    flow = failing(2, Failure.ERROR, holds_until=0.3, predicted=1e-3)
+    left = replace(flow, kind=ModelKind.SOLVED, order=None, failure=Failure.REGION, holds_until=0.8)
+    found = verdict_of(FULL, flow, left, FULL, partial=flow)
+    assert "the flow on the solved manifold comes nearest" in found.accuracy
+    assert "The reduced flow of order 2 serves until t = 0.3." in found.accuracy
+    assert "larger region" in found.remedy
+    # One that was not solved holds nowhere, and one that ends before does not come nearer.
+    for other in (replace(left, failure=None), replace(left, holds_until=0.2)):
+        assert "order 2 comes nearest" in verdict_of(FULL, flow, other, FULL, partial=flow).accuracy
+
+
 @pytest.mark.parametrize(
     ("failure", "changes", "help"),
     [

@@ -353,6 +353,14 @@ def test_mathematics_keeps_the_order_given_and_signs_are_signs():
     assert "<mn>0</mn>" in setter.power_series([sp.Integer(0)], epsilon)
 
 
+def test_a_product_of_words_is_not_set_as_one_word():
+    Ke, Kt, m, sigma, Cdk1 = sp.symbols("Ke Kt m sigma Cdk1")
+    setter = Typesetter([sigma, Ke, Kt, Cdk1, m])
+    for product in (Ke * Kt, Ke * m, sigma * Kt, Cdk1 * Ke**2, m * sp.tanh(sigma) ** 2, m * sp.cos(sigma)):
+        assert setter.row(product).count('<mspace width="0.17em">') == 1
+    assert "mspace" not in setter.row(2 * sigma * m)
+
+
 def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     drawn = {"failure_map": lambda analysis: charts.failure_map(analysis.failures)}
     monkeypatch.setattr(charts, "applicable", lambda _: drawn)
