@@ -37,11 +37,9 @@ _TIGHTEST_RTOL = 1e-6
 _MANY_TIMES = 20
 _TIGHT_RTOL_OVER_GRIDS = 2e-2
 # Where loops do the work Rodas5P and Radau of order 9, which decomposes nine times as much a step, cross at 1e-6 with a
-# full Jacobian of 12 states, at 5e-7 with 20 and 2e-7 with 30.
+# full Jacobian of 12 states, at 5e-7 with 20 and 2e-7 with 30. The sparse systems of a step are decomposed at once, and
+# they cross at errors of 3e-4 to 1e-5 on lines and networks of 60 to 1000 states.
 _TIGHT_RTOL_OF_LOOPS = 1e-6
-# Where a sparse decomposition costs no more than so many solutions, as along a line of cells, the first border holds:
-# over a Brusselator of 200 to 2000 states Radau of order 9 meets 1e-6 in the time that Rodas5P takes for 1e-4.
-_LIGHT = 8.0
 # The default does not wait longer for its code than half a second: so many products, and parts of the expressions.
 _MOST_PRODUCTS = 5_000
 _MOST_PARTS = 3_000
@@ -145,8 +143,7 @@ def choose_method(compiled: CompiledFlow, rtol: float, *, times: int = 0) -> Met
     """What was measured to be fastest for such a flow at this tolerance, with so many `times` read off the steps."""
     if not compiled.is_stiff:
         return Method.DOP853
-    light = compiled.is_written or compiled.decomposition_share <= _LIGHT
-    border = _TIGHT_RTOL if light else _TIGHT_RTOL_OF_LOOPS
+    border = _TIGHT_RTOL if compiled.is_written or compiled.is_sparse else _TIGHT_RTOL_OF_LOOPS
     if rtol >= (_TIGHT_RTOL_OVER_GRIDS if compiled.is_written and times >= _MANY_TIMES else border):
         return Method.RODAS5P
     return Method.RADAU9 if rtol >= _TIGHTEST_RTOL else Method.RADAU13

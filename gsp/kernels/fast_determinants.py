@@ -39,10 +39,10 @@ def follow(head, given, found):
     n = size[0]
     pattern = carray(head, 2 + size[1])[2:]
     count = pattern[ENTRIES]
-    values, row, largest = np.empty(pattern[FACTORS]), np.zeros(n), np.empty(n)
+    values, row, sizes = np.empty(pattern[FACTORS]), np.zeros(n), np.empty((3, n))
     inputs, solution = carray(given, count + n), carray(found, n)
-    fill(inputs[:count], 0.0, pattern, n, values)
-    factorise_sparse(pattern, values, row, largest)
+    fill(inputs[:count], 0.0, pattern, n, values, sizes)
+    factorise_sparse(pattern, values, row, sizes)
     solution[:] = inputs[count:]
     solve_sparse(pattern, values, solution)
 

@@ -17,9 +17,9 @@ from gsp.kernels.sparse_systems import FACTORS, dense_jacobian, factorise_sparse
 def decompose_shifted(jacobian, shift, pattern, n, pivots):
     """(True, the factors of shift - J); (False, whatever) where it is singular. `pivots` (n,) goes with them."""
     if pattern.shape[0] != 0:
-        values = np.empty((1, pattern[FACTORS]))
-        fill(jacobian, shift, pattern, n, values[0])
-        if factorise_sparse(pattern, values[0], np.empty(n), np.empty(n)):
+        values, sizes = np.empty((1, pattern[FACTORS])), np.empty((3, n))
+        fill(jacobian, shift, pattern, n, values[0], sizes)
+        if factorise_sparse(pattern, values[0], np.empty(n), sizes):
             return True, values
     full = dense_jacobian(jacobian, pattern, n)
     factors = np.empty((n, n))

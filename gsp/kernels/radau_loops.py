@@ -10,6 +10,7 @@ from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.linear_systems import solve_shifted
+from gsp.kernels.quads import QUAD
 from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
 from gsp.kernels.radau_iteration import (
     CONVERGED,
@@ -20,7 +21,7 @@ from gsp.kernels.radau_iteration import (
     most_rounds,
     opening,
 )
-from gsp.kernels.radau_systems import decompose, solve_complex_shifted
+from gsp.kernels.radau_systems import decompose, solve_stages
 from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
 from gsp.kernels.step_control import all_finite
 
@@ -55,14 +56,13 @@ def _multiply(matrices, x, out):
 
 
 @inner_kernel
-def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b):
+def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right):
     """One round for the rises `z` (stages, n), of the norm that is returned.
 
     The residual is h A F - Z, not multiplied by A^-1: the rises are then exact to rounding.
     """
     stages, n = z.shape
     family = (stages - 3) // 2
-    real, complexes, pivots, complex_pivots = system
     for a in range(stages):
         for i in range(n):
             w[a, i] = y[i] + z[a, i]
@@ -72,19 +72,7 @@ def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b):
         for i in range(n):
             w[a, i] = step * w[a, i] - z[a, i]
     _multiply(T_INVERSE, w, f)
-    for i in range(n):
-        value[i] = f[0, i] * EIGENVALUES[family, 0].real / step
-    solve_shifted(pattern, real, pivots, value)
-    for i in range(n):
-        f[0, i] = value[i]
-    for m in range(stages // 2):
-        twist = EIGENVALUES[family, m + 1] * (1.0 / step)
-        for i in range(n):
-            b[i] = twist * complex(f[2 * m + 1, i], f[2 * m + 2, i])
-        solve_complex_shifted(pattern, complexes, m, complex_pivots, b)
-        for i in range(n):
-            f[2 * m + 1, i] = b[i].real
-            f[2 * m + 2, i] = b[i].imag
+    solve_stages(pattern, step, system, f, value, b, right)
     total = 0.0
     for a in range(stages):
         for i in range(n):
@@ -151,10 +139,11 @@ def attempt_by_loops(
     lines = lines_of(n)
     width = width_of(stages)
 
-    regular, real, complexes = decompose(jacobian_flat, step, family, pattern, pivots, complex_pivots)
+    regular, real, complexes, quads = decompose(jacobian_flat, step, family, pattern, pivots, complex_pivots)
     if not regular:
         return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
-    system = (real, complexes, pivots, complex_pivots)
+    system = (real, complexes, quads, pivots, complex_pivots)
+    right = np.empty(QUAD * n if quads.shape[0] != 0 else 0)
     for i in range(n):
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     _guess(memory, step, z)
@@ -165,7 +154,7 @@ def attempt_by_loops(
     rounds = 0
     while verdict == GOING_ON:
         rounds += 1
-        norm = _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b)
+        norm = _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right)
         verdict, factor, now = judge(rounds, most, norm, now, tolerance)
     counters[ledger.FIELD_CALLS] += rounds * stages
     if verdict != CONVERGED:

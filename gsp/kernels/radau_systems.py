@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.linear_algebra import solve
 from gsp.kernels.linear_systems import decompose_shifted
+from gsp.kernels.quads import LANES, QUAD
 from gsp.kernels.radau_tableau import EIGENVALUES
-from gsp.kernels.sparse_systems import FACTORS, dense_jacobian, factorise_sparse, fill, solve_sparse
+from gsp.kernels.sparse_quads import factorise_quads, fill_quads, solve_quads
+from gsp.kernels.sparse_systems import FACTORS, dense_jacobian
 
 
 @inner_kernel
@@ -66,50 +69,95 @@ def solve_complex(factors, m, pivots, b):
         b[i] = total * factors[m, i, i]
 
 
-@kernel
-def solve_complex_shifted(pattern, factors, m, pivots, b):
-    """Overwrite `b` (n,) by the solution of the complex system m, with what `decompose` left."""
-    if factors.shape[1] == b.shape[0]:
-        solve_complex(factors, m, pivots, b)
-    else:
-        solve_sparse(pattern, factors[m, 0], b)
-
-
 @inner_kernel
-def _decompose_complex(jacobian, step, family, pattern, pivots):
-    """(whether all are regular, factors (pairs, ...)) of lambda/h - J for the complex eigenvalues of the family."""
-    pairs, n = pivots.shape
+def _decompose_sparse(jacobian, step, family, pairs, pattern, n):
+    """(whether the fixed pivots serve, the factors (1, factors) of the real system, the quads of all systems).
+
+    The real system is the first of four, and one again where the family has fewer complex ones than three.
+    """
+    shifts = np.zeros(QUAD)
+    for m in range(LANES):
+        shift = EIGENVALUES[family, m if m <= pairs else 0] / step
+        shifts[m], shifts[LANES + m] = shift.real, shift.imag
+    count = pattern[FACTORS]
+    quads, sizes = np.empty(QUAD * count), np.empty((3, n))
+    fill_quads(jacobian, shifts, pattern, n, quads, sizes)
+    usable = factorise_quads(pattern, quads, np.empty(QUAD * n), sizes, np.empty(QUAD))
+    real = np.empty((1, count))
+    for p in range(count):
+        real[0, p] = quads[QUAD * p]
+    return usable, real, quads
+
+
+@kernel
+def decompose(jacobian, step, family, pattern, pivots, complex_pivots):
+    """Whether all systems lambda/h - J of the family are regular, and their factors: of the real one, of the complex
+    ones (pairs, n, n), and the quads of all of them, empty where the factors are dense.
+
+    `jacobian` is (n*n,), or has the entries of `pattern`; `pivots` (n,) and `complex_pivots` (pairs, n) go with them.
+    """
+    pairs, n = complex_pivots.shape
     if pattern.shape[0] != 0:
-        values = np.empty((pairs, 1, pattern[FACTORS]), np.complex128)
-        row = np.empty(n, np.complex128)
-        largest = np.empty(n)
-        usable = True
-        for m in range(pairs):
-            fill(jacobian, EIGENVALUES[family, m + 1] / step, pattern, n, values[m, 0])
-            usable = usable and factorise_sparse(pattern, values[m, 0], row, largest)
+        usable, real, quads = _decompose_sparse(jacobian, step, family, pairs, pattern, n)
         if usable:
-            return True, values
+            return True, real, np.empty((0, 0, 0), np.complex128), quads
     full = dense_jacobian(jacobian, pattern, n)
+    regular, real = decompose_shifted(full, EIGENVALUES[family, 0].real / step, pattern[:0], n, pivots)
     matrices = np.empty((pairs, n, n), np.complex128)
     for m in range(pairs):
         for i in range(n):
             for j in range(n):
                 matrices[m, i, j] = -full[i * n + j]
             matrices[m, i, i] += EIGENVALUES[family, m + 1] / step
-        if not factorise_complex(matrices, m, pivots):
-            return False, matrices
-    return True, matrices
+        regular = regular and factorise_complex(matrices, m, complex_pivots)
+    return regular, real, matrices, np.empty(0)
 
 
-@kernel
-def decompose(jacobian, step, family, pattern, pivots, complex_pivots):
-    """(whether all are regular, factors of lambda/h - J for the real eigenvalue of the family, for the complex ones).
+@inner_kernel
+def _solve_dense(step, system, f, value, b):
+    stages, n = f.shape
+    family = (stages - 3) // 2
+    real, complexes, _, pivots, complex_pivots = system
+    for i in range(n):
+        value[i] = f[0, i] * EIGENVALUES[family, 0].real / step
+    solve(real, pivots, value)
+    for i in range(n):
+        f[0, i] = value[i]
+    for m in range(stages // 2):
+        twist = EIGENVALUES[family, m + 1] * (1.0 / step)
+        for i in range(n):
+            b[i] = twist * complex(f[2 * m + 1, i], f[2 * m + 2, i])
+        solve_complex(complexes, m, complex_pivots, b)
+        for i in range(n):
+            f[2 * m + 1, i] = b[i].real
+            f[2 * m + 2, i] = b[i].imag
 
-    `jacobian` is (n*n,), or has the entries of `pattern`; `pivots` (n,) and `complex_pivots` (pairs, n) go with them.
+
+@inner_kernel
+def _solve_sparse(pattern, step, quads, f, b):
+    stages, n = f.shape
+    family, pairs = (stages - 3) // 2, stages // 2
+    for m in range(LANES):
+        own = m if m <= pairs else 0
+        twist = EIGENVALUES[family, own] / step
+        for i in range(n):
+            right = twist * (complex(f[2 * own - 1, i], f[2 * own, i]) if own else complex(f[0, i], 0.0))
+            b[QUAD * i + m], b[QUAD * i + LANES + m] = right.real, right.imag
+    solve_quads(pattern, quads, b, n)
+    for i in range(n):
+        f[0, i] = b[QUAD * i]
+        for m in range(1, pairs + 1):
+            f[2 * m - 1, i], f[2 * m, i] = b[QUAD * i + m], b[QUAD * i + LANES + m]
+
+
+@inner_kernel
+def solve_stages(pattern, step, system, f, value, b, right):
+    """Overwrite the transformed residuals `f` (stages, n) by the solutions of their systems, times lambda/h.
+
+    `system` is what `decompose` found, with its pivots; `value` (n,), `b` (n,) and `right` (8 n,) are scratch, the last
+    for quads alone.
     """
-    n = pivots.shape[0]
-    regular, real = decompose_shifted(jacobian, EIGENVALUES[family, 0].real / step, pattern, n, pivots)
-    if not regular:
-        return False, real, np.empty((0, 0, 0), np.complex128)
-    regular, complexes = _decompose_complex(jacobian, step, family, pattern, complex_pivots)
-    return regular, real, complexes
+    if system[2].shape[0] != 0:
+        _solve_sparse(pattern, step, system[2], f, right)
+    else:
+        _solve_dense(step, system, f, value, b)

@@ -20,8 +20,12 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.compilation import inner_kernel, kernel
 
-# Pivots are fixed: so many units in the last place of a row may be lost to them. Partial pivoting keeps it near 1.
+# Pivots are fixed: so many units in the last place of a row or of a column may be lost to them. Partial pivoting keeps
+# it near 1. Rates of reactions lie decades apart, and rows grow by them; columns that their diagonals outweigh do not.
 LARGEST_GROWTH = 1e3
+# Rows of the scratch `sizes` (3, n): the largest that a column held, the largest right of a row's diagonal, and the
+# largest there as a share of what its column held.
+HELD, LARGEST, SHARE = 0, 1, 2
 
 ENTRIES = 0
 FACTORS = 1
@@ -55,14 +59,21 @@ def entries_of(pattern, n):
 
 
 @inner_kernel
-def _size(z):
-    return abs(z.real) + abs(z.imag)
+def hold(jacobian, shift, pattern, n, sizes):
+    """Set what the columns of shift - J hold, for a shift of this size: that and their entries of J."""
+    _, _, column, _, place, _ = places(pattern, n)
+    for k in range(n):
+        sizes[HELD, k] = shift
+    for e in range(pattern[ENTRIES]):
+        j = pattern[column + pattern[place + e]]
+        sizes[HELD, j] = max(sizes[HELD, j], abs(jacobian[e]))
 
 
 @inner_kernel
-def fill(jacobian, shift, pattern, n, values):
-    """Fill `values` (factors,) with shift - J."""
+def fill(jacobian, shift, pattern, n, values, sizes):
+    """Fill `values` (factors,) with shift - J, and `sizes` (3, n) with what its columns hold."""
     _, middle, _, _, place, _ = places(pattern, n)
+    hold(jacobian, abs(shift), pattern, n, sizes)
     for p in range(pattern[FACTORS]):
         values[p] = 0.0
     for e in range(pattern[ENTRIES]):
@@ -72,11 +83,11 @@ def fill(jacobian, shift, pattern, n, values):
 
 
 @kernel
-def factorise_sparse(pattern, values, row, largest):
+def factorise_sparse(pattern, values, row, sizes):
     """Overwrite `values` (factors,) by the LU factors, U's diagonal inverted; False when a pivot cannot be used.
 
     A pivot can when it and its inverse are finite and not 0, and no update exceeds `LARGEST_GROWTH` times what its row
-    held. `row` (n,), of the type of `values`, and `largest` (n,) are scratch.
+    or its column held. `sizes` (3, n) are those of `fill`; `row` (n,) is scratch.
     """
     n = row.shape[0]
     start, middle, column, pivot, _, _ = places(pattern, n)
@@ -86,7 +97,7 @@ def factorise_sparse(pattern, values, row, largest):
         bound = 0.0
         for p in range(first, last):
             row[pattern[column + p]] = values[p]
-            bound = max(bound, _size(values[p]))
+            bound = max(bound, abs(values[p]))
         bound *= LARGEST_GROWTH
         for p in range(first, diagonal):
             above = pattern[pivot + p]
@@ -94,20 +105,25 @@ def factorise_sparse(pattern, values, row, largest):
             factor = row[place] * values[pattern[middle + above]]
             row[place] = factor
             # Written so that what is not a number is not usable.
-            usable = usable and _size(factor) * largest[above] <= bound
+            size = abs(factor)
+            usable = usable and (
+                size * sizes[LARGEST, above] <= bound or size * sizes[SHARE, above] <= LARGEST_GROWTH
+            )
             for q in range(pattern[middle + above] + 1, pattern[start + above + 1]):
                 row[pattern[column + q]] -= factor * values[q]
         for p in range(first, last):
             values[p] = row[pattern[column + p]]
         inverse = 1.0 / values[diagonal]
-        size = _size(inverse)
+        size = abs(inverse)
         # The inverse of what is infinite, or too large to be squared, is 0.
         usable = usable and 0.0 < size < math.inf
         values[diagonal] = inverse
-        top = 0.0
+        largest = share = 0.0
         for p in range(diagonal + 1, last):
-            top = max(top, _size(values[p]))
-        largest[k] = top
+            size = abs(values[p])
+            largest = max(largest, size)
+            share = max(share, size / sizes[HELD, pattern[column + p]])
+        sizes[LARGEST, k], sizes[SHARE, k] = largest, share
     return usable
 
 

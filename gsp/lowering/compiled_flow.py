@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
@@ -119,14 +118,6 @@ class CompiledFlow:
     def is_sparse(self) -> bool:
         """Whether the implicit methods run through loops over those entries alone."""
         return is_sparse(self.expressions)
-
-    @_made_once
-    def decomposition_share(self) -> float:
-        """Operations of a sparse decomposition over those of a solution with it; infinite where it is dense."""
-        if not self.is_sparse:
-            return math.inf
-        elimination = self.expressions.elimination
-        return elimination.operations / (2 * len(elimination.places))
 
     @_made_once
     def _pattern(self) -> np.ndarray:
