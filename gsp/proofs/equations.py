@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 import sympy as sp
@@ -12,6 +13,8 @@ from flint import arb
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
+from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.linear_algebra import factorise, solve
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.proofs.ball_functions import BallFunction
 
@@ -90,40 +93,38 @@ class Equations:
     # -- over doubles ------------------------------------------------------------------------------
 
     @cached_property
-    def _double_values(self) -> CompiledFunction:
-        return self._compiled(self.equations)
-
-    @cached_property
-    def _double_slopes(self) -> CompiledFunction:
-        return self._compiled([*self._by_y, *self._by_x])
-
-    def _compiled(self, outputs: Sequence[sp.Expr]) -> CompiledFunction:
-        return compile_function(outputs, arguments=self.arguments)
+    def _doubles(self) -> CompiledFunction:
+        """F, D_y F and D_x F, row by row."""
+        return compile_function([*self.equations, *self._by_y, *self._by_x], arguments=self.arguments)
 
     def nearby(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives at points (k, n), (k, m): D_y F (k, m, m) and D_x F (k, m, n), rounded."""
-        values = self._double_slopes(np.hstack([x, y]), _NO_PARAMETERS)
+        values = self._doubles(np.hstack([x, y]), _NO_PARAMETERS)
         m, n = self.m, self.n
-        return values[:, : m * m].reshape(-1, m, m), values[:, m * m : m * m + m * n].reshape(-1, m, n)
+        return values[:, m : m + m * m].reshape(-1, m, m), values[:, m + m * m :].reshape(-1, m, n)
 
     def root(self, x: np.ndarray, near: np.ndarray) -> np.ndarray | None:
         """The root (m,) over x (n,) that Newton's method finds from `near` (m,), rounded; None when it finds none."""
-        y = np.array(near, dtype=float)
+        point, out = self._room(x, near)
+        y, step = point[0, self.n :], np.empty(self.m)
+        factors, pivots = np.empty((self.m, self.m)), np.empty(self.m, np.int64)
+        length = scale = np.inf
+        # Kernels on arrays made once: LAPACK's call and copies would take most of the time.
         for _ in range(STEPS):
-            point = np.concatenate([x, y])
-            value = self._double_values(point, _NO_PARAMETERS)
-            slope = self._double_slopes(point, _NO_PARAMETERS)[: self.m**2].reshape(self.m, self.m)
-            try:
-                step = np.linalg.solve(slope, value)
-            except np.linalg.LinAlgError:
+            evaluate_many(self._doubles.address, point, _NO_PARAMETERS, out)
+            step[:] = out[0, : self.m]
+            factors[:] = self._by_y_in(out)
+            if not factorise(factors, pivots):
                 return None
-            if not np.isfinite(step).all():
+            solve(factors, pivots, step)
+            if not all(map(isfinite, step.tolist())):
                 return None
-            y = y - step
-            if np.abs(step).max() <= ROUNDING * (1.0 + np.abs(y).max()):
+            y -= step
+            length, scale = _largest(step), 1.0 + _largest(y)
+            if length <= ROUNDING * scale:
                 return y
         # At rounding Newton's method may go to and fro for ever; a proof does not ask how near the centre is.
-        return y if np.abs(step).max() <= 1e-8 * (1.0 + np.abs(y).max()) else None
+        return y if length <= 1e-8 * scale else None
 
     def followed(self, start: np.ndarray, end: np.ndarray, near: np.ndarray) -> tuple[float, np.ndarray] | None:
         """How far the root near `near` (m,) can be followed from x = `start` (n,) towards `end`: (share, y), by
@@ -136,30 +137,43 @@ class Equations:
         if y is None:
             return None
         way = np.asarray(end, dtype=float) - start
-        orientation = self._orientation(start, y)
+        here = self._tangent(start, y, way)
         share, step = 0.0, LONGEST
-        while share < 1.0 and step > SHORTEST:
+        while here is not None and share < 1.0 and step > SHORTEST:
             ahead = min(share + step, 1.0)
-            found = self._stepped(start + share * way, y, (ahead - share) * way)
-            if found is not None and self._orientation(start + ahead * way, found) == orientation:
-                share, y, step = ahead, found, min(2.0 * step, LONGEST)
+            x, moved = start + ahead * way, (ahead - share) * here[0]
+            found = self.root(x, y + moved)
+            there = None
+            if found is not None and _largest(found - y - moved) <= 0.5 * _largest(moved) + 1e-9:
+                there = self._tangent(x, found, way)
+            if found is not None and there is not None and there[1] == here[1]:
+                share, y, here, step = ahead, found, there, min(2.0 * step, LONGEST)
             else:
                 step *= 0.5
         return share, y
 
-    def _stepped(self, x: np.ndarray, y: np.ndarray, step: np.ndarray) -> np.ndarray | None:
-        by_y, by_x = (part[0] for part in self.nearby(x[None], y[None]))
-        try:
-            guess = y - np.linalg.solve(by_y, by_x @ step)
-        except np.linalg.LinAlgError:
+    def _tangent(self, x: np.ndarray, y: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """How the root moves along `way` (n,) to first order (m,), and the sign of det D_y F; None where that is 0."""
+        point, out = self._room(x, y)
+        evaluate_many(self._doubles.address, point, _NO_PARAMETERS, out)
+        factors, pivots = self._by_y_in(out).copy(), np.empty(self.m, np.int64)
+        if not factorise(factors, pivots):
             return None
-        found = self.root(x + step, guess)
-        if found is None or np.abs(found - guess).max() > 0.5 * np.abs(guess - y).max() + 1e-9:
-            return None
-        return found
+        moved = -(out[0, self.m + self.m**2 :].reshape(self.m, self.n) @ way)
+        solve(factors, pivots, moved)
+        signs = ((row != i) != (factors[i, i] < 0.0) for i, row in enumerate(pivots.tolist()))
+        return moved, -1.0 if sum(signs) % 2 else 1.0
 
-    def _orientation(self, x: np.ndarray, y: np.ndarray) -> float:
-        return float(np.linalg.slogdet(self.nearby(x[None], y[None])[0][0])[0])
+    def _room(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The point (1, n + m), and an array for all that is compiled."""
+        return np.concatenate([x, y])[None], np.empty((1, self._doubles.outputs))
+
+    def _by_y_in(self, out: np.ndarray) -> np.ndarray:
+        return out[0, self.m : self.m + self.m**2].reshape(self.m, self.m)
+
+
+def _largest(vector: np.ndarray) -> float:
+    return max(map(abs, vector.tolist()))
 
 
 def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[Equations, list[sp.Expr]]:
