@@ -127,6 +127,11 @@ def fixed_steps(method: str, compiled: CompiledFlow, start, *, end: float, count
 
 
 @pytest.fixture(scope="module")
+def pendulum() -> CompiledFlow:
+    return compile_flow(VectorField({x: y, y: -sp.sin(x)}, epsilon=None))
+
+
+@pytest.fixture(scope="module")
 def swing() -> CompiledFlow:
     """x' = x cos(y), y' = 1: nonlinear, with the solution x = e^(sin t) from (1, 0)."""
     return compile_flow(VectorField({x: x * sp.cos(y), y: sp.Integer(1)}, epsilon=None))
@@ -522,6 +527,13 @@ def test_the_counters_add_up(method, swing):
     else:
         assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
         assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_steps_are_chosen_so_that_few_are_rejected(method, pendulum):
+    run = Run(method, pendulum, (1.0, 0.0), [0.0, 40.0], rtol=1e-6, atol=1e-8)
+    assert run.advance() == ledger.FINISHED
+    assert 5 * run.counters[ledger.REJECTED] <= run.counters[ledger.STEPS]
 
 
 def test_a_step_whose_matrix_is_singular_is_shortened():
