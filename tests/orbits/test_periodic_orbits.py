@@ -238,6 +238,7 @@ def test_an_orbit_can_be_read_by_phase_and_by_name() -> None:
     assert orbit["x"][0] == orbit["x"][-1]
     assert orbit["radius"] == pytest.approx(1, abs=1e-9)
     assert orbit.maximum["x"] == pytest.approx(1, abs=1e-9)
+    assert not any(array.flags.writeable for array in (orbit.multipliers, orbit.mesh))
     assert "PeriodicOrbit([x, y], period=7.255" in repr(orbit)
     assert "multipliers 1, " in str(orbit)
     with pytest.raises(GspError, match="no state and no observable"):

@@ -317,6 +317,8 @@ def test_the_result_is_frozen_and_reads_as_a_series() -> None:
         canard.order = 3  # type: ignore[misc]
     assert repr(canard) == "CanardValue(a = 1 - epsilon/8 - 3*epsilon**2/32 + O(epsilon^3))"
     assert canard.partial_sum(Fraction(1, 2)) == 1 - sp.Rational(1, 16) - sp.Rational(3, 128)
+    assert canard.partial_sum(Fraction(1, 2), order=1) == 1 - sp.Rational(1, 16)
+    assert canard.partial_sum(Fraction(1, 2), order=0) == 1
     assert issubclass(CanardError, GspError)
 
 
