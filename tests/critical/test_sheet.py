@@ -186,6 +186,21 @@ def test_the_triangles_end_at_the_fold_and_have_one_stability_each(cusp_sheet) -
     assert np.abs(discriminant(folds)).max() < 1e-12
 
 
+@pytest.mark.parametrize("resolution", [8, 16])
+def test_where_y_has_no_bounds_cubes_are_two_sizes_of_the_start_over_the_resolution_high(
+    resolution: int,
+) -> None:
+    sheet = critical_sheet(
+        over(y - 3 * a - 1 + a * b), start={"a": 0, "b": 0, "y": 1}, bounds={"a": (-1, 1), "b": (-1, 1)},
+        resolution=resolution,
+    )  # fmt: skip
+    ends = sheet.points[edges(sheet)[0]]
+    assert np.abs(ends[:, 0] - ends[:, 1])[:, 2].max() == pytest.approx(2 / resolution, rel=1e-9)
+    # Newton's method within each face is enough where the sheet is smooth.
+    assert sheet.stats.repaired == 0
+    assert np.abs(sheet["y"] - (1 + sheet["a"] * (3 - sheet["b"]))).max() < 1e-14
+
+
 def test_neighbouring_triangles_are_turned_alike(cusp_sheet) -> None:
     directed = cusp_sheet.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     corners = cusp_sheet.points[cusp_sheet.triangles]

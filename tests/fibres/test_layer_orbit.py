@@ -7,7 +7,8 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
-from gsp.fibres.layer_orbit import GONE, Landing, land
+from gsp.fibres.decaying_signals import chebyshev
+from gsp.fibres.layer_orbit import GONE, Landing, _collocate, _Layer, land
 from gsp.systems.system import SlowFastSystem
 
 x, y, eps = sp.symbols("x y epsilon")
@@ -63,3 +64,13 @@ def test_a_panel_is_rough_where_its_last_coefficients_are_above_rounding_of_the_
     assert np.flatnonzero(rough).tolist() == [1]
     # Beside a value that stays and is larger by far the same kink is rounding.
     assert not found.rough([type(smooth)(smooth.ring, np.array([1e12]), kink)]).any()
+
+
+def test_collocation_goes_on_until_no_node_moves() -> None:
+    # From a guess that is right at the first node alone, where the layer begins.
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y**2}, epsilon=eps)
+    nodes = chebyshev()[0]
+    guess = np.where(nodes[:, None] == nodes[0], -1.0, 0.0)
+    found = _collocate(_Layer(system, np.array([1.0])), np.array([1.0]), np.array([-1.0]), 0.25, guess)
+    exact = -2 / (1 + np.exp(2 * 0.25 * (nodes + 1)))
+    np.testing.assert_allclose(np.asarray(found)[:, 0], exact, atol=1e-13)

@@ -13,6 +13,7 @@ from gsp.splitting.fast_part import (
     _by_rows,
     _equilibrium,
     _numerical_rank,
+    _ranks_in_units,
     factorised,
     inverse,
     jacobian,
@@ -110,6 +111,23 @@ def test_ranks_are_numerical_and_rows_are_judged_by_their_own_size() -> None:
         [0.0, 0.0],
         [1.0, 0.0],
     ]
+
+
+def test_zeros_far_apart_in_size_are_found_in_units_of_the_states() -> None:
+    # L = (z_0^2/10^12 - z_1) (1, -1): zero at z_0 = 10^8 and z_1 = 10^4.
+    asked = []
+
+    def values(z: np.ndarray, _) -> np.ndarray:
+        asked.append(z)
+        return (z[0] ** 2 / 1e12 - z[1]) * np.array([1.0, -1.0])
+
+    def matrix(z: np.ndarray, _) -> np.ndarray:
+        return np.outer([1.0, -1.0], [2 * z[0] / 1e12, -1.0]).ravel()
+
+    starts = np.array([[1.0, 2.0], [3.0, 0.5], [0.2, 1.5]])
+    assert _ranks_in_units(starts, np.array([1e8, 1e4]), (values, matrix), np.array([])) == [(1, 1)] * 3
+    # Newton's method in these units takes a few steps from each start.
+    assert len(asked) < 40
 
 
 def test_equilibria_are_searched_with_steps_no_longer_than_the_point() -> None:

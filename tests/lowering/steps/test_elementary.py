@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -103,3 +104,18 @@ def test_lanes_and_single_numbers_give_the_same_bits(code):
         together = code(row)
         alone = np.array([code([value])[:, 0] for value in row]).T
         assert np.array_equal(together, alone)
+
+
+@pytest.mark.parametrize(
+    ("value", "parts", "bits"),
+    [(elementary._HALF_PI, elementary._QUARTER_TURN, 33), (elementary._LOG_2, elementary._DOUBLING, 42)],
+)
+def test_parts_of_a_constant_have_exact_multiples_and_nothing_is_lost_between_them(value, parts, bits) -> None:
+    left = value
+    for part in parts[:-1]:
+        for multiple in (2 ** (53 - bits) - 1, 3 * 2 ** (51 - bits) + 1):
+            assert Fraction(multiple * part) == multiple * Fraction(part)
+        # As many bits as there may be.
+        assert 0 <= left - Fraction(part) < left / 2 ** (bits - 1)
+        left -= Fraction(part)
+    assert parts[-1] == float(left)
