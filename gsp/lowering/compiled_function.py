@@ -6,7 +6,7 @@ p = (epsilon, *parameters), so that kernels take any model, and another epsilon 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import RLock
@@ -18,7 +18,7 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.errors import GspError
-from gsp.kernels.engine import Engine, build
+from gsp.kernels.engine import LONGEST_SCHEDULED, Engine, build
 from gsp.kernels.evaluate import evaluate_many
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.kernel_call import Call, write_calls
@@ -29,8 +29,13 @@ from gsp.systems.flow import Flow, Values
 MOST_KEPT = 96
 # More outputs that are 0 are written by a loop.
 FEW_ZEROS = 64
+# Long code is cut into functions of about so many instructions: LLVM's schedules take more than in proportion to a
+# function's length. A field of 1000 states along a line runs in a sixth of the time that it takes unscheduled.
+LENGTH_OF_PART = 1500
 # One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
 MAKING = RLock()
+# Where a compiled function's arguments are.
+_Z, _P, _OUT = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,32 +151,71 @@ def _compile(
     calls: tuple[Call, ...],
     scheduled: bool,
 ) -> CompiledFunction:
-    module = ir.Module()
-    function = ir.Function(module, SIGNATURE, "f")
-    builder: Any = ir.IRBuilder(function.append_basic_block())
-    _, z, p, out = function.args
-    # All loads come before any store, so that `out` may overlap the arguments.
-    values = {symbol: load(builder, z, i) for i, symbol in enumerate(arguments)}
-    if epsilon is not None:
-        values[epsilon] = load(builder, p, 0)
-    values |= {symbol: load(builder, p, 1 + i) for i, symbol in enumerate(parameters)}
-    symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
-    values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
-    values = write_calls(builder, calls, values)
     # A store for each entry of a sparse matrix that is 0 would be most of the code.
-    is_sparse_output = outputs.count(sp.S.Zero) > FEW_ZEROS
-    kept = [i for i, e in enumerate(outputs) if not (is_sparse_output and e is sp.S.Zero)]
-    written = Emitter(builder, values).write([outputs[i] for i in kept])
-    if is_sparse_output:
-        fill(builder, constant(0.0), out, len(outputs))
-    for i, value in zip(kept, written):
-        store(builder, value, out, i)
-    builder.ret_void()
+    zeros = len(outputs) if outputs.count(sp.S.Zero) > FEW_ZEROS else 0
+    kept = [(i, e) for i, e in enumerate(outputs) if not (zeros and e is sp.S.Zero)]
+    places = {symbol: (_Z, i) for i, symbol in enumerate(arguments)}
+    if epsilon is not None:
+        places[epsilon] = (_P, 0)
+    places |= {symbol: (_P, 1 + i) for i, symbol in enumerate(parameters)}
+    module = ir.Module()
+    whole = _write(module, "f", kept, places, zeros, through, calls)
+    length = sum(len(block.instructions) for block in whole.blocks)
+    if scheduled and length > LONGEST_SCHEDULED and not (through or calls):
+        module = _in_parts(kept, places, zeros, length // LENGTH_OF_PART)
     engine = build(str(module), library=LIBRARY, scheduled=scheduled)
     source = outputs, arguments, epsilon, parameters, through, calls, scheduled
     return CompiledFunction(
         engine.get_function_address("f"), arguments, parameters, len(outputs), source, engine
     )
+
+
+def _write(
+    module: ir.Module,
+    name: str,
+    outputs: Sequence[tuple[int, sp.Expr]],
+    places: Mapping[sp.Symbol, tuple[int, int]],
+    zeros: int = 0,
+    through: tuple[tuple[sp.Symbol, sp.Expr], ...] = (),
+    calls: tuple[Call, ...] = (),
+) -> ir.Function:
+    """Write a function that stores each output at its index, after 0 at the first `zeros` of them."""
+    function = ir.Function(module, SIGNATURE, name)
+    builder: Any = ir.IRBuilder(function.append_basic_block())
+    # All loads come before any store, so that `out` may overlap the arguments.
+    values = {symbol: load(builder, function.args[array], i) for symbol, (array, i) in places.items()}
+    symbols, expressions = [symbol for symbol, _ in through], [expression for _, expression in through]
+    values |= dict(zip(symbols, Emitter(builder, values).write(expressions)))
+    values = write_calls(builder, calls, values)
+    written = Emitter(builder, values).write([expression for _, expression in outputs])
+    out = function.args[_OUT]
+    if zeros:
+        fill(builder, constant(0.0), out, zeros)
+    for (i, _), value in zip(outputs, written):
+        store(builder, value, out, i)
+    builder.ret_void()
+    return function
+
+
+def _in_parts(
+    outputs: Sequence[tuple[int, sp.Expr]], places: Mapping[sp.Symbol, tuple[int, int]], zeros: int, count: int
+) -> ir.Module:
+    """The same in `count` functions that f calls, of which each loads what it needs; `out` overlaps nothing."""
+    module = ir.Module()
+    parts: list[ir.Function] = []
+    for k in range(count):
+        part = outputs[k * len(outputs) // count : (k + 1) * len(outputs) // count]
+        needed = {symbol for _, expression in part for symbol in expression.free_symbols}
+        own = {symbol: place for symbol, place in places.items() if symbol in needed}
+        parts.append(_write(module, f"part{k}", part, own))
+    function = ir.Function(module, SIGNATURE, "f")
+    builder: Any = ir.IRBuilder(function.append_basic_block())
+    if zeros:
+        fill(builder, constant(0.0), function.args[_OUT], zeros)
+    for part in parts:
+        builder.call(part, function.args)
+    builder.ret_void()
+    return module
 
 
 def _compiled_again(*source: Any) -> CompiledFunction:

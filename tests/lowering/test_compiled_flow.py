@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, GspError, UnsupportedFunctionError
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
+from gsp.kernels import engine
+from gsp.lowering import compiled_function
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_function
 from gsp.systems.system import SlowFastSystem, VectorField
@@ -364,3 +367,29 @@ def test_threads_that_use_a_flow_first_and_together_get_the_same_bits(method):
         for other in found:
             assert other.stats == alone.stats
             assert np.array_equal(other.y, alone.y)
+
+
+def test_long_code_is_cut_into_functions_that_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line of cells, an output that is 0 in places, and a parameter that some of the parts have."""
+    w = sp.symbols("w0:601")
+    outputs = [a * p**3 - q / (1 + p**2) if i % 100 else a + epsilon for i, (p, q) in enumerate(pairwise(w))]
+    outputs += [sp.S.Zero] * 100
+    texts: list[str] = []
+
+    def build(text: str, **options) -> engine.Engine:
+        texts.append(text)
+        return engine.build(text, **options)
+
+    monkeypatch.setattr(compiled_function, "build", build)
+    found = []
+    for longest in (10**9, 2000):
+        monkeypatch.setattr(compiled_function, "LONGEST_SCHEDULED", longest)
+        compiled_function._compile.cache_clear()
+        f = compile_function(outputs, arguments=w, epsilon=epsilon, parameters=[a], scheduled=True)
+        found.append(f(np.linspace(-1.0, 2.0, 601), [0.1, 3.0]))
+    assert np.array_equal(*found)
+    whole, parts = (text.count("define void") for text in texts)
+    assert (whole, parts) == (1, 1 + texts[0].count("\n") // compiled_function.LENGTH_OF_PART)
+    longest_function = max(text.count("\n") for text in texts[1].split("\ndefine "))
+    assert longest_function < 1.25 * compiled_function.LENGTH_OF_PART
+    compiled_function._compile.cache_clear()
