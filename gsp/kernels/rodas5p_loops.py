@@ -19,7 +19,7 @@ GAP_SHARE = 0.3
 
 
 @inner_kernel
-def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value):
+def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value, total):
     """The eight increments, rows of `k` (8, n); `argument` is left at that of the last, `value` at the last itself."""
     n = y.shape[0]
     inverse = 1.0 / h
@@ -28,20 +28,18 @@ def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, 
             for i in range(n):
                 value[i] = rate[i]
         else:
+            # Along the states innermost, for vectors.
             for i in range(n):
-                if s < A.shape[0]:
-                    total = y[i]
-                    for q in range(s):
-                        total += A[s, q] * k[q, i]
-                else:
-                    total = argument[i] + k[s - 1, i]
-                argument[i] = total
+                argument[i] = y[i] if s < A.shape[0] else argument[i] + k[s - 1, i]
+                total[i] = 0.0
+            for q in range(s):
+                for i in range(n if s < A.shape[0] else 0):
+                    argument[i] += A[s, q] * k[q, i]
+                for i in range(n):
+                    total[i] += C[s, q] * k[q, i]
             call(field, t + NODES[s] * h, argument, p, value)
             for i in range(n):
-                total = 0.0
-                for q in range(s):
-                    total += C[s, q] * k[q, i]
-                value[i] += total * inverse
+                value[i] += total[i] * inverse
         solve_shifted(pattern, factors, pivots, value)
         for i in range(n):
             k[s, i] = value[i]
@@ -83,7 +81,7 @@ def step_by_loops(field, pattern, p, t, h, y, rate, rtol, atol, jacobian_flat, y
     regular, factors = decompose_shifted(jacobian_flat, 1.0 / (h * GAMMA), pattern, n, pivots)
     if not regular:
         return math.inf, ledger.SINGULAR_JACOBIAN
-    _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value)
+    _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value, np.empty(n))
     counters[ledger.FIELD_CALLS] += STAGES - 1
     total = 0.0
     for i in range(n):
