@@ -16,6 +16,7 @@ from gsp.integration.methods import MILD, Method, begins_with_series, choose_met
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.scene import Scene
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
 
@@ -236,13 +237,14 @@ def _density(times: np.ndarray, middle: float) -> float:
 def run_model(
     flow: Flow, start, scene: Scene, span: Interval, rtol: float, *, at=None, method: Method | None = None
 ) -> Trajectory:
+    rtol = max(rtol, SMALLEST_RTOL)
     return trajectory_of(
         flow,
         start=start,
         span=span,
         epsilon=None if flow.epsilon is None else scene.epsilon,
-        rtol=max(rtol, SMALLEST_RTOL),
-        atol=1e-2 * max(rtol, SMALLEST_RTOL),
+        rtol=rtol,
+        atol=absolute_tolerance(rtol, scene.region, scene.start),
         at=at,
         lands=at is not None,
         method=method,

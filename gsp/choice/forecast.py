@@ -18,6 +18,7 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold
@@ -201,9 +202,10 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     start = project(manifold, outlook.study.start, epsilon=scene.epsilon, numeric=True)
     preparation = time.perf_counter() - begun
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
+    atol = absolute_tolerance(rtol, scene.region, scene.start)
     off = {name: value + start.error for name, value in start.items()}
     run, shifted = (
-        trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=1e-2 * rtol)
+        trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=atol)
         for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimate), off))
     )
     return SurfaceOutlook(manifold, flow, start, run, shifted, outlook, preparation)

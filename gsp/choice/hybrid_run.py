@@ -15,6 +15,7 @@ from gsp.errors import Status
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
 from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
@@ -125,7 +126,7 @@ class Run:
             span=span,
             epsilon=self.scene.epsilon,
             rtol=rtol,
-            atol=1e-2 * rtol,
+            atol=absolute_tolerance(rtol, self.scene.region, self.scene.start),
             max_steps=MAX_STEPS,
         )
         self.count(run)

@@ -20,6 +20,7 @@ from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows
 from gsp.scenes.study import Study
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold, expand
 
@@ -46,7 +47,8 @@ def run_solved(run: Run, manifold: SampledManifold) -> None:
     )
     rtol = max(INTEGRATION * scene.tolerance, SMALLEST_RTOL)
     flow = flow_on(manifold, reconstruction=scene.reconstruction)
-    slow = trajectory_of(flow, start=start, span=scene.span, rtol=rtol, atol=1e-2 * rtol, max_steps=MAX_STEPS)
+    atol = absolute_tolerance(rtol, scene.region, scene.start)
+    slow = trajectory_of(flow, start=start, span=scene.span, rtol=rtol, atol=atol, max_steps=MAX_STEPS)
     run.count(slow)
     times = np.linspace(first, float(slow.t[-1]), SOLVED_LOOKS)
     there = slow.sample(times)

@@ -21,6 +21,7 @@ from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold
 from gsp.systems.region import Interval
 
@@ -216,6 +217,7 @@ def predict(
     """
     needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead <= series.order})
     rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
+    atol = absolute_tolerance(rtol, region, *starts.values())
     runs = {
         k: trajectory_of(
             restrict(series, order=k) if flows is None else flows[k],
@@ -223,7 +225,7 @@ def predict(
             span=span,
             epsilon=epsilon,
             rtol=rtol,
-            atol=1e-2 * rtol,
+            atol=atol,
             max_steps=MAX_STEPS,
         )
         for k in needed

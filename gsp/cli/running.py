@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
 
 ENDINGS = (".csv", ".json")
+# That of `integrate`.
+RTOL = 1e-8
 
 
 @cli.command()
@@ -33,11 +35,13 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
     """
     _check_target(output)
     from gsp.integration.trajectory import trajectory_of
+    from gsp.scenes.tolerances import absolute_tolerance
 
+    atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     with progress_bar("run") as show:
         if order is None:
             flow, start, span, epsilon = scene.asked(None, None, None)
-            found = trajectory_of(flow, start, span, epsilon, progress=show)
+            found = trajectory_of(flow, start, span, epsilon, rtol=RTOL, atol=atol, progress=show)
         else:
             from gsp.scenes.study import study_of
 
@@ -47,6 +51,8 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
                 start=study.base_point(order),
                 span=scene.span,
                 epsilon=scene.epsilon,
+                rtol=RTOL,
+                atol=atol,
                 progress=show,
             )
     _give(found, output, as_json)

@@ -22,6 +22,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold, best_sum
 from gsp.systems.arguments import check_progress
 from gsp.systems.flow import check_epsilons, check_order, check_orders
@@ -29,7 +30,7 @@ from gsp.systems.system import VectorField
 
 # The grid on which errors are measured, and the tolerances of the runs compared.
 GRID_POINTS = 49
-RTOL, ATOL = 1e-12, 1e-14
+RTOL = 1e-12
 # A second full run at this many times the tolerance shows how far the reference itself can be trusted: its error is
 # about proportional to the tolerance, so so many times smaller than the difference, and never below rounding.
 CHECK = 10.0
@@ -297,7 +298,7 @@ def _run(
         span=(scene.span[0] if begin is None else begin, float(grid[-1])),
         epsilon=None if flow.epsilon is None else epsilon,
         rtol=RTOL * loosened,
-        atol=ATOL * loosened,
+        atol=absolute_tolerance(RTOL * loosened, scene.region, scene.start),
         at=grid,
         lands=True,
         max_steps=MAX_STEPS,

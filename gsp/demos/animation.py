@@ -14,13 +14,14 @@ from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
 
 SECONDS = 6.0
 # A longer one has more frames than a file for slides should.
 LONGEST = 120.0
-RTOL, ATOL = 1e-8, 1e-10
+RTOL = 1e-8
 # Points along the critical manifold, and the room beside the run over which it is drawn.
 POINTS, ROOM = 400, 0.15
 
@@ -94,8 +95,9 @@ def _motion(study: Study, view: View | None = None) -> Motion:
     own = {s.name for s in (*study.system.states, *study.system.observables)}
     if set(plane) <= {TIME, *own}:
         # In slow and fast variables, so that the critical manifold is a graph.
+        atol = absolute_tolerance(RTOL, study.region, study.start)
         full = trajectory_of(
-            study.system, start=study.start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+            study.system, start=study.start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=atol
         )
     else:
         full = study.full(scene.epsilon)
@@ -120,9 +122,10 @@ def _limit(study: Study) -> Trajectory | None:
     """The run of order 0, where there is one from this start."""
     scene = study.scene
     start = {**study.start, **scene.reconstruction_start}
+    atol = absolute_tolerance(RTOL, study.region, start)
     try:
         return trajectory_of(
-            study.reduced(0), start=start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=ATOL
+            study.reduced(0), start=start, span=scene.span, epsilon=scene.epsilon, rtol=RTOL, atol=atol
         )
     except GspError:
         # The picture of the full run is true without it.

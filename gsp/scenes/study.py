@@ -29,6 +29,7 @@ from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.scenes.raw_states import RawStates
 from gsp.scenes.scene import Scene
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.expansion import Expansion
 from gsp.slow.series import LONGEST, SeriesManifold, series_of
 from gsp.splitting.splitting import Splitting, split
@@ -40,7 +41,7 @@ from gsp.systems.system import SlowFastSystem
 # Points per axis of the box that is mapped when a slow coordinate is no multilinear function of raw states.
 IMAGE_POINTS = 7
 # Full runs that are kept: far below the width of a line.
-RTOL, ATOL = 1e-8, 1e-10
+RTOL = 1e-8
 
 T = TypeVar("T")
 
@@ -203,7 +204,12 @@ class Study(Card):
         return self._once(
             ("full", value),
             lambda: trajectory_of(
-                scene.full_flow, start=scene.full_start, span=scene.span, epsilon=value, rtol=RTOL, atol=ATOL
+                scene.full_flow,
+                start=scene.full_start,
+                span=scene.span,
+                epsilon=value,
+                rtol=RTOL,
+                atol=absolute_tolerance(RTOL, scene.region, scene.full_start),
             ),
         )
 

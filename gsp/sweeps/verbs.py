@@ -21,6 +21,7 @@ from gsp.integration.trajectory import trajectory_of
 from gsp.orbits.periodic.finding import periodic_orbit
 from gsp.proofs.certificate import ProofVerdict
 from gsp.scenes.study import Study
+from gsp.scenes.tolerances import absolute_tolerance
 from gsp.singular.singularities.canards import canard_value
 from gsp.slow_tubes.certify import certify
 from gsp.sweeps.tasks import Record
@@ -56,7 +57,7 @@ def _integrate(
         span=scene.span,
         epsilon=epsilon,
         rtol=tolerance,
-        atol=1e-2 * tolerance,
+        atol=absolute_tolerance(tolerance, scene.region, scene.full_start),
         method=method,
         max_steps=max_steps,
         dense=False,
