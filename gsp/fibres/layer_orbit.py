@@ -248,9 +248,10 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
         right = min(ends[-1] + length, end)
         pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
         if pieces is None:
+            place = ", ".join(f"{name} = {value:g}" for name, value in names.items())
             raise BranchError(
-                f"the layer from {names} to the branch {branch} could not be resolved near fast time "
-                f"{ends[-1]:.4g}: the field is not smooth there.",
+                f"the layer from {place} to the branch {branch} could not be resolved "
+                f"between the fast times {ends[-1]:.4g} and {right:.4g}: the field is not smooth there.",
                 "Move the start.",
             )
         for stop, piece in pieces:

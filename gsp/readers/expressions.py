@@ -260,6 +260,8 @@ class _Parser:
         remedy = f"Declare it as a parameter, or correct it.{nearest(shown, known)}"
         if shown in ("e", "E"):
             remedy = "Write exp(1) for Euler's number, or declare it as a parameter."
+        elif shown in ("t", "time") and self.symbols:
+            remedy = 'Time enters as a state of rate 1, such as clock = "1", with a start: write that.'
         self.fail(f'the name "{shown}" is not declared', token.position, remedy)
 
     def defined(self, token: Token, follows: bool) -> Node:

@@ -228,9 +228,9 @@ def _system(
         )
     standard = "slow" in document or "fast" in document
     if standard == ("states" in document):
-        got = "both" if standard else "neither"
+        verb, got = ("Keep", "both") if standard else ("Write", "neither")
         raise ModelFileError(
-            "a file has [slow] and [fast], or [states].", "Keep one of the two forms.", got=got
+            "a file has [slow] and [fast], or [states].", f"{verb} one of the two forms.", got=got
         )
     for key in ("slow", "fast") if standard else ("states",):
         if not tables[key]:

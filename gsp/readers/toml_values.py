@@ -64,7 +64,10 @@ def number(value: object, key: str) -> sp.Expr:
         raise error.under(key) from None
     except ValueError as error:
         raise ModelFileError(f"{key}: {error}") from None
-    raise ModelFileError(f"{key} is a number, or text to be worked out.", got=f"a {kind(value)}")
+    remedy = (
+        "In TOML a dot makes a table: write a name as one plain word, k_on." if isinstance(value, dict) else ""
+    )
+    raise ModelFileError(f"{key} is a number, or text to be worked out.", remedy, got=f"a {kind(value)}")
 
 
 def numbers(value: object, key: str) -> list[sp.Expr]:

@@ -419,6 +419,17 @@ def test_the_solved_manifold_is_not_run_beyond_the_region() -> None:
         assert left - 2.0 / 96 - 1e-3 < solved.holds_until < left
 
 
+def test_a_layer_through_a_kink_is_told_with_its_start_and_its_place() -> None:
+    # y' = 1/2 - y up to the kink at y = 1/8, which a layer from -1 meets at log 4.
+    kinks = 1 - y + sp.Abs(y - sp.Rational(1, 8)) - sp.Abs(y - sp.Rational(5, 8)) - x
+    asked = scene(sp.Integer(1), kinks, start={"x": 0, "y": -1}, region={"x": (-0.1, 1)}, span=(0, 0.5))
+    told = choose(asked, orders=(0,)).verdict.accuracy
+    assert "the layer from y = -1 to the branch" in told
+    place = told.partition("between the fast times ")[2].partition(":")[0]
+    first, last = map(float, place.split(" and "))
+    assert first < np.log(4) < last
+
+
 def test_a_full_system_that_stops_on_the_piece_is_told() -> None:
     choice = choose(scene(-x, 1 + y**2))
     assert not choice.model.valid

@@ -227,6 +227,10 @@ def test_numbers_stay_exact():
         ("min(x)", ("min takes 2 arguments and got 1",)),
         ("sin(x, y)", ("sin takes 1 argument and got 2",)),
         ("sinn(x)", ("no function", 'Did you mean "sin"')),
+        (
+            "velocity + sin(t)",
+            ('"t" is not declared', "character 16", 'a state of rate 1, such as clock = "1"'),
+        ),
         ("velocty", ('"velocty" is not declared', "character 1", 'Did you mean "velocity"')),
         ("e*x", ("exp(1)",)),
         ("x / 0", ("divides by zero", "character 3")),
@@ -477,7 +481,8 @@ CHANGES = {
     "no start": ("c = 0.5", "", ("no value for c",)),
     "no fast": ('c = "s - (s + kappa)*c"', "", ("[fast] is missing or empty",)),
     "both forms": ("[slow]", '[states]\nq = "-q"\n[slow]', ("both", "Keep one")),
-    "no equations": (MICHAELIS_MENTEN, "[scene]\nspan = [0, 1]", ("neither", "[slow] and [fast]")),
+    "no equations": (MICHAELIS_MENTEN, "[scene]\nspan = [0, 1]", ("neither", "Write one", "[slow] and [fast]")),
+    "a name with a dot": ("kappa = 1", "k.on = 1\nkappa = 1", ("parameters.k", "a table", "one plain word")),
     "table that is a value": (
         "[parameters]",
         "observables = 3\n[parameters]",
