@@ -106,6 +106,20 @@ def test_many_fast_variables_are_judged_as_few_are(monkeypatch: pytest.MonkeyPat
     assert "between them nothing is excluded" in sparse.evidence
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_with_time_reversed_many_fast_variables_have_the_same_gap(
+    sign: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The eigenvalues are sign (k + (x - 1)^2), k = 1, ..., 5: the least distance from the axis is 1, at x = 1.
+    monkeypatch.setattr(sampling, "LARGE", 4)
+    y = sp.symbols("y1:6")
+    rates = {s: sign * (k + (x - 1) ** 2) * (s - x) for k, s in enumerate(y, start=1)}
+    (branch,) = solve_critical(SlowFastSystem(slow={x: sp.Integer(1)}, fast=rates, epsilon=eps)).branches
+    verdict = classify(branch, region={"x": (0.38, 1.57)})
+    assert verdict.kind is (Kind.REPELLING if sign > 0 else Kind.ATTRACTING)
+    assert verdict.gap == pytest.approx(1.0, rel=1e-7)
+
+
 def test_a_loss_among_many_fast_variables_is_found_between_the_samples() -> None:
     # A line with diffusion: y = 0 loses its stability where x is the least eigenvalue of the diffusion.
     n = 40

@@ -49,3 +49,9 @@ def test_no_sheet_is_followed_past_its_fold_nor_by_steps_that_may_lead_to_anothe
     assert followed(sheet, [-0.5], pieces=64) is None
     assert followed(sheet, [0.01]) is None
     assert followed(sheet, [0.01], pieces=64) == pytest.approx([0.1], rel=1e-9)
+
+
+def test_many_points_are_reached_each_for_itself() -> None:
+    sheet = branch({y: y**2 - u}, {"u": 1, "y": 1}, slow=(u,))
+    found = sheet.over_each(np.array([[0.5], [1.2], [-0.5], [0.3]]))
+    assert found[:, 0] == pytest.approx([0.5**0.5, 1.2**0.5, np.nan, 0.3**0.5], rel=1e-12, nan_ok=True)
