@@ -159,10 +159,9 @@ class Branch(Portable, Card):
 
     def over(self, point: np.ndarray) -> np.ndarray:
         """The sheet of the seed over one slow point (n_slow,): y (n_fast,), as `points` has it."""
-        functions, numbers = self._sheet
         y = np.empty(len(self.system.y))
         # In compiled code as far as the line need not be cut anew.
-        if reach_sheet(functions, numbers, point, y):
+        if reach_sheet(self._sheet, point, y):
             return y
         rows = point[np.newaxis]
         found, good = self.follow(rows)
@@ -172,19 +171,18 @@ class Branch(Portable, Card):
 
     def over_each(self, points: np.ndarray) -> np.ndarray:
         """`over` at each of `points` (m, n_slow): y (m, n_fast), not a number where the line must be cut anew."""
-        functions, numbers = self._sheet
         y, found = np.empty((len(points), len(self.system.y))), np.empty(len(points), np.bool_)
-        reach_sheets(functions, numbers, points, y, found)
+        reach_sheets(self._sheet, points, y, found)
         y[~found] = np.nan
         return y
 
     @cached_property
-    def _sheet(self) -> tuple[np.ndarray, np.ndarray]:
+    def _sheet(self) -> np.ndarray:
         """What `reach_sheet` takes of the branch and its seed."""
         assert self.seed is not None
         addresses = self._residual.address, self._jacobian.address, self._slow_jacobian.address
-        functions = np.array([*addresses, NEWTON_STEPS, *PIECES])
-        return functions, np.array([NEWTON_TOLERANCE, *self.seed[0], *self.seed[1], *self._values])
+        numbers = np.array([NEWTON_TOLERANCE, *self.seed[0], *self.seed[1], *self._values])
+        return np.array([*addresses, NEWTON_STEPS, len(PIECES), *PIECES, *numbers.view(np.int64)])
 
     def _ending(self, target: np.ndarray) -> str:
         """Where the seed's sheet ends on the way to `target`."""

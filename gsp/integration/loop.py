@@ -24,7 +24,7 @@ from gsp.integration.room import (
 )
 from gsp.kernels import ledger
 from gsp.kernels.grid import runs_along
-from gsp.kernels.launch import Y, begins_mildly, launch, launch_watched
+from gsp.kernels.launch import NOT_BEGUN, OVER_SLOW, Y, begins_mildly, launch, launch_watched
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
@@ -67,11 +67,11 @@ class Tests(NamedTuple):
 class Run(NamedTuple):
     """What is to be run: `compiled` with p = (epsilon, *parameters), from `y` (n,) at `first` to the last of `stops`.
 
-    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run
-    by returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass
-    through zero. So many `times` are read between the steps. `first_step`, signed, is tried first in place of an
-    estimate. Without `dense` the record's `dense` has no rows. Ctrl-C goes on to the caller; where the caller `keeps`,
-    it ends the run with the steps made.
+    `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run by
+    returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass through
+    zero; `y` may then begin with slow variables alone, `over_slow`. So many `times` are read between the steps.
+    `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's `dense` has no rows.
+    Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
     """
 
     compiled: CompiledFlow
@@ -91,6 +91,7 @@ class Run(NamedTuple):
     keeps: bool = False
     tests: Tests | None = None
     times: int = 0
+    over_slow: bool = False
 
 
 def run(asked: Run) -> Record:
@@ -155,6 +156,7 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         keeps,
         tests,
         _,
+        over_slow,
     ) = asked
     layout = layout_of(compiled, method, rtol)
     solver, program, enter, constants, memory, before = layout
@@ -166,7 +168,7 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
     # As `kernels.launch` orders them.
     enter(
         room, 0,
-        0, max_steps, n, constants, many, memory, watches, length, between, rows,
+        OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between, rows,
         first, rtol, atol, first_step, *y, *p, stops[0],
     )  # fmt: skip
     if many > 1:

@@ -13,6 +13,9 @@ import sympy as sp
 from gsp.algebra.sharing import holding, plus, replaced, times
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
+from gsp.kernels import scan
+from gsp.kernels.addresses import SHEET, address_of
+from gsp.kernels.sheets import reach_sheet
 from gsp.results.card import Card
 from gsp.slow.coordinates import moving, set_apart
 from gsp.slow.series import SeriesManifold
@@ -104,7 +107,18 @@ class ReducedFlow(Flow, Card):
         from gsp.integration.reduction_end.validity import validity_of
 
         validity = validity_of(self)
-        return Tests(validity.functions, validity.along.outputs)
+        functions, count = validity.functions, validity.along.outputs
+        _, over, places, _ = self._usual
+        if over is not None:
+            functions = np.concatenate([functions, places, self.manifold.branch._sheet])
+            functions[scan.SHEET], functions[scan.SLOW] = address_of(reach_sheet, SHEET), len(places)
+        return Tests(functions, count)
+
+    def slow_start(self, start: Point) -> tuple[float, ...] | None:
+        """The slow variables and what starts at 0, where compiled code finds the point of M0 over them; else None."""
+        names, over, _, rest = self._usual
+        known = plain(start, names) if over is not None else None
+        return None if known is None else (*known, *rest)
 
     @cached_property
     def _names(self) -> tuple[dict[str, None], frozenset[str], tuple[str, ...], tuple[str, ...]]:

@@ -278,7 +278,6 @@ def trajectory_of(
     `at`, whose values are then better than the tolerance by as much as the steps are: for references. `state` is what
     `flow.initial(start)` gives, where that is known.
     """
-    y = _start(flow, start) if state is None else state
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
     dense = dense is True or check_flag(dense, what="dense")
@@ -290,6 +289,11 @@ def trajectory_of(
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
     asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
+    reduced = flow.is_reduced
+    # Most runs of a reduced flow keep clear of every loss; what is seen of one that does not is made and told again.
+    tests = cast("ReducedFlow", flow).tests if reduced and asked is None and progress is None else None
+    over_slow = None if tests is None or state is not None else cast("ReducedFlow", flow).slow_start(start)
+    y = state or over_slow or _start(flow, start)
     # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
     # where events are looked for, since a step may pass over a pulse.
     reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
@@ -304,13 +308,11 @@ def trajectory_of(
             )  # fmt: skip
             if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
                 return found
-    reduced = flow.is_reduced
-    # Most runs of a reduced flow keep clear of every loss; what is seen of one that does not is made and told again.
-    tests = cast("ReducedFlow", flow).tests if reduced and asked is None and progress is None else None
     # By place, at a third of what so many names cost.
     wanted = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
-         RECORD if tests is None else LOOK, 0.0, keeps, tests, grid.size if reads and grid is not None else 0)
+         RECORD if tests is None else LOOK, 0.0, keeps, tests, grid.size if reads and grid is not None else 0,
+         over_slow is not None)
     )  # fmt: skip
     record = run(wanted) if tests is not None or not (reduced or asked is not None) else None
     told = None
@@ -319,6 +321,11 @@ def trajectory_of(
         or record.status is not Status.SUCCESS
         or (reduced and cast("ReducedFlow", flow).leaves_pairs)
     ):
+        if over_slow is not None:
+            wanted = wanted._replace(y=_start(flow, start), over_slow=False)
+            if record is not None and record.status is Status.INTERRUPTED:
+                # It may have come before the start was found.
+                record.states[0] = wanted.y
         record, told = _told(flow, wanted, record, asked, (first, last), grid)
     if grid is not None:
         states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)

@@ -42,6 +42,8 @@ JET: Signature = types.void(
     types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE, _REALS, _REALS, _WHOLE, _ROWS, _LAYERS
 )
 """That of `jets.flow_jet_with_tangents`."""
+SHEET: Signature = types.boolean(_WHOLES, _REALS, _REALS)
+"""That of `sheets.reach_sheet`."""
 
 
 @cache
@@ -110,9 +112,14 @@ def _call_jet(context, address, tape, constants, rates, epsilon, slow, x, y, ord
     return _at(address, JET)
 
 
+def _call_sheet(context, address, sheet, target, y):
+    return _at(address, SHEET)
+
+
 # Typed as Any because kernels see them without the typing context.
 call_method: Any = intrinsic(_call_method)
 call_rosenbrock_loops: Any = intrinsic(_call_rosenbrock_loops)
 call_collocation_loops: Any = intrinsic(_call_collocation_loops)
 call_explicit_loops: Any = intrinsic(_call_explicit_loops)
 call_jet: Any = intrinsic(_call_jet)
+call_sheet: Any = intrinsic(_call_sheet)

@@ -12,8 +12,9 @@ The room (k,) is, one part behind the other,
     work              the integrator's memory, the signs of what is watched, the rate (n,)
     record            times (length + 1,), states (length + 1, n) and dense (length or 0, rows, n), the start in row 0
 
-Before the first call the numbers of HEAD and `given` are there, and BEGUN is 0; nothing else need be. A run whose
-record is full goes on in a room with another record, in front of which all is the same.
+Before the first call the numbers of HEAD and `given` are there, and BEGUN is NOT_BEGUN or, where y begins with the slow
+variables over which the run begins, OVER_SLOW; nothing else need be. A run whose record is full goes on in a room with
+another record, in front of which all is the same.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.grid import doubt_grid, read_grid
-from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero
+from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
 from gsp.kernels.step_control import largest_rate
 
-# Whole numbers: whether the run is begun, the bound on its attempted steps; how many states, entries of p, stops,
-# entries of the integrator's memory, functions that are watched, rows of a record, of them with a dense output, and
-# rows of that.
+# Whole numbers: whether the run is begun, or y holds slow variables over which it is to begin; the bound on its
+# attempted steps; how many states, entries of p, stops, entries of the integrator's memory, functions that are watched,
+# rows of a record, of them with a dense output, and rows of that.
 BEGUN, LIMIT, STATES, CONSTANTS, STOPS, MEMORY, WATCHES, LENGTH, DENSE, ROWS = range(10)
 HEAD = 10
+# BEGUN.
+NOT_BEGUN, HAS_BEGUN, OVER_SLOW = range(3)
 COUNTERS = HEAD
 GIVEN = COUNTERS + ledger.COUNTERS_SIZE
 # given.
@@ -82,8 +85,8 @@ def launch(program, room):
     memory = room[work : work + head[MEMORY]]
     y = room[Y:constants]
     p = room[constants:stops]
-    if head[BEGUN] == 0:
-        head[BEGUN] = 1
+    if head[BEGUN] == NOT_BEGUN:
+        head[BEGUN] = HAS_BEGUN
         counters[:] = 0
         room[work:record] = 0.0
         memory[ledger.TIME] = room[FIRST]
@@ -106,12 +109,17 @@ def launch(program, room):
 def launch_watched(program, functions, room):
     """`launch`, with a look along the steps that are made: LOOK_WANTED where a watched function may pass through zero.
 
-    `functions` are as `scan` takes them; their signs, zeros at first, stand in the room.
+    `functions` are as `scan` takes them; their signs, zeros at first, stand in the room. LOOK_WANTED also where y holds
+    slow variables and compiled code finds no point over them.
     """
     program, functions, room = borrowed(program), borrowed(functions), borrowed(room)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
-    before = counters[ledger.STEPS] if head[BEGUN] != 0 else 0
+    if head[BEGUN] == OVER_SLOW:
+        if not reach_start(functions, room[Y : Y + head[STATES]]):
+            return ledger.LOOK_WANTED
+        head[BEGUN] = NOT_BEGUN
+    before = counters[ledger.STEPS] if head[BEGUN] == HAS_BEGUN else 0
     code = launch(program, room)
     new = counters[ledger.STEPS] - before
     n = head[STATES]

@@ -6,14 +6,16 @@ import math
 
 import numpy as np
 
+from gsp.kernels.addresses import call_sheet
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
 
 # Places of `functions`: how many values are watched, and the address of the function that gives them over a state; what
 # is looked at once, at the start: the address of the function that turns the state into a point, and the point's size,
-# the address of the tests there, and how many they are, whether pairs are watched, and the series. Behind these the
-# outputs of the tests that are watched.
-WATCHED, ALONG, LIFT, SIZE, TESTS, OUTPUTS, PAIRS, SERIES, COLUMNS = range(9)
+# the address of the tests there, and how many they are, whether pairs are watched, and the series; the address of
+# `sheets.reach_sheet` and the number of slow variables, where a start may be given by them. Behind these the outputs of
+# the tests that are watched, then which of the point's entries are the state's, then what `reach_sheet` takes.
+WATCHED, ALONG, LIFT, SIZE, TESTS, OUTPUTS, PAIRS, SERIES, SHEET, SLOW, COLUMNS = range(11)
 
 # Pieces of a step. The interpolants have degree 4 to 9, so more zeros than pieces are rare; they are smooth, and a
 # dip between two points shows at the points beside it.
@@ -92,6 +94,21 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
                 known[0, c] = value
             seen += 1
     return _CLEAR
+
+
+@inner_kernel
+def reach_start(functions, state):
+    """Put the coordinates of the point over the slow variables in `state` in their place; False where none is found."""
+    slow = functions[SLOW]
+    places = COLUMNS + functions[WATCHED]
+    point = np.empty(functions[SIZE] - 1)
+    for i in range(slow):
+        point[i] = state[i]
+    if not call_sheet(functions[SHEET], functions[places + slow :], point[:slow], point[slow:]):
+        return False
+    for i in range(slow):
+        state[i] = point[functions[places + i]]
+    return True
 
 
 @inner_kernel

@@ -116,29 +116,30 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
 
 
 @kernel
-def reach_sheet(functions, numbers, target, y):
+def reach_sheet(sheet, target, y):
     """Fill `y` (n,) with the point over `target` (n_slow,) of the sheet that a seed lies on; True if it was reached.
 
-    `functions` are the three addresses of `follow_sheet`, its rounds, and the numbers of pieces that are tried one
-    after the other; `numbers` are its tolerance, the seed (x, y) and p.
+    `sheet` are the three addresses of `follow_sheet`, its rounds, how many numbers of pieces are tried one after the
+    other, and these; then, as bits, its tolerance, the seed (x, y) and p.
     """
-    functions, numbers, target, y = borrowed(functions), borrowed(numbers), borrowed(target), borrowed(y)
+    sheet, target, y = borrowed(sheet), borrowed(target), borrowed(y)
+    tried = 5 + sheet[4]
+    numbers = sheet[tried:].view(np.float64)
     m = 1 + target.shape[0]
     n = m + y.shape[0]
-    for pieces in functions[4:]:
+    for pieces in sheet[5:tried]:
         for i in range(y.shape[0]):
             y[i] = numbers[m + i]
         if follow_sheet(
-            functions[0], functions[1], functions[2], numbers[n:], numbers[1:m], y, target, pieces, numbers[0],
-            functions[3],
+            sheet[0], sheet[1], sheet[2], numbers[n:], numbers[1:m], y, target, pieces, numbers[0], sheet[3],
         ):  # fmt: skip
             return True
     return False
 
 
 @kernel
-def reach_sheets(functions, numbers, targets, out, found):
+def reach_sheets(sheet, targets, out, found):
     """`reach_sheet` over each of `targets` (k, n_slow), into row i of `out` (k, n); `found` (k,) says which."""
-    functions, numbers, targets, out = borrowed(functions), borrowed(numbers), borrowed(targets), borrowed(out)
+    sheet, targets, out = borrowed(sheet), borrowed(targets), borrowed(out)
     for i in range(targets.shape[0]):
-        found[i] = reach_sheet(functions, numbers, targets[i], out[i])
+        found[i] = reach_sheet(sheet, targets[i], out[i])

@@ -7,7 +7,8 @@ import ctypes
 import numpy as np
 import pytest
 
-from gsp.errors import BranchError, HyperbolicityError
+from gsp.critical import branch as branches
+from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration import loop
 from gsp.integration import trajectory as module
 from gsp.integration.trajectory import integrate
@@ -111,12 +112,12 @@ def test_one_point_of_a_sheet_is_what_following_it_gives(name, draws):
 
 def test_a_step_that_may_lead_to_another_sheet_is_not_trusted():
     branch = study(load("van_der_pol")).branch
-    functions, numbers = branch._sheet
+    numbers = branch._sheet[5 + branch._sheet[4] :].view(float)
     x0, y0, p = numbers[1:2], numbers[2:3], numbers[3:]
     # From x = 2 the sheet ends at y = -2/3; Newton's method alone would find a point of the other one.
     y = y0.copy()
     for pieces in (1, 4, 16):
-        assert not follow_sheet(*functions[:3], p, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
+        assert not follow_sheet(*branch._sheet[:3], p, x0, y, np.array([-0.9]), pieces, 1e-12, 40)
     assert np.array_equal(y, y0)
 
 
@@ -127,11 +128,25 @@ def test_a_run_with_its_watch_is_one_call_of_compiled_code(name, monkeypatch):
     watched = loop.launch_watched
     monkeypatch.setattr(loop, "launch_watched", lambda *arguments: calls.append(1) or watched(*arguments))
     monkeypatch.setattr(loop, "launch", lambda *arguments: pytest.fail("a second run"))
-    run = integrate(
-        flow, start=dict(found.start), span=found.scene.span, epsilon=found.scene.epsilon, rtol=1e-6
-    )
+    # A start over an implicit branch is found in the same call.
+    monkeypatch.setattr(branches, "reach_sheet", lambda *arguments: pytest.fail("a call for the start"))
+    start = {x.name: found.start[x.name] for x in found.system.x}
+    run = integrate(flow, start=start, span=found.scene.span, epsilon=found.scene.epsilon, rtol=1e-6)
     assert run.status.ok
     assert calls == [1]
+
+
+def test_a_run_that_is_interrupted_before_its_start_is_found_has_the_start(monkeypatch):
+    found = study(load("van_der_pol"))
+    flow, start = found.reduced(1), {x.name: found.start[x.name] for x in found.system.x}
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(loop, "launch_watched", interrupt)
+    run = integrate(flow, start=start, span=found.scene.span, epsilon=found.scene.epsilon)
+    assert run.status is Status.INTERRUPTED
+    np.testing.assert_array_equal(run.y, np.array([flow.initial(start)]).T)
 
 
 PASSED = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.POINTER(ctypes.c_double)] * 3)

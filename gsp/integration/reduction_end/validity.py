@@ -173,7 +173,7 @@ class Validity(Portable):
         along, lift, tests = self.along, self.lift, self.tests
         flags = self.watches_pairs, self.order > 0
         addresses = along.address, lift.address, lift.outputs, tests.address, tests.outputs
-        return np.array((along.outputs, *addresses, *flags, *self._columns), np.int64)
+        return np.array((along.outputs, *addresses, *flags, 0, 0, *self._columns), np.int64)
 
     @cached_property
     def along(self) -> CompiledFunction:
