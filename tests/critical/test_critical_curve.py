@@ -356,6 +356,16 @@ def test_three_curves_through_one_point_are_named_but_not_told_apart() -> None:
 ELLIPSE = 1 - x**2 / 4 - y**2 - x * y / 3
 
 
+def test_a_curve_through_a_pole_of_the_field_ends_there_without_a_branch_point() -> None:
+    # Zhabotinsky's oxidised catalyst: at x = 1 the field is infinite, but for y = 1/4, where it is 0/0.
+    fast = y * (1 - y) - x / (1 - x) * (y - sp.Rational(1, 4)) / 50
+    system = SlowFastSystem(slow={x: y}, fast={y: fast}, epsilon=sp.Symbol("epsilon"))
+    curve = continue_critical(system, start={"x": 0.1, "y": 0.9}, bounds={"x": (-0.5, 1.5), "y": (0, 2)})
+    assert not any(point.kind.is_branch_point for point in curve.special)
+    assert curve["x"].max() == pytest.approx(1.0, abs=1e-6)
+    assert "a pole here" in curve.message
+
+
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_a_closed_curve_closes(direction: int) -> None:
     curve = continue_critical(one(ELLIPSE), start={"x": 0, "y": 1}, direction=direction)

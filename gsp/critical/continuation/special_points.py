@@ -24,6 +24,8 @@ ZERO_EIGENVALUE = 1e-6
 ZERO_COEFFICIENT = 1e-6
 # A tangent counts as vertical when its free component is below this, in scaled units.
 VERTICAL = 1e-6
+# g_u near a place and so many steps before it: where it grows to that many times its size the field has a pole.
+FURTHER, POLE = 100.0, 10.0
 # A branch point is on the curve when g misses zero there by at most this, in rows of unit slope.
 ON_CURVE = 1e-11
 
@@ -261,7 +263,12 @@ class BranchPoints:
                 crossing = self._directions(u, w, size, tangent)
                 if crossing is not None:
                     return u, crossing
-        return (0.5 * (a + b), Crossing(0.0, NONE)) if short else None
+        return (0.5 * (a + b), Crossing(0.0, NONE)) if short and not self._is_pole(a, b) else None
+
+    def _is_pole(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether g_u grows towards the place between a and b, where at a branch point its rank falls."""
+        near, far = (float(np.linalg.norm(self.problem.jacobian(u))) for u in (a, a + FURTHER * (a - b)))
+        return not near < POLE * far
 
     def _moore(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         problem, scales, n = self.problem, self.tracer.scales, self.problem.size
