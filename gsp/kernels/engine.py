@@ -89,22 +89,30 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False, schedul
             llvm.add_symbol(symbol, ctypes.cast(function, ctypes.c_void_p).value)
     name, features = processor()
     level = 2 if optimised else effort(text) if scheduled else 0
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        opt=level, cpu=name, features=features, jit=True, codemodel="jitdefault"
-    )
     key = hashlib.sha256("\0".join((name, features, str(level), text)).encode()).digest()
     file = _files.get(key)
     if file is None:
-        file = emit(text, machine, optimised)
+        file = emit(text, _emitting(name, features, level), optimised)
         _files.keep(key, file)
     # An engine begins with a module, here an empty one that it need not compile; it copies the object file.
     empty = llvm.parse_assembly("", context=llvm.create_context())
-    engine = llvm.create_mcjit_compiler(empty, machine)
+    engine = llvm.create_mcjit_compiler(empty, _machine(name, features, level))
     engine.remove_module(empty)
     empty.close()
     engine.add_object_file(llvm.ObjectFileRef.from_data(file))
     engine.finalize_object()
     return engine
+
+
+def _machine(name: str, features: str, level: int) -> llvm.TargetMachine:
+    return llvm.Target.from_default_triple().create_target_machine(
+        opt=level, cpu=name, features=features, jit=True, codemodel="jitdefault"
+    )
+
+
+# An engine keeps the machine that it was made with, and one that has written code keeps half a megabyte of tables. So
+# code is written by machines that all builds share, and that of an engine writes none.
+_emitting = cache(_machine)
 
 
 def emit(text: str, machine: llvm.TargetMachine, optimised: bool) -> bytes:

@@ -74,6 +74,25 @@ def test_code_for_another_processor_or_of_another_effort_is_made_again(emitted, 
     assert len(emitted) == 4
 
 
+def test_one_machine_writes_all_code_of_an_effort_and_no_engine_keeps_its_tables(emitted, monkeypatch) -> None:
+    writers, write = [], llvm.TargetMachine.emit_object
+
+    def counted(machine: llvm.TargetMachine, module: llvm.ModuleRef) -> bytes:
+        writers.append(machine)
+        return write(machine, module)
+
+    given, create = [], llvm.create_mcjit_compiler
+    monkeypatch.setattr(llvm.TargetMachine, "emit_object", counted)
+    monkeypatch.setattr(
+        llvm, "create_mcjit_compiler", lambda module, machine: given.append(machine) or create(module, machine)
+    )
+    engines = [built(factor) for factor in (2.0, 3.0, 4.0)]
+    assert [value(one, 0.5) for one in engines] == pytest.approx(np.exp([1.0, 1.5, 2.0]), rel=1e-15)
+    assert len(writers) == 3
+    assert all(writer is writers[0] for writer in writers)
+    assert all(machine is not writers[0] for machine in given)
+
+
 def test_what_was_not_used_for_long_is_forgotten(emitted, monkeypatch) -> None:
     machine_code = engine.ObjectFiles()
     monkeypatch.setattr(engine, "_files", machine_code)
