@@ -383,3 +383,14 @@ def test_a_series_is_printed_through_its_last_order() -> None:
     assert [line.strip() for line in shown[1:]] == [
         "h_0: y = x", "h_1: y = x", "h_2: y = 2*x", "f_0: x' = -x", "f_1: x' = -x", "f_2: x' = -2*x",
     ]  # fmt: skip
+
+
+def test_what_can_be_read_of_a_series_is_the_longest_part_within_the_limit() -> None:
+    series = expand(solve_critical(systems.michaelis_menten()).branches[0], order=4)
+    assert series.readable(max(series.sizes)) is series
+    numbers = series.specialised
+    assert max(numbers.sizes) < max(series.sizes)
+    for limit in range(min(numbers.sizes), max(series.sizes)):
+        found = series.readable(limit)
+        assert max(found.sizes) <= limit
+        assert found.order == 4 or numbers.sizes[found.order + 1] > limit
