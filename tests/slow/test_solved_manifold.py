@@ -351,6 +351,7 @@ def test_a_kink_is_not_resolved_and_says_where() -> None:
     assert manifold.status is Status.NOT_CONVERGED
     assert manifold.error_estimate > 1e-6
     assert "not smooth there" in manifold.message
+    assert f"(tolerance {manifold.tolerance:g}), largest residual near u = " in manifold.message
 
 
 def test_a_third_time_scale_is_warned_about() -> None:
