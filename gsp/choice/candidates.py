@@ -106,6 +106,8 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
             why = f"{failure}"
         if not told:
             predicted, holds = float("nan"), first
+        elif prediction.crossing(order) < last:
+            predicted = float("nan")
     # Beyond a fold it would chatter; a run of no length has no cost.
     whole = prediction.runs[order].status.ok
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))

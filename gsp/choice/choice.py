@@ -158,7 +158,8 @@ def choose(
     seconds), and the full system, all integrated with a tenth of `tolerance` (default the scene's, as is `epsilon`).
     With `fast` the errors of the fast variables count as well, outside the layer: within it a reduced flow has no value
     for them, see `composite`. A reduced flow is valid while the branch attracts along it, the normal rate dominates
-    the tangential one, the region is not left, and the series is at or below its best order.
+    the tangential one, the region is not left, no kink of the field is crossed (from order 1 on), and the series is at
+    or below its best order.
 
     A scene that cannot be reduced at all is answered with the full system and the reason. Raises `DeclarationError` for
     arguments that are not well formed.

@@ -19,6 +19,7 @@ import numpy as np
 
 from gsp.critical.sampling import Sampler
 from gsp.errors import Status
+from gsp.hyperbolicity.losses.switching import switches
 from gsp.integration.reduced_flow import ReducedFlow, restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.tolerances import absolute_tolerance
@@ -31,6 +32,8 @@ AHEAD = 2
 VANISHED = 30.0
 # Times at which a run is looked at, and how often the place where it fails is narrowed down as finely again.
 CHECKS, REFINEMENTS = 65, 2
+# Places at which the sides of switching surfaces are looked at, and again where one is crossed.
+SIDES = 129
 # A run this much outside the region, relative to its width, is rounding.
 OUTSIDE = 1e-9
 # The runs compared are this much more exact than the error looked for, and never asked for less than rounding.
@@ -47,6 +50,7 @@ class Failure(StrEnum):
     RATE = "the normal rate no longer dominates"
     REGION = "the region is left"
     UNTOLD = "nothing tells its error"
+    KINK = "a kink of the field is crossed"
     ORDER = "the series is past its best order"
     ERROR = "the predicted error passes the tolerance"
     END = "the reduced run ends"
@@ -124,6 +128,7 @@ class Prediction:
             gap = -np.nan_to_num(np.real(eigenvalues), nan=np.inf).max(axis=1)
             ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
         inside = self.sampler.inside(slow, self.region)
+        beyond = times[alive] > self.crossing(order)
         past = self._past_best(order, terms)
         # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
         past |= times[alive] > min(map(self.covered, self.compared(order)))
@@ -136,6 +141,8 @@ class Prediction:
                 if ratio[i] < 1.0
                 else Failure.REGION
                 if not inside[i]
+                else Failure.KINK
+                if beyond[i]
                 else Failure.ORDER
                 if past[i]
                 else Failure.ERROR
@@ -173,6 +180,33 @@ class Prediction:
         # Where a run has no length, it is the series of its base point that leads out of the field's domain.
         begins = order == 0 or run.t[-1] > run.t[0]
         return Failure.END if begins and run.status is not Status.SERIES_ENDS else Failure.ORDER
+
+    def crossing(self, order: int) -> float:
+        """When the run of this order first crosses a switching surface of the field; infinite when it does not.
+
+        A series is one on each side, and a run across is off by O(epsilon^2), which no higher order tells. The error
+        of order 0 is larger than that, and is told by the next order all the same.
+        """
+        if order == 0 or self._surfaces is None:
+            return float("inf")
+        run, crossed = self.runs[order], float("inf")
+        low, high = float(run.t[0]), self.covered(order)
+        for _ in range(1 + REFINEMENTS):
+            times = np.linspace(low, high, SIDES)
+            with np.errstate(all="ignore"):
+                values = self._surfaces(self._places(run, times)[0], self.sampler.p)
+            other = np.flatnonzero((values * values[0] < 0.0).any(axis=1))
+            if not other.size:
+                break
+            crossed = low = float(times[other[0] - 1])
+            high = float(times[other[0]])
+        return crossed
+
+    @cached_property
+    def _surfaces(self):
+        """The switching functions of the field over points (m, n), or None for a smooth one."""
+        found = switches([*self.sampler.f, *self.sampler.g], self.sampler.system.states)
+        return self.sampler.compiled([switch.surface for switch in found]) if found else None
 
     def _past_best(self, order: int, terms: np.ndarray) -> np.ndarray:
         """Where the `terms` (m, k, n_fast) left out have begun to grow again."""

@@ -160,7 +160,7 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
         return "A larger region or a shorter span would help."
-    if nearest.failure in (Failure.GAP, Failure.END):
+    if nearest.failure in (Failure.GAP, Failure.KINK, Failure.END):
         return "A span that ends before that place, or a start behind it, would help."
     enough = max((_enough(c, scene) for c in evidence.candidates), default=0.0)
     if enough >= SMALLEST_SHARE * scene.epsilon:

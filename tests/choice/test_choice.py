@@ -419,6 +419,27 @@ def test_the_solved_manifold_is_not_run_beyond_the_region() -> None:
         assert left - 2.0 / 96 - 1e-3 < solved.holds_until < left
 
 
+def test_a_series_is_not_taken_across_a_kink() -> None:
+    # Over x' = 1 + |x - 3/2| from 1 the kink at 3/2 is met at log(3/2); beyond, every order is off by epsilon^2.
+    asked = {"start": {"x": 1, "y": 0.5}, "region": {"x": (0, 4)}, "span": (0, 1)}
+    kinked = scene(1 + y, sp.Abs(x - sp.Rational(3, 2)) - y, **asked)
+    first, *higher, _, _ = choose(kinked, orders=(0, 1, 2), tolerance=1e-5).candidates
+    assert first.failure is Failure.ERROR
+    for candidate in higher:
+        assert not candidate.valid
+        assert np.isnan(candidate.predicted)
+    assert higher[-1].failure is Failure.KINK
+    assert higher[-1].holds_until == pytest.approx(np.log(1.5), abs=0.03)
+    full = run_model(kinked.system, kinked.start, kinked, (0.0, 1.0), 1e-11)
+    flow = study_of(kinked).reduced(2)
+    reduced = run_model(flow, study_of(kinked).base_point(2), kinked, (0.0, 1.0), 1e-11)
+    assert abs(reduced["x"][-1] - full["x"][-1]) > 1e-5 * full["x"][-1]
+    # The next order tells the error of order 0, and a run that stays on one side is as it was.
+    assert choose(kinked, orders=(0,), tolerance=0.1).candidates[0].valid
+    early = choose(replace(kinked, span=(0, 0.3)), orders=(2,), tolerance=1e-5).candidates[0]
+    assert early.valid
+
+
 def test_a_layer_through_a_kink_is_told_with_its_start_and_its_place() -> None:
     # y' = 1/2 - y up to the kink at y = 1/8, which a layer from -1 meets at log 4.
     kinks = 1 - y + sp.Abs(y - sp.Rational(1, 8)) - sp.Abs(y - sp.Rational(5, 8)) - x
