@@ -116,8 +116,9 @@ class ReducedFlow(Flow, Card):
 
     def slow_start(self, start: Point) -> tuple[float, ...] | None:
         """The slow variables and what starts at 0, where compiled code finds the point of M0 over them; else None."""
-        names, over, _, rest = self._usual
-        known = plain(start, names) if over is not None else None
+        names, over, places, rest = self._usual
+        # Compiled code puts as many coordinates in the place of the slow variables as there are of these.
+        known = plain(start, names) if over is not None and len(places) == len(names) else None
         return None if known is None else (*known, *rest)
 
     @cached_property

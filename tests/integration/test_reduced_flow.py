@@ -96,6 +96,17 @@ def test_on_an_implicit_branch_the_chart_carries_the_slow_variable() -> None:
     np.testing.assert_allclose(run["y"], run["x0"] ** 3 / 3 - run["x0"], rtol=1e-13)
 
 
+def test_a_branch_with_more_coordinates_than_slow_variables_is_run_on_from_these_alone() -> None:
+    branch = solve_critical(systems.coupled()).branches[0].through({"x": 1, "y": 0.5, "z": 0.3})
+    flow = restrict(expand(branch, order=1))
+    assert len(flow.states) > len(branch.system.x)
+    asked = {"span": (0, 0.5), "epsilon": 0.05, **TIGHT}
+    whole = dict(zip("xyz", [1.0, *branch.points([[1.0]])[0]]))
+    alone, named = integrate(flow, start={"x": 1.0}, **asked), integrate(flow, start=whole, **asked)
+    assert alone.status.ok
+    np.testing.assert_allclose(alone.y[:, -1], named.y[:, -1], rtol=1e-9)
+
+
 def test_a_fresh_name_for_a_point_of_the_critical_manifold_avoids_those_taken() -> None:
     x, x0, y = sp.symbols("x x0 y")
     system = SlowFastSystem(slow={y: -x}, fast={x: y + x0 * x - x**3}, epsilon=eps, parameters={x0: 1})
