@@ -368,7 +368,10 @@ def test_a_relaxation_oscillator_is_reduced_between_its_jumps(opened) -> None:
     pieces = page.run("return current.result.pieces.map((piece) => piece.runs[0].status)")
     assert len(pieces) >= 3
     assert pieces[0] in ("lost", "too small")
-    assert "order 0 ends at t = about 0.8" in page.run("return document.getElementById('notes').innerText")
+    # In one go with a picture made anew: where the machine is busy the finer run has come already.
+    assert "order 0 ends at t = about 0.8" in page.run(
+        "update(); return document.getElementById('notes').innerText"
+    )
     page.measured()
     assert "order 0 ends at t = 0.80" in page.run("return document.getElementById('notes').innerText")
 
