@@ -9,7 +9,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, orders_through, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiled_by_two, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 from gsp.results.interrupts import undisturbed
@@ -26,7 +26,8 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
     from gsp.comparison.classical_table import method_table
 
-    table = method_table(scene, **orders_through(order))
+    with compiled_by_two():
+        table = method_table(scene, **orders_through(order))
     if as_json:
         from gsp.report import plain
 

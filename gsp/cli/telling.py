@@ -32,7 +32,7 @@ def compiling_told() -> Iterator[None]:
 
 @contextmanager
 def compiled_by_two() -> Iterator[None]:
-    """Have a second process help when a report's kernels are compiled, where there is a core for it."""
+    """Have a second process help when kernels that a report needs are compiled, where there is a core for it."""
     from gsp.integration.parallel import check_threads
     from gsp.kernels.ahead import compiled_ahead
 
