@@ -137,7 +137,8 @@ class Search:
 
     `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
     the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.
-    `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them.
+    `quiet(time, state, times, states, dense)` may say of steps at once that nothing happens in them, and
+    `stuck(time, times, states)` that the run ends with them, since it gets nowhere.
     """
 
     def __init__(
@@ -149,9 +150,11 @@ class Search:
         first: float,
         y: np.ndarray,
         quiet: Callable[..., bool] | None = None,
+        stuck: Callable[[float, np.ndarray, np.ndarray], Settled | None] | None = None,
     ) -> None:
         self.values = values
         self.quiet = quiet
+        self.stuck = stuck
         self.watched = tuple(watched)
         self.stepper = stepper
         self.found: list[list[Settled]] = [[] for _ in watched]
@@ -182,6 +185,11 @@ class Search:
             del found[count:]
         del self._pieces[seen.pieces :]
         self._signs = seen.signs.copy()
+        end = None if self.stuck is None else self.stuck(seen.time[0], times, states)
+        if end is not None:
+            self._pass(times, states)
+            self._seen = self._seen._replace(end=end)
+            return True
         if self.quiet is not None and self.quiet(seen.time[0], seen.state[0], times, states, dense):
             self._pass(times, states)
             return False

@@ -54,4 +54,5 @@ def search_of(
         return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])
 
     signs += [ending.signs] if ending else []
-    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet)
+    stuck = None if ending is None else ending.stuck
+    return Search(values, watched, np.concatenate(signs), stepper, first, y, quiet, stuck)

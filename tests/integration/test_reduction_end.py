@@ -647,3 +647,26 @@ def test_what_is_watched_of_a_chain_grows_with_its_links():
         parts.update(sp.preorder_traversal(expression))
     # The rates of each link are multiplied by the determinants of all behind it: half of 30^2.
     assert len(parts) < 2 * 30**2
+
+
+# Sliding
+
+
+def test_a_run_that_can_only_slide_ends_there():
+    """Dry friction: on y = -sign(x) the flow x' = y meets x = 0 at t = 0.6 from both sides."""
+    # sign, and not Max: what is at x = 0 is no matter.
+    friction = SlowFastSystem(slow={x: y}, fast={y: -y - sp.sign(x)}, epsilon=eps)
+    trajectory = run(friction, {"x": 0.6, "y": -1.0}, span=(0, 3))
+    assert trajectory.status is Status.STEP_TOO_SMALL
+    assert trajectory.t[-1] == pytest.approx(0.6, abs=1e-6)
+    assert "points to x = " in trajectory.message
+    assert "from both sides" in trajectory.message
+    assert trajectory.stats.steps < 500
+
+
+@pytest.mark.parametrize("span", [(0, 3), (0, 1e4)])
+def test_a_run_that_goes_on_through_many_turns_does_not_slide(span):
+    """x'' = -x: with steps of a sixteenth of a turn, over ever longer spans."""
+    turning = SlowFastSystem(slow={x: w, y: -x}, fast={w: y - w}, epsilon=eps)
+    trajectory = run(turning, {"x": 1.0, "y": 0.0, "w": 0.0}, span=span, rtol=1e-6, atol=1e-8)
+    assert trajectory.status is Status.SUCCESS
