@@ -228,7 +228,7 @@ class Status(Enum):
     )
     STEP_TOO_SMALL = (
         EndKind.FAILED,
-        "the smallest step failed",
+        "the steps became too small",
         "loosen rtol, or look for a singularity or a fold near the last point",
     )
     TOO_MANY_STEPS = (

@@ -191,6 +191,7 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
         runs={0: SimpleNamespace(status=Status.FOLD_REACHED)},
         covered=lambda order: last,
         tells=lambda order, times: True,
+        crossing=lambda order: float("inf"),
     )
     outlook = SimpleNamespace(
         prediction=prediction, flows={0: None, AHEAD: None}, starts={0: None}, layer=0.0,

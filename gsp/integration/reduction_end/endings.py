@@ -45,9 +45,9 @@ BESIDE, SMALL = 1e-9, 1e-3
 BACK = 1e-2
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
-# A run slides when as many steps as are looked at together take less than this share of the span, and grow no smaller:
-# into a fold and other ends they do.
-SLIDING, SMALLER = 1e-7, 0.5
+# A run is stuck when as many steps as are looked at together take less than this share of the time so far, and grow no
+# smaller: into a fold and other ends they do. Steps that are all alike take so little after a hundred million of them.
+STUCK, SMALLER = 1e-6, 0.5
 ACROSS = "the reduction ends here; integrate the full system across"
 # At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
 # zero that the numerator has too it does not.
@@ -113,21 +113,22 @@ class Ending:
         )
 
     def stuck(self, time: float, times: np.ndarray, states: np.ndarray) -> Settled | None:
-        """The ending of a run that has made these steps since `time` and gets nowhere, for it is thrown back at once.
+        """The ending of a run that has made these steps since `time` and gets nowhere.
 
-        So it does where the reduced field points from both sides to where it jumps: at a kink of M0, as of friction.
+        So it is where the reduced field points from both sides to where it jumps, at a kink of M0 as of dry friction.
         """
         steps = np.abs(np.diff(times, prepend=time))
         half = len(steps) // 2
         if (
             len(steps) < LOOK
-            or steps.sum() > SLIDING * abs(self.span[1] - self.span[0])
+            or steps.sum() > STUCK * abs(times[-1] - self.span[0])
             or steps[half:].max() < SMALLER * steps[:half].max()
         ):
             return None
         t, y = float(times[-1]), states[-1]
         note = (
-            f"the reduced field points to {self._shown(y)} from both sides, and a run can only slide along it"
+            f"{LOOK} steps took no more than {steps.sum():.2g} of time at {self._shown(y)}, as where the reduced field "
+            "jumps and points there from both sides, or where it has a fast time of its own"
         )
         return Settled(t, y, None, Status.STEP_TOO_SMALL, note, ACROSS)
 
