@@ -38,7 +38,7 @@ _MANY_TIMES = 20
 _TIGHT_RTOL_OVER_GRIDS = 2e-2
 # Where loops do the work Rodas5P and Radau of order 9, which decomposes nine times as much a step, cross at 1e-6 with a
 # full Jacobian of 12 states, at 5e-7 with 20 and 2e-7 with 30. The sparse systems of a step are decomposed at once, and
-# they cross at errors of 3e-4 to 1e-5 on lines and networks of 60 to 1000 states.
+# they cross at errors of 1e-2 to 1e-5 on lines and networks of 60 to 1000 states.
 _TIGHT_RTOL_OF_LOOPS = 1e-6
 # The default does not wait longer for its code than half a second: so many products, and parts of the expressions.
 _MOST_PRODUCTS = 5_000

@@ -46,7 +46,7 @@ BACK = 1e-2
 # The last step of a run into a fold is kept when it meets the fold to so many times the tolerance.
 JOINED = 100.0
 # A run is stuck when as many steps as are looked at together take less than this share of the time so far, and grow no
-# smaller: into a fold and other ends they do. Steps that are all alike take so little after a hundred million of them.
+# smaller: into a fold and other ends they do. Steps that are all alike take so little after 64 million of them.
 STUCK, SMALLER = 1e-6, 0.5
 ACROSS = "the reduction ends here; integrate the full system across"
 # At a pole g_y or g_x grows by more than this when it is approached from the first to the second share of a step; at a
@@ -116,11 +116,13 @@ class Ending:
         """The ending of a run that has made these steps since `time` and gets nowhere.
 
         So it is where the reduced field points from both sides to where it jumps, at a kink of M0 as of dry friction.
+        Steps that the `stops` have cut say nothing.
         """
         steps = np.abs(np.diff(times, prepend=time))
         half = len(steps) // 2
         if (
             len(steps) < LOOK
+            or np.isin(times, self.stops).any()
             or steps.sum() > STUCK * abs(times[-1] - self.span[0])
             or steps[half:].max() < SMALLER * steps[:half].max()
         ):
