@@ -207,11 +207,9 @@ def _in_parts(
         part = outputs[k * len(outputs) // count : (k + 1) * len(outputs) // count]
         needed = {symbol for _, expression in part for symbol in expression.free_symbols}
         own = {symbol: place for symbol, place in places.items() if symbol in needed}
-        parts.append(_write(module, f"part{k}", part, own))
+        parts.append(_write(module, f"part{k}", part, own, 0 if parts else zeros))
     function = ir.Function(module, SIGNATURE, "f")
     builder: Any = ir.IRBuilder(function.append_basic_block())
-    if zeros:
-        fill(builder, constant(0.0), function.args[_OUT], zeros)
     for part in parts:
         builder.call(part, function.args)
     builder.ret_void()
