@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import importlib
 import os
 import signal
+import sys
 from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 
 from tests.demos.browser import Page, windows
 
+HERE = Path(__file__).parent
 # A session of so many tests asks for every kernel.
 MANY = 2000
 
+# Bytecode is kept as kernels are; without it every process of the tests would compile all modules anew.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None, object, object]:
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
     """Load everything, and compile, without a look for cycles: what is loaded stays, and is more with every file."""
     gc.disable()
     try:
+        if session.config.args == session.config.getini("testpaths"):
+            load_together(os.environ.get("PYTEST_XDIST_WORKER", ""))
         return (yield)
     finally:
         gc.enable()
@@ -35,6 +46,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 10, 10)
+
+
+def load_together(worker: str) -> None:
+    """Have the second of two processes load the tests from the last file on: either rewrites asserts and compiles
+    modules that the other then reads."""
+    for path in sorted(HERE.rglob("test_*.py"), reverse=True) if worker == "gw1" else ():
+        # What cannot be loaded here says so where it is collected.
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(".".join(path.relative_to(HERE.parent).with_suffix("").parts))
 
 
 def compile_together(worker: str) -> None:
