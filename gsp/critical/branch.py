@@ -25,7 +25,7 @@ from gsp.critical.sheet_points import (
     newton_at_each,
     place,
 )
-from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, within
+from gsp.critical.sheet_roots import fast_bounds, roots_about, scattered_roots, size_of, within
 from gsp.errors import BranchError
 from gsp.kernels.sheets import reach_sheet, reach_sheets
 from gsp.lowering.compiled_flow import compile_flow
@@ -97,7 +97,7 @@ class Branch(Portable, Card):
             found = self.graph_values(point[None, :], allow_complex=True)
             found = found[np.isfinite(found).all(axis=1)]
         elif self._polynomial is not None:
-            found = self._polynomial_roots(point)
+            found = self._polynomial_roots(point, bounds)
         else:
             found = self._scattered_roots(point, bounds)
         found = found[within(found, self.system.y, bounds or {})]
@@ -125,7 +125,7 @@ class Branch(Portable, Card):
             return self
         bounds = fast_bounds(self.system, region)
         if self._polynomial is not None:
-            candidates, fact = self._polynomial_roots(x[0]), "there is no real point"
+            candidates, fact = self._polynomial_roots(x[0], bounds), "there is no real point"
         else:
             newton, names = partial(self._newton_over, x[0]), [s.name for s in self.system.y]
             candidates = roots_about(newton, y[0], names, bounds)
@@ -249,10 +249,14 @@ class Branch(Portable, Card):
             self._require(finite_rows(y), x, "the branch is complex or singular")
         return y
 
-    def _newton(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _newton(self, x: np.ndarray, y: np.ndarray, *, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Newton's method at all points at once; returns y and which points converged."""
         return newton_at_each(
-            lambda z: self._residual(z, self._values), lambda z: self._jacobian(z, self._values), x, y
+            lambda z: self._residual(z, self._values),
+            lambda z: self._jacobian(z, self._values),
+            x,
+            y,
+            size=size,
         )
 
     def _only(self, point: np.ndarray) -> np.ndarray:
@@ -269,15 +273,17 @@ class Branch(Portable, Card):
         remedy = "Pass near=..., or fix a sheet with branch.through({...})." if len(found) else "Move x."
         raise BranchError(f"the branch {self} {fact} over {self._shown(point)}.", remedy)
 
-    def _polynomial_roots(self, point: np.ndarray) -> np.ndarray:
+    def _polynomial_roots(self, point: np.ndarray, bounds: Mapping[str, Interval] | None = None) -> np.ndarray:
         assert self._polynomial is not None
+        name = self.system.y[0].name
+        size = size_of(np.array([bounds[name]])) if bounds and name in bounds else 1.0
         coefficients = self._polynomial(point[None, :], self._values)[0]
         if not np.isfinite(coefficients).all():
             return np.empty((0, 1))
         found = np.roots(np.trim_zeros(coefficients, "f"))
-        real = found.real[np.abs(found.imag) <= REAL_TOLERANCE * (1.0 + np.abs(found))]
+        real = found.real[np.abs(found.imag) <= REAL_TOLERANCE * (size + np.abs(found))]
         guess = np.sort(real)[:, None]
-        polished, good = self._newton(np.broadcast_to(point, (len(guess), len(point))), guess)
+        polished, good = self._newton(np.broadcast_to(point, (len(guess), len(point))), guess, size=size)
         return np.where(good[:, None], polished, guess)
 
     def _scattered_roots(self, point: np.ndarray, bounds) -> np.ndarray:
@@ -292,11 +298,11 @@ class Branch(Portable, Card):
                 "Give the region an interval for each, or fix a sheet with through().",
             )
         box = np.array([bounds[y.name] for y in self.system.y])
-        return scattered_roots(partial(self._newton_over, point), box)
+        return scattered_roots(partial(self._newton_over, point), box, size=size_of(box))
 
-    def _newton_over(self, point: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def _newton_over(self, point: np.ndarray, y: np.ndarray, size: float) -> np.ndarray:
         """Roots (k, n_fast) over one slow point that Newton's method comes to from y (m, n_fast)."""
-        found, good = self._newton(np.broadcast_to(point, (len(y), len(point))), y)
+        found, good = self._newton(np.broadcast_to(point, (len(y), len(point))), y, size=size)
         return found[good]
 
     def _shown(self, point: np.ndarray) -> str:

@@ -12,7 +12,7 @@ from gsp.systems.arguments import check_array, shown
 from gsp.systems.flow import Point, complete
 from gsp.systems.system import SlowFastSystem
 
-# A root is accepted when the last Newton correction is below this, relative to 1 + |y|.
+# A root is accepted when the last Newton correction is below this, relative to 1 + |y|, or to a smaller size + |y|.
 NEWTON_TOLERANCE = 1e-12
 NEWTON_STEPS = 40
 # Matrices of more rows are solved as sparse ones.
@@ -88,10 +88,14 @@ def newton_at_each(
     x: np.ndarray,
     y: np.ndarray,
     *,
+    size: float = 1.0,
     tolerance: float = NEWTON_TOLERANCE,
     steps: int = NEWTON_STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton's method at all points (x, y) at once; returns y (m, n_fast) and which points converged (m,)."""
+    """Newton's method at all points (x, y) at once; returns y (m, n_fast) and which points converged (m,).
+
+    `size` is what counts as a unit of y beside |y|, when a step is small.
+    """
     n = y.shape[1]
     good = np.zeros(len(x), dtype=bool)
     active = np.arange(len(x))
@@ -106,10 +110,10 @@ def newton_at_each(
         finite = np.isfinite(step).all(axis=1)
         active, step = active[finite], step[finite]
         # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
-        scale = 1.0 + np.linalg.norm(y[active], axis=1)
+        far = np.linalg.norm(y[active], axis=1)
         length = np.linalg.norm(step, axis=1)
-        y[active] -= step * (scale / np.maximum(length, scale))[:, None]
-        done = length <= tolerance * scale
+        y[active] -= step * ((1.0 + far) / np.maximum(length, 1.0 + far))[:, None]
+        done = length <= tolerance * (size + far)
         good[active[done]] = True
         active = active[~done]
         if len(active) == 0:
@@ -117,11 +121,11 @@ def newton_at_each(
     return y, good
 
 
-def distinct(points: np.ndarray) -> np.ndarray:
-    """The points (k, n) that are not rounding of one another, in order."""
+def distinct(points: np.ndarray, *, size: float = 1.0) -> np.ndarray:
+    """The points (k, n) that are not rounding of one another beside `size`, in order."""
     found: list[np.ndarray] = []
     for candidate in points:
-        scale = 1e-8 * (1.0 + np.linalg.norm(candidate))
+        scale = 1e-8 * (size + np.linalg.norm(candidate))
         if all(np.linalg.norm(candidate - other) > scale for other in found):
             found.append(candidate)
     return np.array(sorted(found, key=tuple)).reshape(-1, points.shape[1])

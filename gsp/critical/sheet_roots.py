@@ -20,8 +20,8 @@ WIDENED = (1.0, 8.0, 64.0)
 # A search about a point goes on while the nearest root comes nearer by more than this share.
 NEARER = 0.99
 
-Newton = Callable[[np.ndarray], np.ndarray]
-"""From y (m, n_fast) to the roots (k, n_fast) that are come to."""
+Newton = Callable[[np.ndarray, float], np.ndarray]
+"""From y (m, n_fast), and what counts as a unit of y, to the roots (k, n_fast) that are come to."""
 
 
 def fast_bounds(system: SlowFastSystem, region: Mapping[str, object] | None) -> Mapping[str, Interval]:
@@ -30,6 +30,14 @@ def fast_bounds(system: SlowFastSystem, region: Mapping[str, object] | None) -> 
         return {}
     checked = check_region(region, [s.name for s in system.states])
     return {s.name: checked[s.name] for s in system.y if s.name in checked}
+
+
+def size_of(box: np.ndarray) -> float:
+    """What counts as a unit of y in a box (n_fast, 2).
+
+    In a small box small differences count; in a large one roots may lie as near to one another as anywhere.
+    """
+    return min(1.0, float(np.linalg.norm(box[:, 1] - box[:, 0])) or 1.0)
 
 
 def within(y: np.ndarray, fast: Sequence[sp.Symbol], bounds: Mapping[str, Interval]) -> np.ndarray:
@@ -42,29 +50,34 @@ def within(y: np.ndarray, fast: Sequence[sp.Symbol], bounds: Mapping[str, Interv
     return inside
 
 
-def scattered_roots(newton: Newton, box: np.ndarray) -> np.ndarray:
+def scattered_roots(newton: Newton, box: np.ndarray, *, size: float) -> np.ndarray:
     """Distinct roots (k, n_fast) that Newton's method comes to from places in a box (n_fast, 2)."""
-    unit = halton(len(box), SCATTER)
-    return distinct(newton(box[:, 0] + unit * (box[:, 1] - box[:, 0])))
+    places = box[:, 0] + halton(len(box), SCATTER) * (box[:, 1] - box[:, 0])
+    return distinct(newton(places, size), size=size)
 
 
 def roots_about(
     newton: Newton, y: np.ndarray, names: Sequence[str], bounds: Mapping[str, Interval]
 ) -> np.ndarray:
     """Distinct roots (k, n_fast): the nearest to y (n_fast,) among them, and those in `bounds` on fast variables."""
-    found = newton(y[None, :])
+    box = np.array([bounds[name] for name in names]) if all(name in bounds for name in names) else None
+    size = 1.0 if box is None else size_of(box)
+
+    def within_reach(reach: float) -> np.ndarray:
+        return scattered_roots(newton, np.column_stack([y - reach, y + reach]), size=size)
+
+    found = newton(y[None, :], size)
     if len(y) > SCATTERED:
         return found
-    if all(name in bounds for name in names):
-        found = np.vstack([found, scattered_roots(newton, np.array([bounds[name] for name in names]))])
+    if box is not None:
+        found = np.vstack([found, scattered_roots(newton, box, size=size)])
     for factor in () if len(found) else WIDENED:
-        reach = factor * (1.0 + float(np.linalg.norm(y)))
-        found = scattered_roots(newton, np.column_stack([y - reach, y + reach]))
+        found = within_reach(factor * (1.0 + float(np.linalg.norm(y))))
         if len(found):
             break
     # A root that is nearer than the nearest known lies in the box which that one spans about the point.
     reach = np.inf
     while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < NEARER * reach:
         reach = nearest
-        found = np.vstack([found, scattered_roots(newton, np.column_stack([y - reach, y + reach]))])
-    return distinct(found)
+        found = np.vstack([found, within_reach(reach)])
+    return distinct(found, size=size)

@@ -16,7 +16,7 @@ import numpy as np
 from gsp.critical.layer_problem import least_norm_newton
 from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
 from gsp.critical.singularity import MatrixMap, bialternate, identity, singular_near
-from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
+from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found, fast_lengths
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.naming import named
 from gsp.hyperbolicity.losses.zeros import zero
@@ -29,6 +29,9 @@ NEAR_BRANCH_POINTS = 0.35
 # Nearer losses of one kind are one: multiple zeros are located to the root of rounding only.
 SAME_KIND = 1e-4
 HALVINGS = 3
+# A point between two of a curve is nearer to both than this share of their distance, once they are near enough. Between
+# two curves one of the distances stays what it is.
+BETWEEN = 0.8
 
 FOLDS = (LossKind.FOLD, LossKind.CUSP, LossKind.BOGDANOV_TAKENS)
 Chain = list[np.ndarray]
@@ -64,24 +67,16 @@ def _ranged(diagnosis: Diagnosis, losses: Sequence[Loss]) -> Loss:
 
 
 def _distinct(diagnosis: Diagnosis, losses: Sequence[Loss]) -> list[Loss]:
-    kept: list[Loss] = []
-    for loss in losses:
-        near = any(
-            other.kind is loss.kind
-            and all(
-                abs(other.point[s.name] - loss.point[s.name]) <= SAME_KIND * width
-                for s, width in zip(diagnosis.sampler.system.x, diagnosis.widths)
-            )
-            and all(
-                abs(other.point[s.name] - loss.point[s.name])
-                <= 0.1 * SAME_KIND**0.5 * (1.0 + abs(loss.point[s.name]))
-                for s in diagnosis.sampler.system.y
-            )
-            for other in kept
-        )
-        if not near:
-            kept.append(loss)
-    return kept
+    names = [s.name for s in diagnosis.sampler.system.states]
+    z = np.array([[loss.point[name] for name in names] for loss in losses]).reshape(-1, len(names))
+    # In y a multiple zero is located to a root of what it is in x.
+    lengths = fast_lengths(diagnosis.samples[:, diagnosis.nx :])
+    room = np.append(SAME_KIND * diagnosis.widths, 0.1 * SAME_KIND**0.5 * lengths)
+    kept: list[int] = []
+    for i, loss in enumerate(losses):
+        if not any(losses[j].kind is loss.kind and (np.abs(z[j] - z[i]) <= room).all() for j in kept):
+            kept.append(i)
+    return [losses[i] for i in kept]
 
 
 def _merged(diagnosis: Diagnosis, losses: list[Loss], z: np.ndarray) -> list[Loss]:
@@ -184,7 +179,8 @@ def _chain(
     if length <= NEAR:
         return []
     between = _singular_point(diagnosis, of, 0.5 * (p + q), scales)
-    if between is None or max(np.linalg.norm((between - end) / scales) for end in (p, q)) > length:
+    nearest = length if halvings else BETWEEN * length
+    if between is None or max(np.linalg.norm((between - end) / scales) for end in (p, q)) > nearest:
         return None
     if halvings == 0:
         return [between]

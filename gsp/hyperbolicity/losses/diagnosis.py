@@ -69,6 +69,19 @@ class Local:
         return all(bool(np.isfinite(a).all()) for a in (self.A, self.g_x, self.second, self.third))
 
 
+def fast_lengths(y: np.ndarray) -> np.ndarray:
+    """How far a branch reaches in each fast variable (n_fast,), by most of its samples y (m, n_fast).
+
+    The few next to a pole do not say it. A variable that is constant takes the largest length of the others, or 1.
+    """
+    finite = y[np.isfinite(y).all(axis=1)]
+    if not len(finite):
+        return np.ones(y.shape[1])
+    lengths = np.subtract(*np.quantile(finite, (0.9, 0.1), axis=0))
+    longest = float(lengths.max())
+    return np.where(lengths > ROUNDING * longest, lengths, longest or 1.0)
+
+
 class Diagnosis:
     """One branch in one box, to name its losses in; `samples` (m, n) lie on it, `scale` is its largest |lambda|."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from gsp.critical.continuation.special_points import pair_test
 from gsp.critical.sampling import Sampler
 from gsp.critical.sheet_points import Allowance
-from gsp.hyperbolicity.losses.diagnosis import Found
+from gsp.hyperbolicity.losses.diagnosis import Found, fast_lengths
 from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
 from gsp.systems.region import Interval
@@ -57,8 +57,8 @@ class Locator:
         box: Mapping[str, Interval],
         scale: float,
         *,
+        samples: np.ndarray,
         usual: float | None = None,
-        samples: np.ndarray | None = None,
     ) -> None:
         self.sampler = sampler
         self.box = box
@@ -66,7 +66,9 @@ class Locator:
         self.scale = scale
         self.usual = scale if usual is None else usual
         # Units of the states, by the region and the samples: volts and shares of channels have no common length.
-        self.units = None if samples is None else _units(sampler, box, samples)
+        nx = len(sampler.system.x)
+        widths = [box[s.name][1] - box[s.name][0] for s in sampler.system.x]
+        self.units = np.append(widths, fast_lengths(samples[:, nx:]))
         self.found: list[Found] = []
         self.notes: list[str] = []
 
@@ -82,8 +84,7 @@ class Locator:
             self.found.append(Found(z, crossing))
 
     def _is_known(self, z: np.ndarray, compared: slice = slice(None)) -> bool:
-        width = max(high - low for low, high in self.box.values())
-        return any(np.abs((known.z - z)[compared]).max() < SAME * width for known in self.found)
+        return any((np.abs(known.z - z) < SAME * self.units)[compared].all() for known in self.found)
 
     # -- zero eigenvalues --------------------------------------------------------------------------
 
@@ -126,7 +127,7 @@ class Locator:
             unknown,
             steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
             sparse=sampler.is_large,
-            scales=None if self.units is None else np.append(self.units, np.ones(ny)),
+            scales=np.append(self.units, np.ones(ny)),
         )
         if found is None:
             return None
@@ -318,17 +319,3 @@ def spread(points: np.ndarray, worth: np.ndarray, count: int) -> np.ndarray:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
     return low[chosen]
-
-
-def _units(sampler: Sampler, box: Mapping[str, Interval], samples: np.ndarray) -> np.ndarray | None:
-    """A length (n,) for each state: the region's width, and how far the samples (m, n) spread in fast directions.
-
-    None over one slow variable, where zero eigenvalues are points and no length decides which one is found.
-    """
-    system = sampler.system
-    if len(system.x) == 1:
-        return None
-    slow = np.array([box[s.name][1] - box[s.name][0] for s in system.x])
-    spread = np.ptp(samples[:, len(slow) :], axis=0)
-    # A fast variable that is constant on the branch is the same at a zero.
-    return np.append(slow, np.where(spread > 0.0, spread, 1.0))

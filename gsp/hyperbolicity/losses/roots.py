@@ -20,19 +20,23 @@ def gauss_newton(
 ) -> np.ndarray | None:
     """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None.
 
-    Norms of steps are in units of `scales`, one for each unknown: which zero of many is nearest depends on them.
+    Lengths are in units of `scales`, one for each unknown, and with them a value is as large as the change that a unit
+    makes: which zero of many is nearest depends on them, and what is near one does not depend on the states' own units.
     A large Jacobian with few entries is taken apart as a `sparse` matrix; where its rows depend on one another there
     is no step then.
     """
-    u = start.copy()
-    limit = 0.5 * (1.0 + np.linalg.norm(start))
+    units = np.ones(len(start)) if scales is None else scales
+    u = start / units
+    limit = 0.5 * (1.0 + np.linalg.norm(u))
+    sizes = 1.0 if scales is None else 0.0
     for _ in range(steps):
-        value, slope = evaluate(u)
+        value, slope = evaluate(u * units)
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
-        slope = slope if scales is None else slope * scales
+        slope = slope * units
+        if scales is not None:
+            sizes = np.maximum(sizes, np.abs(slope).max(axis=1))
         step = _least_norm(slope, value) if sparse else _least_squares(slope, value)
-        step = step if scales is None else step * scales
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.linalg.norm(step)
@@ -41,9 +45,9 @@ def gauss_newton(
         u = u - (step if length <= limit else step * (limit / length))
         if length < 1e-12 * (1.0 + np.linalg.norm(u)):
             break
-    value, _ = evaluate(u)
+    value, _ = evaluate(u * units)
     # A multiple zero is approached linearly; there the steps stay longer than the residual is large.
-    return u if np.abs(value).max() < 1e-11 * (1.0 + np.linalg.norm(u)) else None
+    return u * units if (np.abs(value) <= 1e-11 * sizes * (1.0 + np.linalg.norm(u))).all() else None
 
 
 def _least_squares(slope: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -1,0 +1,85 @@
+"""What a branch loses does not depend on the units of its states: moles are nanomoles times 1e-9."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gsp import SlowFastSystem, classify, solve_critical
+
+x, u, y, z, epsilon = sp.symbols("x u y z epsilon", real=True)
+ONE = sp.Integer(1)
+SYSTEMS = {
+    "pitchfork": ({x: ONE}, {y: x * y - y**3}, {"x": (-1, 1)}),
+    "folds and a cusp of one sheet": ({x: ONE}, {y: x + y**3 - y**5}, {"x": (-1, 1), "y": (-2, 2)}),
+    "folds over the same x, and a Hopf point": (
+        {x: ONE},
+        {y: x - z**2 + y * z, z: -z + y / 2 + y**3},
+        {"x": (-1, 1), "y": (-1.3, 1.2), "z": (-1.4, 1.1)},
+    ),
+    "two lines of folds": (
+        {x: y - u, u: x},
+        {y: -x - u - y**3 / 3 + y},
+        {"x": (-1.5, 1.5), "u": (-1, 1), "y": (-3, 3)},
+    ),
+}
+UNITS = {"nano": (-9, -9), "apart": (4, -4)}
+FURTHER = {"micro": (-6, -6), "slow micro": (-6, 0), "mega": (6, 6)}
+
+
+def losses(name: str, powers: tuple[int, int]) -> list[tuple[int, str, float]]:
+    """The branch, the kind and the fast coordinate of each loss, in units of 10**power of (slow, fast) variables."""
+    slow, fast, region = SYSTEMS[name]
+    units = {
+        **dict.fromkeys(slow, sp.Integer(10) ** powers[0]),
+        **dict.fromkeys(fast, sp.Integer(10) ** powers[1]),
+    }
+    inner = {state: state / unit for state, unit in units.items()}
+    system = SlowFastSystem(
+        slow={state: units[state] * rate.subs(inner, simultaneous=True) for state, rate in slow.items()},
+        fast={state: units[state] * rate.subs(inner, simultaneous=True) for state, rate in fast.items()},
+        epsilon=epsilon,
+    )
+    of_name = {state.name: float(unit) for state, unit in units.items()}
+    box = {state: (low * of_name[state], high * of_name[state]) for state, (low, high) in region.items()}
+    return [
+        (number, loss.kind.name, round(loss.point["y"] / of_name["y"], 5) + 0.0)
+        for number, branch in enumerate(solve_critical(system).branches)
+        for loss in sorted(
+            classify(branch, region=box).losses, key=lambda loss: (loss.kind.name, loss.point["y"])
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    "powers", [*UNITS.values(), *(pytest.param(powers, marks=pytest.mark.exhaustive) for powers in FURTHER.values())],
+    ids=[*UNITS, *FURTHER],
+)  # fmt: skip
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_losses_are_the_same_in_all_units(name: str, powers: tuple[int, int]) -> None:
+    expected = losses(name, (0, 0))
+    assert len(expected) >= 2
+    assert losses(name, powers) == expected
+
+
+def test_roots_in_small_bounds_are_those_in_large_ones() -> None:
+    found = []
+    for unit in (ONE, sp.Rational(1, 10**9)):
+        rate = (x + (y / unit) ** 3 - (y / unit) ** 5) * unit
+        (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast={y: rate}, epsilon=epsilon)).branches
+        bounds = {"y": (-2.0 * float(unit), 2.0 * float(unit))}
+        found.append(branch.roots([0.1], bounds=bounds).ravel() / float(unit))
+    assert len(found[0]) == 3
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
+def test_sheets_of_two_fast_variables_in_small_bounds_are_told_apart() -> None:
+    counts = []
+    for unit in (ONE, sp.Rational(1, 10**9)):
+        fast = {y: x * unit - y + z / 2, z: y / 2 - z + 2 * unit * sp.tanh(3 * z / unit)}
+        (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=epsilon)).branches
+        bounds = {name: (-3.0 * float(unit), 3.0 * float(unit)) for name in ("y", "z")}
+        counts.append(np.sort((branch.roots([0.1], bounds=bounds) / float(unit)).ravel()))
+    assert len(counts[0]) == 6
+    assert counts[1] == pytest.approx(counts[0], rel=1e-10)
