@@ -13,12 +13,12 @@ from gsp.integration.crossings import Stepper
 from gsp.integration.members import Members
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.reduction_end.endings import Ending, begins, on_loss
+from gsp.integration.reduction_end.endings import Ending
 from gsp.integration.reduction_end.validity import validity_of
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.kernels import ledger
-from gsp.kernels.ensemble import NOT_FINISHED, evaluate_members
-from gsp.kernels.watched_ensemble import run_watched_members
+from gsp.kernels.ensemble import NOT_FINISHED
+from gsp.kernels.watched_ensemble import begin_members, run_watched_members
 from gsp.lowering.compiled_flow import compile_flow
 
 # Failures that may be runs into a zero of det g_y.
@@ -50,22 +50,19 @@ class WatchedMembers:
         self.alone: dict[int, Trajectory] = {}
         validity = validity_of(flow)
         # Asked for here and not in the threads, since it compiles.
-        lift, tests = validity.lift, validity.tests
+        functions = validity.functions
         constants, starts = members.constants.copy(), members.starts.copy()
-        points, values = (np.empty((len(members), 1, f.outputs)) for f in (lift, tests))
-        evaluate_members(lift.address, starts[:, np.newaxis], constants, points)
-        evaluate_members(tests.address, points, constants, values)
-        rows = values[:, 0]
-        _, signs = validity.watched(rows)
-        lost = np.logical_or(*on_loss(validity, rows))
-        for i in np.flatnonzero(lost).tolist():
+        signs, clear = np.empty((len(members), len(validity.varying))), np.empty(len(members), np.bool_)
+        begin_members(functions, constants, span[0], starts, signs, clear)
+        for i in np.flatnonzero(~clear).tolist():
             stepper = Stepper(compile_flow(flow), constants[i], method, *control[:2])
             try:
+                # On a loss this raises; other members are integrated one by one.
                 Ending(flow, stepper, span, starts[i])
             except GspError as error:
                 raise error.under(f"member {i}") from None
-        self._clear = begins(flow, rows) & ~lost & np.isfinite(rows).all(axis=1) & (not validity.leaves_pairs)
-        self._tests = (validity.functions, signs)
+        self._clear = clear & (not validity.leaves_pairs)
+        self._tests = (functions, signs)
 
     def run(self, shared: tuple, low: int, high: int, halt: np.ndarray, arrays: Arrays, scratch: tuple) -> None:
         """Run the members low to high - 1 into their rows of `arrays`; `shared` and `scratch` are the kernel's."""

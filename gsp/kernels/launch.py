@@ -109,17 +109,18 @@ def launch(program, room):
 def launch_watched(program, functions, room):
     """`launch`, with a look along the steps that are made: LOOK_WANTED where a watched function may pass through zero.
 
-    `functions` are as `scan` takes them; their signs, zeros at first, stand in the room. LOOK_WANTED also where y holds
+    `functions` are as `scan` takes them; their signs stand in the room. LOOK_WANTED also where y holds
     slow variables and compiled code finds no point over them.
     """
     program, functions, room = borrowed(program), borrowed(functions), borrowed(room)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
+    begins = head[BEGUN] != HAS_BEGUN
     if head[BEGUN] == OVER_SLOW:
         if not reach_start(functions, room[Y : Y + head[STATES]]):
             return ledger.LOOK_WANTED
         head[BEGUN] = NOT_BEGUN
-    before = counters[ledger.STEPS] if head[BEGUN] == HAS_BEGUN else 0
+    before = 0 if begins else counters[ledger.STEPS]
     code = launch(program, room)
     new = counters[ledger.STEPS] - before
     n = head[STATES]
@@ -127,7 +128,7 @@ def launch_watched(program, functions, room):
     record, states, dense = _record(head)
     signs = room[record - n - functions[WATCHED] : record - n]
     start = room[states : states + n]
-    if signs[0] == 0.0 and (new == 0 or not begins_clear(functions, p, signs, room[record], start)):
+    if begins and (new == 0 or not begins_clear(functions, p, signs, room[record], start)):
         return ledger.LOOK_WANTED
     if new and not clear_of_zero(
         functions, p, signs, room[record], start, room[record + 1 : record + new + 1],

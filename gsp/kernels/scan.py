@@ -54,6 +54,8 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
     n = state.shape[0]
     rows = dense.shape[1]
     watched = signs.shape[0]
+    if watched == 0:
+        return _CLEAR
     along = functions[ALONG]
     scratch = np.zeros(n + 5 * watched)
     z = scratch[:n]

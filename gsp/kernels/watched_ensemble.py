@@ -7,7 +7,16 @@ import numpy as np
 from gsp.kernels import ensemble, ledger
 from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.compilation import kernel
-from gsp.kernels.scan import clear_of_zero
+from gsp.kernels.scan import begins_clear, clear_of_zero
+
+
+@kernel
+def begin_members(functions, constants, first, starts, signs, clear):
+    """Whether each member begins as `scan.begins_clear` wants it, into `clear` (members,), and with which `signs`."""
+    functions, constants, starts = borrowed(functions), borrowed(constants), borrowed(starts)
+    signs, clear = borrowed(signs), borrowed(clear)
+    for i in range(starts.shape[0]):
+        clear[i] = begins_clear(functions, constants[i], signs[i], first, starts[i])
 
 
 @kernel

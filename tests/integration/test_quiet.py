@@ -11,6 +11,7 @@ from gsp.critical import branch as branches
 from gsp.errors import BranchError, HyperbolicityError, Status
 from gsp.integration import loop
 from gsp.integration import trajectory as module
+from gsp.integration.reduction_end.validity import validity_of
 from gsp.integration.trajectory import integrate
 from gsp.kernels.scan import CLOSER_LOOKS, COLUMNS, LOOKS, WATCHED, clear_of_zero
 from gsp.kernels.sheets import follow_sheet
@@ -147,6 +148,23 @@ def test_a_run_that_is_interrupted_before_its_start_is_found_has_the_start(monke
     run = integrate(flow, start=start, span=found.scene.span, epsilon=found.scene.epsilon)
     assert run.status is Status.INTERRUPTED
     np.testing.assert_array_equal(run.y, np.array([flow.initial(start)]).T)
+
+
+@pytest.mark.parametrize(
+    ("name", "changing"), [("linear", 0), ("chaplygin_sleigh", 0), ("michaelis_menten", 2)]
+)
+def test_what_cannot_change_along_a_run_is_looked_at_where_it_begins_alone(name, changing):
+    found = study(load(name))
+    flow = found.reduced(1)
+    validity = validity_of(flow)
+    assert flow.tests.count == flow.tests.functions[WATCHED] == changing
+    # By numbers: what is left out is the same all over the region.
+    columns = validity.watched(np.ones((1, validity.tests.outputs)))[0]
+    still = [c for k, c in enumerate(columns) if k not in validity.varying]
+    p, start = np.array([found.scene.epsilon]), np.array(flow.initial(dict(found.start)))
+    points = start * np.linspace(0.5, 1.5, 7)[:, None]
+    rows = validity.tests(validity.lift(points, p), p)[:, still]
+    assert np.array_equal(rows, np.broadcast_to(rows[0], rows.shape))
 
 
 PASSED = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.POINTER(ctypes.c_double)] * 3)

@@ -108,9 +108,8 @@ class Ending:
         self, time: float, state: np.ndarray, times: np.ndarray, states: np.ndarray, dense: np.ndarray
     ) -> bool:
         """Whether all test functions surely stay positive over these steps."""
-        return clear_of_zero(
-            self.validity.functions, self.stepper.p, self._orientation, time, state, times, states, dense
-        )
+        signs = self._orientation[list(self.validity.varying)]
+        return clear_of_zero(self.validity.functions, self.stepper.p, signs, time, state, times, states, dense)
 
     def stuck(self, time: float, times: np.ndarray, states: np.ndarray) -> Settled | None:
         """The ending of a run that has made these steps since `time` and gets nowhere.

@@ -168,23 +168,30 @@ class Validity(Portable):
         return *first, *range(len(TESTS), len(TESTS) + len(self.borders))
 
     @cached_property
+    def varying(self) -> tuple[int, ...]:
+        """Which of the columns that are `watched` can change along a run; a linear fast part has none."""
+        outputs, epsilon = self._outputs, {self.epsilon}
+        return tuple(k for k, c in enumerate(self._columns) if not outputs[c].free_symbols <= epsilon)
+
+    @cached_property
     def functions(self) -> np.ndarray:
         """What `kernels.scan` takes."""
         along, lift, tests = self.along, self.lift, self.tests
         flags = self.watches_pairs, self.order > 0
         addresses = along.address, lift.address, lift.outputs, tests.address, tests.outputs
-        return np.array((along.outputs, *addresses, *flags, 0, 0, *self._columns), np.int64)
+        columns = [self._columns[k] for k in self.varying]
+        return np.array((along.outputs, *addresses, *flags, 0, 0, *columns), np.int64)
 
     @cached_property
     def along(self) -> CompiledFunction:
-        """Those of the `tests` that a run watches, over the states of the reduced flow."""
+        """Those of the `tests` that are watched and can change, over the states of the reduced flow."""
         outputs = list(self._outputs)
         if 2 in self._columns:
             # Q by |Delta|^3 has the same sign, and no bends where Delta only grows.
             outputs[2] = self._series_test(relative=True)
         through = dict(zip((*self.states, self._fall), (*self._base, self._falls)))
         return compile_function(
-            [outputs[column] for column in self._columns],
+            [outputs[self._columns[k]] for k in self.varying],
             arguments=self._coordinates, epsilon=self.epsilon, through=through, calls=self._parts.calls,
         )  # fmt: skip
 
