@@ -45,7 +45,9 @@ def share(
         nonlocal begun
         with lock:
             low = begun
-            begun += min(count - low, max(1, min(LARGEST_CHUNK, (count - low) // (SHARES * threads))))
+            # One thread has none to finish together with.
+            shares = 1 if threads == 1 else SHARES * threads
+            begun += min(count - low, max(1, min(LARGEST_CHUNK, (count - low) // shares)))
             return low, begun
 
     def run() -> None:
@@ -57,7 +59,9 @@ def share(
             low, high = take()
             while low < high and not halt[0]:
                 work(low, high, halt)
-                finished.put(high - low)
+                if progress is not None:
+                    # Else the calling thread would wake for nothing.
+                    finished.put(high - low)
                 low, high = take()
         except BaseException:
             halt[0] = 1
