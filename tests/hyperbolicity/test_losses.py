@@ -582,8 +582,11 @@ def test_a_fold_on_the_edge_of_the_region_is_named() -> None:
     assert "on the edge of the region" in str(loss)
 
 
-def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate() -> None:
-    for fast in ({y: -(x**2) * y}, {y: -(x**2) * y - 2 * z, z: 2 * y - x**2 * z}):
+@pytest.mark.parametrize("place", [sp.Integer(0), sp.Rational(123, 1000), -sp.Rational(1, 3)])
+def test_an_eigenvalue_that_touches_the_axis_is_named_degenerate(place: sp.Expr) -> None:
+    # A multiple zero is approached linearly, and met exactly only where a sample lies on it.
+    rate = (x - place) ** 2
+    for fast in ({y: -rate * y}, {y: -rate * y - 2 * z, z: 2 * y - rate * z}):
         loss = only(
             judge(Case({x: sp.Integer(1)}, fast, {}, {"x": (-1, 1)}, LossKind.DEGENERATE)), LossKind.DEGENERATE
         )

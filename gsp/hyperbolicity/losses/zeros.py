@@ -23,6 +23,8 @@ OFF = 1e-9
 # Where a cubic coefficient vanishes the place is known to a root of rounding only.
 ZERO_CUBIC = 1e-4
 CUBIC = 3.0
+# Share of the region over which a change of the quadratic form is measured.
+BESIDE = 0.01
 
 
 def zero(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
@@ -135,10 +137,23 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
             )
         return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
     is_zero = max(is_zero, ZERO_TERM * square)
+    scaled = np.where(np.abs(scaled) > OFF * _change(diagnosis, at, left, kernel, sizes), scaled, 0.0)
     return _branch_point(diagnosis, 
         at, determinant, form, scaled, kernel, right, left, V,
         flags=(bend > is_zero, cubic > is_zero), a=a, c=c, note=note,
     )  # fmt: skip
+
+
+def _change(
+    diagnosis: Diagnosis, at: Local, left: np.ndarray, kernel: np.ndarray, sizes: np.ndarray
+) -> np.ndarray:
+    """How much the entries of the scaled form change over the region: what the place is off, they are off by this."""
+    largest = np.zeros((len(kernel), len(kernel)))
+    for way in kernel[1:] * (BESIDE * diagnosis.widths)[:, None]:
+        change = 0.5 * (diagnosis.local(at.z + way).second - diagnosis.local(at.z - way).second) / BESIDE
+        form = np.einsum("i,ijk,aj,bk->ab", left, change, kernel, kernel) * sizes[:, None] * sizes
+        largest = np.maximum(largest, np.nan_to_num(np.abs(form)))
+    return largest
 
 
 def _width(
