@@ -11,6 +11,7 @@ from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canards import CanardValue, canard_value
+from gsp.singular.singularities.located_points import polish
 from tests.cases import sampled, thinned
 
 x, y, a, eps = sp.symbols("x y a epsilon")
@@ -267,7 +268,8 @@ def test_the_nearest_canard_point_is_taken_and_the_others_are_listed() -> None:
     ("fast", "slow", "message"),
     [
         (y - x, a - x, "no fold at a finite point"),
-        (y - sp.exp(-x), a - x, "no fold at a finite point"),
+        # Newton's method looks for a fold from hundreds of starts.
+        pytest.param(y - sp.exp(-x), a - x, "no fold at a finite point", marks=pytest.mark.exhaustive),
         (y, a - x, "does not depend on x"),
         (y - x**3, a - x, "a cusp"),
         (y - x**2, 1 + a**2, "jump point"),
@@ -282,6 +284,22 @@ def test_the_nearest_canard_point_is_taken_and_the_others_are_listed() -> None:
 def test_what_is_no_canard_point_is_named(fast: sp.Expr, slow: sp.Expr, message: str) -> None:
     with pytest.raises(CanardError, match=message):
         canard_value(planar(fast, slow, a=0), parameter=a)
+
+
+@pytest.mark.parametrize(
+    ("equation", "start", "steps"),
+    [(sp.exp(-x), 30, 9), (1 / x, 30, 9), (sp.exp(-(x**2)), 5, 9), (x**12, R(1, 2), 40)],
+)
+def test_a_root_at_infinity_is_left_early_and_a_multiple_one_is_not(
+    equation: sp.Expr, start: sp.Expr, steps: int
+) -> None:
+    reached, size = polish([equation], [x], {x: sp.sympify(start)}, digits=60)
+    step = sp.lambdify(x, equation / equation.diff(x))
+    expected = float(start)
+    for _ in range(steps):
+        expected -= step(expected)
+    assert float(reached[x]) == pytest.approx(expected, rel=1e-12)
+    assert size > 1e-8
 
 
 def test_what_is_not_planar_is_refused() -> None:

@@ -19,6 +19,9 @@ DIGITS = 60
 ZERO = sp.Float("1e-30", 30)
 # A Newton step that stays larger than this, relative to the point, leads to no point.
 NOT_A_POINT = sp.Float("1e-8", 20)
+# Within so many steps Newton's method halves its step towards any root of multiplicity m up to 12, ((m - 1)/m)^8 < 1/2.
+# One of a higher multiplicity is further off than NOT_A_POINT after all 40 of them, as a root at infinity is.
+HALVED_WITHIN = 8
 # Larger denominators are not taken for exact values of numerical roots.
 DENOMINATOR_LIMIT = 10**6
 
@@ -139,12 +142,13 @@ def polish(
 ) -> tuple[dict[sp.Symbol, sp.Float], sp.Float]:
     """Newton's method from `near` to `digits` digits, in at most 40 steps; with the relative size of the last one.
 
-    Multiple roots are approached linearly, and roots at infinity by steps that do not shrink.
+    Multiple roots are approached linearly, and roots at infinity by steps that do not shrink, at which it ends early.
     """
     matrix = sp.Matrix(list(equations))
     slopes = jacobian(equations, unknowns)
     u = {s: sp.Float(near[s], digits + 10) for s in unknowns}
     size = sp.Float(1, 20)
+    lengths: list[sp.Float] = []
     for _ in range(40):
         value = matrix.xreplace(u).evalf(digits + 10)
         slope = slopes.xreplace(u).evalf(digits + 10)
@@ -157,8 +161,10 @@ def polish(
         if not all(entry.is_finite for entry in step):
             return u, sp.Float(1, 20)
         u = {s: sp.Float(u[s] - step[i], digits + 10) for i, s in enumerate(unknowns)}
-        size = sp.Float(max(abs(entry) for entry in step) / (1 + max(abs(v) for v in u.values())), 20)
-        if size < sp.Float(10, 20) ** (3 - digits):
+        lengths.append(max(abs(entry) for entry in step))
+        size = sp.Float(lengths[-1] / (1 + max(abs(v) for v in u.values())), 20)
+        stays = len(lengths) > HALVED_WITHIN and 2 * lengths[-1] > lengths[-1 - HALVED_WITHIN]
+        if size < sp.Float(10, 20) ** (3 - digits) or (stays and size > NOT_A_POINT):
             break
     return u, size
 
