@@ -160,6 +160,7 @@ def test_runs_of_declared_fields_import_nothing_of_series_nor_a_stiff_one_scipy_
     assert done.stdout.splitlines() == ["False", "True 2.0", "[]"]
 
 
+@pytest.mark.exhaustive
 def test_the_eager_switch_imports_every_public_name() -> None:
     environment = {**os.environ, "EAGER_IMPORT": "1"}
     code = "import gsp; print(all(name in vars(gsp) for name in gsp.__all__))"

@@ -198,6 +198,7 @@ def test_bands_and_orders_are_told_apart():
     assert len(set(LADDER)) == 5
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("kinked", "smooth"),
     [

@@ -506,6 +506,7 @@ def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
     assert surface.errors(grid).max() <= 30 * measured
 
 
+@pytest.mark.exhaustive
 def test_a_series_that_ends_early_does_not_keep_the_manifold_from_being_solved() -> None:
     # A covalent switch under a signal x: where it is steep the runs of order 2 and 3 end, those of 0 and 1 go on.
     switch = 2 * x * (4 - y) / (sp.Rational(9, 2) - y) - 3 * y / (sp.Rational(1, 2) + y)

@@ -158,6 +158,7 @@ def test_an_analysis_has_the_orders_that_are_there(ends) -> None:
     assert content["missing"] == {}
 
 
+@pytest.mark.exhaustive
 def test_a_long_series_is_chosen_for_at_the_command_line() -> None:
     shown = json.loads(CliRunner().invoke(cli, ["choose", str(LONG), "--json"]).stdout)
     assert [row["model"] for row in shown["candidates"]][:2] == ["reduced 0", "reduced 1"]

@@ -235,6 +235,7 @@ def toggle_switch() -> Scene:
     return load(Path(__file__).parents[1] / "systems" / "toggle_switch.toml")
 
 
+@pytest.mark.exhaustive
 def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(monkeypatch) -> None:
     # The region is wide: neither 153 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
     monkeypatch.setattr(classical_table, "MOST_POINTS", 153)
@@ -296,6 +297,7 @@ def test_where_a_matrix_is_singular_on_the_way_there_is_no_value_and_elsewhere_t
     assert np.isfinite(alone).all()
 
 
+@pytest.mark.exhaustive
 def test_a_table_with_singular_matrices_in_it_is_made() -> None:
     table = method_table(load(Path(__file__).parents[1] / "systems" / "morris_lecar.toml"), orders=(0, 1))
     assert np.isnan(table["CSP 2"].errors[0])

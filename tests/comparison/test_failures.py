@@ -46,6 +46,7 @@ def test_nothing_holds_beyond_the_fold(van_der_pol):
     assert (van_der_pol.least_order[:, beyond] == -1).all()
 
 
+@pytest.mark.exhaustive
 def test_the_manifold_is_lost_before_the_fold_at_a_distance_that_grows_like_epsilon_to_two_thirds():
     found = failure_map(
         models.load("van_der_pol"),

@@ -265,6 +265,7 @@ def test_the_measured_powers_are_those_of_the_theory(opened) -> None:
     assert re.search(r"order 1\s.*∝ epsilon\s*(1\.9|2\.0)", text)
 
 
+@pytest.mark.exhaustive
 def test_what_ends_a_series_and_what_a_power_is_taken_over_is_true_of_what_is_shown(opened) -> None:
     page = opened(GRAZERS, fragment="#orders=0.1")
     page.measured()

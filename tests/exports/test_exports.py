@@ -26,7 +26,7 @@ from gsp.readers.expressions import parse_expression
 from tests.cases import sampled
 
 NAMES = [name for name, _ in models.summary()]
-FEW = ("michaelis_menten", "car", "van_der_pol", "koper")
+FEW = ("michaelis_menten", "van_der_pol", "koper")
 ORDER = 2
 GOLDEN = Path(__file__).parent / "michaelis_menten.jl"
 

@@ -49,6 +49,7 @@ def test_elimination_ends_where_the_equations_grow() -> None:
     assert sum(len(sp.Add.make_args(e)) for e in branch.equations) <= elimination.TERM_LIMIT
 
 
+@pytest.mark.exhaustive
 def test_elimination_ends_where_the_numbers_grow() -> None:
     # Every coefficient is a fraction that depends on x: what 60 links leave of each other is found by numbers instead.
     n = 60
@@ -66,6 +67,7 @@ def test_elimination_ends_where_the_numbers_grow() -> None:
     np.testing.assert_allclose(branch.points([[1.0]])[0], np.linalg.solve(matrix, -np.eye(n)[0] / 7), rtol=1e-9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("links", [200])
 def test_the_gap_of_a_chain_far_from_normal_is_exact(links: int) -> None:
     # The units of neighbours differ by sqrt(2), those of the ends by 2^100: no decomposition in doubles tells.

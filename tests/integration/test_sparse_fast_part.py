@@ -79,6 +79,7 @@ def test_how_the_fast_variables_follow_is_that_of_dense_matrices(flow) -> None:
     assert validity.pulled(z, [0.01]) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_code_of_what_is_watched_grows_as_the_entries_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """Factors fill in: written out, those of 200 species took 200,000 operations, and minutes to compile."""
     lines = [0.0]
@@ -113,6 +114,7 @@ def test_shared_observables_are_not_searched_one_after_the_other(monkeypatch: py
     assert not asked
 
 
+@pytest.mark.exhaustive
 def test_a_network_runs_and_keeps_to_its_manifold(flow) -> None:
     system = flow.manifold.branch.system
     run = integrate(flow, start={"x": 1.0}, span=(0.0, 1.0), epsilon=0.01)

@@ -202,6 +202,7 @@ def test_times_of_an_explicit_run_compile_no_linear_algebra(tmp_path: Path) -> N
     assert not any(name.startswith(("linear", "sparse")) for name in compiled)
 
 
+@pytest.mark.exhaustive
 def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
     compiled = compiled_by("gsp.integrate(field, start={x: 2, y: 0}, span=(0, 3), method='radau9')", tmp_path)
     # That a Jacobian is dense is read off the pattern; nothing is done with one.
@@ -244,6 +245,7 @@ def test_what_kernels_alone_call_has_no_way_in() -> None:
     assert [name for name, has_none in private.items() if not has_none] == []
 
 
+@pytest.mark.exhaustive
 def test_orbits_by_collocation_compile_their_linear_system_alone(tmp_path: Path) -> None:
     call = (
         "from gsp.collocation.bordered import Conditions, Equations, linearise\n"

@@ -59,7 +59,7 @@ def of_function(expression):
             sp.exp(-(sp.sin(x) ** 2)) * sp.tanh(x) / (1 + x) ** 2,
             (x - 1) ** 3 * sp.Rational(1, 7) - x + sp.E,
         ],
-        2,
+        5,
     ),
     ids=str,
 )

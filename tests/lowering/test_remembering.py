@@ -144,12 +144,13 @@ def after(order):
     return found
 
 alone = {}
-for i in range(len(twins)):
-    alone |= after([i])
 orders = json.loads(sys.argv[1])
+for i in orders[0]:
+    alone |= after([i])
 print(json.dumps([alone, *map(after, orders)]))
 """
 ORDERS = {
+    "a few": [[17, 16, 15, 2, 1, 0]],
     "forwards": [list(range(19))],
     "backwards": [list(range(19))[::-1]],
     "shuffled": [np.random.default_rng(seed).permutation(19).tolist() for seed in range(2)],
@@ -157,7 +158,7 @@ ORDERS = {
 
 
 @pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="fresh processes are made by fork")
-@pytest.mark.parametrize("orders", sampled(ORDERS, always=["backwards"]))
+@pytest.mark.parametrize("orders", sampled(ORDERS, always=["a few"]))
 def test_no_answer_depends_on_what_ran_before(orders):
     done = subprocess.run(
         [sys.executable, "-c", SERVER, json.dumps(ORDERS[orders])],
@@ -165,10 +166,10 @@ def test_no_answer_depends_on_what_ran_before(orders):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     alone, *together = json.loads(done.stdout)
-    assert len(alone) == 19
+    assert len(alone) == len(ORDERS[orders][0])
     # The twins do differ, or nothing would be shown.
-    endings = [alone[str(i)][0] for i in range(11)]
-    assert {"SUCCESS", "HYPERBOLICITY_LOST"} <= set(endings)
+    endings = {alone[str(i)][0] for i in range(11) if str(i) in alone}
+    assert {"SUCCESS", "HYPERBOLICITY_LOST"} <= endings
     assert alone["0"] != alone["1"]
     assert alone["15"] != alone["16"] != alone["17"]
     for found in together:

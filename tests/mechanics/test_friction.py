@@ -269,6 +269,7 @@ def test_forces_add_their_power_to_the_dissipation() -> None:
     assert sp.expand(system.energy_rate() - system.dissipation() + k * along**2) == 0
 
 
+@pytest.mark.exhaustive
 def test_slow_momenta_feel_no_friction() -> None:
     for build in SYSTEMS.values():
         splitting = build().splitting

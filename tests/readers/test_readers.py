@@ -19,7 +19,7 @@ from gsp.readers.expressions import parse_expression, parse_number
 from gsp.readers.tokens import DIGITS, EXPONENT, NumberError
 from gsp.readers.toml import parsed
 from gsp.systems.system import VectorField
-from tests.cases import thinned
+from tests.cases import sampled, thinned
 
 SYMBOLS = {name: sp.Symbol(name) for name in ("x", "y", "z", "v", "E", "velocity")}
 x, y, z, v = (SYMBOLS[name] for name in "xyzv")
@@ -311,7 +311,7 @@ def test_a_call_counts_once_for_itself_and_once_for_each_that_is_nested_in_it() 
         parse_expression(text(18), symbols={"x": x})
 
 
-@pytest.mark.parametrize("key", HOSTILE)
+@pytest.mark.parametrize("key", sampled(HOSTILE, always=set(HOSTILE) - {"wide cosh"}))
 def test_hostile_text_is_refused_at_once(key):
     # Unguarded, these take minutes or the memory of the machine.
     with calls_within(MOST_CALLS), pytest.raises(ModelFileError):
@@ -331,7 +331,7 @@ def test_hostile_text_is_refused_at_once(key):
             "1/(1 + " * 50 + "x" + ")" * 50,
             "+".join(f"{i}*x*y^{i % 9}*z" for i in range(1, 400)),
         ],
-        2,
+        4,
     ),
     ids=lambda text: text[:16],
 )

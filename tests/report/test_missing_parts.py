@@ -101,6 +101,7 @@ def test_a_field_whose_slow_variables_are_all_new_is_drawn_in_them(combined, tmp
     assert "could not be made" not in text
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("model", sampled([HINDMARSH_ROSE, MODULUS], always=[MODULUS]))
 def test_a_model_that_is_hyperbolic_has_a_report(model, tmp_path):
     found = analyse(scene_of(model, tmp_path))

@@ -54,6 +54,7 @@ def test_a_decimal_on_the_command_line_is_that_decimal():
     assert "h_0  c = 3*s/(3*s + 1)" in thirds
 
 
+@pytest.mark.exhaustive
 def test_a_region_on_the_command_line_is_the_one_that_is_checked():
     # The fold of the cubic at x = 1 lies outside the scene's region and inside the wide one.
     verdict = json.loads(run("check", "van_der_pol", "--region", "y=-9:9", "--json").stdout)

@@ -53,6 +53,7 @@ def test_the_sleigh_is_placed_in_its_slow_momentum() -> None:
     assert study.region["w"] == (-1.0, 1.0)
 
 
+@pytest.mark.exhaustive
 def test_places_that_no_state_has_are_not_counted() -> None:
     # Around the image of (S, I, R) under (I + R + S, S exp(3 R)) a box has places without a state, and there the fast
     # equation has no root. On I = 0 the eigenvalue is 3 S - 1, of which S = 0.2 is the largest.

@@ -119,6 +119,7 @@ def test_the_report_and_the_demo_show_the_views() -> None:
     assert '"axes": ["c", "s"]' in gsp.demo(scene).html.replace('"axes":["c","s"]', '"axes": ["c", "s"]')
 
 
+@pytest.mark.exhaustive
 def test_a_report_keeps_no_view_of_an_older_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # One figure beside the views.
     drawn = charts.applicable

@@ -406,6 +406,7 @@ def test_measured_exits_of_a_nonlinear_passage_tend_to_the_buffer_point() -> Non
     assert abs(gaps[1]) < 0.7 * abs(gaps[0])
 
 
+@pytest.mark.exhaustive
 def test_a_critical_manifold_that_folds_over_complex_time_sets_the_buffer_point() -> None:
     # FitzHugh and Nagumo's equations with a ramp: det g_y = 0 at v = i/2, I = 7/8 + i/12, a complex fold of M0.
     u, v, current = sp.symbols("u v I")

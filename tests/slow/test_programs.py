@@ -55,6 +55,7 @@ def test_series_and_reduced_flow_equal_those_of_dense_matrices(links: int) -> No
     np.testing.assert_allclose(rates, [moved, *(Dh[:, 0] * moved)], rtol=1e-12, atol=1e-16)
 
 
+@pytest.mark.exhaustive
 def test_programs_and_polynomials_are_one_series(monkeypatch: pytest.MonkeyPatch) -> None:
     system = chain(3)
     branch = sheet(system)

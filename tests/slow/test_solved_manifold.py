@@ -431,6 +431,7 @@ def test_slopes_on_a_grid_are_those_at_its_nodes() -> None:
         np.testing.assert_allclose(surface.slopes(sizes), at_points, rtol=0, atol=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_a_long_axis_takes_memory_in_proportion_to_its_points() -> None:
     box, n = np.array([[0.0, 1.0]]), 2**13 + 1
     x = nodes(box, (n,)).reshape(-1, 1)

@@ -80,7 +80,7 @@ def test_the_series_of_the_exponential_function_and_of_a_pole():
             sp.exp(-(sp.sin(x) ** 2)) * sp.tanh(x) / (1 + x) ** 2,
             (x - 1) ** 3 * sp.Rational(1, 7) - x + sp.E,
         ],
-        2,
+        5,
     ),
     ids=str,
 )
