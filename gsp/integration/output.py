@@ -12,7 +12,7 @@ from gsp.integration.room import Record, RecordInRoom
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
 from gsp.kernels.landing import LANDING_RECORD, land
-from gsp.kernels.launch import doubt_room, read_room
+from gsp.kernels.launch import doubt_room, read_explicit_room, read_room
 from gsp.lowering.compiled_flow import CompiledFlow
 
 
@@ -28,28 +28,15 @@ def read(
     if type(record) is RecordInRoom:
         # In one call, without cutting the record out.
         solver = solver_of(record.method, rtol)
-        reached, looks = divmod(read_room(solver.check, record.room, grid, out), 2)
-        if looks:
-            asked, doubts = grid[:reached], np.empty(reached, np.int64)
-            program = solver.program(compiled)
+        if solver.check == kernels.CHECKS_EXPLICIT:
+            program, doubts = solver.program(compiled), np.empty(len(grid), np.int64)
+            reached = read_explicit_room(solver.check, program, record.room, grid, out, doubts)
             # Counted in the room.
             record.forget_counters()
-            if doubt_room(solver.check, program, _linear(solver, program), record.room, asked, doubts):
-                counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
-                part = record.times, record.states, record.dense
-                _land(
-                    solver,
-                    program,
-                    np.array(p, float),
-                    part,
-                    asked,
-                    doubts,
-                    out[:reached],
-                    counters,
-                    rtol,
-                    atol,
-                )
-                _count(record, counters)
+        else:
+            reached, looks = divmod(read_room(solver.check, record.room, grid, out), 2)
+            if looks:
+                _look(solver, compiled, p, record, grid[:reached], out[:reached], rtol, atol)
         return (out if reached == len(grid) else out[:reached]), reached
     times, states, dense, series = record.times, record.states, record.dense, record.series
     parts = [(record.method, times, states, dense)]
@@ -74,6 +61,27 @@ def read(
                 _land(solver, program, constants, part, grid[new], doubts, out[new], counters, rtol, atol)
             _count(record, counters)
     return (out if reached == len(grid) else out[:reached]), reached
+
+
+def _look(
+    solver: Solver,
+    compiled: CompiledFlow,
+    p: Numbers,
+    record: RecordInRoom,
+    grid: np.ndarray,
+    out: np.ndarray,
+    rtol: float,
+    atol: float,
+) -> None:
+    """Land on those of the times `grid` (m,) that are in doubt, by an implicit method, into their rows of `out`."""
+    program, doubts = solver.program(compiled), np.empty(len(grid), np.int64)
+    # Counted in the room.
+    record.forget_counters()
+    if doubt_room(solver.check, program, program, record.room, grid, doubts):
+        counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+        part = record.times, record.states, record.dense
+        _land(solver, program, np.array(p, float), part, grid, doubts, out, counters, rtol, atol)
+        _count(record, counters)
 
 
 def _linear(solver: Solver, program: np.ndarray) -> np.ndarray | None:

@@ -40,6 +40,7 @@ from gsp.integration.output import read
 from gsp.integration.room import Record
 from gsp.integration.watching import ending_of, pair_passed, search_of
 from gsp.kernels.dense_output import interpolate_many
+from gsp.kernels.evaluate import evaluate_many
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -104,10 +105,10 @@ class Trajectory(Drawn, Tabular):
         for i, symbol in enumerate(self.flow.states):
             if symbol.name == name:
                 return self.y[i]
-        observables = [symbol.name for symbol in self.flow.observables]
-        if name in observables:
-            return frozen(self._observed[:, observables.index(name)].copy())
-        known = [*(symbol.name for symbol in self.flow.states), *observables]
+        for k, symbol in enumerate(self.flow.observables):
+            if symbol.name == name:
+                return self._observed[:, k]
+        known = [symbol.name for symbol in (*self.flow.states, *self.flow.observables)]
         raise GspError.none_of(known, name, f"{name!r} is no state and no observable.", "Those are")
 
     def at(self, t: ArrayLike) -> np.ndarray:
@@ -150,11 +151,18 @@ class Trajectory(Drawn, Tabular):
         told |= {"_note": self._note, "_remedy": self._remedy}
         return Trajectory(self.flow, self.epsilon, self._record, told)
 
-    @cached_property
+    @property
     def _observed(self) -> np.ndarray:
-        """All observables over `t`, (m, k)."""
-        compiled = compile_flow(self.flow)
-        return compiled.observables(self.y.T, compiled.parameters(self.epsilon))
+        """All observables over `t`, (m, k), read-only."""
+        mine = self.__dict__
+        # Kept by hand, since `cached_property` takes a lock; the values themselves take a fifth of the time.
+        if "_observables" not in mine:
+            compiled = compile_flow(self.flow)
+            points, p = np.array(self.y.T, order="C"), np.array(compiled.parameters(self.epsilon))
+            out = np.empty((len(points), len(self.flow.observables)))
+            evaluate_many(compiled.observables.address, points, p, out)
+            mine["_observables"] = frozen(out)
+        return mine["_observables"]
 
     @property
     def message(self) -> str:

@@ -26,7 +26,7 @@ from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.grid import runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
-from gsp.kernels.launch import begins_mildly, doubt_room, launch, launch_watched, read_room
+from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_explicit_room, read_room
 from gsp.kernels.radau import radau
 from gsp.kernels.taylor import taylor
 from gsp.kernels.zero_derivative import at_order, to_tolerance
@@ -72,7 +72,7 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
         ),
     ),
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
-    (doubt_room, (_WHOLE, _WHOLES, types.none, _REALS, _REALS, _WHOLES)),
+    (read_explicit_room, (_WHOLE, _WHOLES, _REALS, _REALS, _ROWS, _WHOLES)),
     (
         land,
         (

@@ -27,6 +27,7 @@ from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.grid import doubt_grid, read_grid
+from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
 from gsp.kernels.step_control import largest_rate
 
@@ -139,21 +140,26 @@ def launch_watched(program, functions, room):
     return code
 
 
+@inlined_kernel
+def _steps_made(head, steps, room):
+    """The record's times, states and dense output of so many steps, with the start."""
+    n = head[STATES]
+    record, states, dense = _record(head)
+    between = min(steps, head[DENSE])
+    return (
+        room[record : record + steps + 1],
+        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
+        room[dense : dense + between * head[ROWS] * n].reshape((between, head[ROWS], n)),
+    )
+
+
 @kernel
 def read_room(check, room, grid, out):
     """`grid.read_grid` from the record of a room: twice how many of `grid` (m,) are read, and 1 more where it looks."""
     room, grid, out = borrowed(room), borrowed(grid), borrowed(out)
     head = room[:HEAD].view(np.int64)
-    n = head[STATES]
-    steps = room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS]
-    record, states, dense = _record(head)
-    between = min(steps, head[DENSE])
-    reached, looks = read_grid(
-        check, room[RTOL], room[ATOL], room[record : record + steps + 1],
-        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
-        room[dense : dense + between * head[ROWS] * n].reshape((between, head[ROWS], n)),
-        grid, 0, out,
-    )  # fmt: skip
+    times, states, dense = _steps_made(head, room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS], room)
+    reached, looks = read_grid(check, room[RTOL], room[ATOL], times, states, dense, grid, 0, out)
     return 2 * reached + (1 if looks else 0)
 
 
@@ -163,13 +169,32 @@ def doubt_room(check, program, linear, room, grid, doubts):
     room, grid, doubts = borrowed(room), borrowed(grid), borrowed(doubts)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
-    n = head[STATES]
-    steps = counters[ledger.STEPS]
-    record, states, dense = _record(head)
+    p = room[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
+    times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
     return doubt_grid(
-        check, program, linear, room[Y + n : Y + n + head[CONSTANTS]], room[RTOL], room[ATOL],
-        room[record : record + steps + 1],
-        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
-        room[dense : dense + steps * head[ROWS] * n].reshape((steps, head[ROWS], n)),
-        grid, 0, grid.shape[0], doubts, counters,
+        check, program, linear, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, grid.shape[0], doubts,
+        counters,
     )  # fmt: skip
+
+
+@kernel
+def read_explicit_room(check, program, room, grid, out, doubts):
+    """`read_room`, `doubt_room` without linear algebra, and `landing.land` on what is in doubt: how many are read.
+
+    `doubts` (m,) is scratch. Methods whose look takes no linear algebra have what they call at once.
+    """
+    program, room, grid = borrowed(program), borrowed(room), borrowed(grid)
+    out, doubts = borrowed(out), borrowed(doubts)
+    reached, looks = divmod(read_room(check, room, grid, out), 2)
+    grid, out, doubts = grid[:reached], out[:reached], doubts[:reached]
+    if looks and doubt_room(check, program, None, room, grid, doubts):
+        head = room[:HEAD].view(np.int64)
+        counters = room[COUNTERS:GIVEN].view(np.int64)
+        n = head[STATES]
+        times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
+        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
+        land(
+            program, room[Y + n : Y + n + head[CONSTANTS]], room[RTOL], room[ATOL], times, states, grid, doubts, out,
+            counters, np.empty(head[MEMORY]), scratch,
+        )  # fmt: skip
+    return reached

@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import Status
+from gsp.integration import output
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.methods import Method
 from gsp.integration.output import read
@@ -198,3 +199,21 @@ def test_what_is_read_in_the_room_of_a_run_is_what_is_read_of_its_record(method,
     assert found.stats == apart.stats
     # Radau's order 9 is trusted, Rodas5P on gentle steps.
     assert found.stats.field_calls > lies.stats.field_calls or method in (Method.RADAU9, Method.RODAS5P)
+
+
+def test_an_explicit_run_is_read_looked_at_and_landed_in_one_call_of_compiled_code(monkeypatch):
+    rates, start, end = NOT_STIFF["oscillator"]
+    field, times = VectorField(rates, epsilon=None), np.linspace(0, end, 100)
+    calls, read_all = [], output.read_explicit_room
+    monkeypatch.setattr(
+        output, "read_explicit_room", lambda *arguments: calls.append(1) or read_all(*arguments)
+    )
+    for name in ("read_room", "doubt_room", "land"):
+        monkeypatch.setattr(output, name, lambda *arguments: pytest.fail("a second call"))
+    asked = {"start": start, "span": (0, end), "rtol": 1e-5, "atol": 1e-7, "method": Method.DOP853}
+    run, free = integrate(field, at=times, **asked), integrate(field, **asked)
+    landed = (run.at(times) != run.y).any(axis=0).sum()
+    assert calls == [1]
+    # Twelve stages and the rate of the start for each, and a look at no more places than there are times.
+    assert landed > 5
+    assert 13 * landed <= run.stats.field_calls - free.stats.field_calls <= 13 * landed + len(times)
