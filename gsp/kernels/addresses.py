@@ -29,7 +29,7 @@ ROSENBROCK_LOOPS: Signature = types.Tuple((_REAL, _WHOLE))(
 )  # fmt: skip
 """That of `rodas5p_loops.step_by_loops`."""
 COLLOCATION_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
-    _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS, _REALS,
+    _WHOLE, _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS,
     _WHOLES,
 )  # fmt: skip
 """That of `radau_loops.attempt_by_loops`."""
@@ -86,6 +86,7 @@ def _call_collocation_loops(
     context,
     address,
     field,
+    jacobian,
     pattern,
     p,
     step,
@@ -94,7 +95,6 @@ def _call_collocation_loops(
     rate,
     control,
     twice,
-    jacobian,
     memory,
     block,
     counters,

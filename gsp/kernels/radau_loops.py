@@ -22,7 +22,18 @@ from gsp.kernels.radau_iteration import (
     opening,
 )
 from gsp.kernels.radau_systems import decompose, solve_stages
-from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
+from gsp.kernels.radau_tableau import (
+    DEFECT,
+    DENSE,
+    EIGENVALUES,
+    LARGEST_FACTORS,
+    LINEARISED,
+    NODES,
+    T_INVERSE,
+    A,
+    T,
+)
+from gsp.kernels.sparse_systems import entries_of
 from gsp.kernels.step_control import all_finite
 
 
@@ -114,7 +125,7 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
 
 @kernel
 def attempt_by_loops(
-    field, pattern, p, step, stages, y, rate, control, twice, jacobian_flat, memory, block, counters
+    field, jacobian, pattern, p, step, stages, y, rate, control, twice, memory, block, counters
 ):  # fmt: skip
     """Fill the end and the lines of `block`: (error over tolerance, rounds, factor if it is infinite, failure then).
 
@@ -139,14 +150,23 @@ def attempt_by_loops(
     lines = lines_of(n)
     width = width_of(stages)
 
-    regular, real, complexes, quads = decompose(jacobian_flat, step, family, pattern, pivots, complex_pivots)
+    _guess(memory, step, z)
+    for i in range(n):
+        value[i] = y[i] + z[LINEARISED[family], i]
+    entries = np.empty(entries_of(pattern, n))
+    call(jacobian, t, value, p, entries)
+    if not all_finite(entries):
+        # The guess may lie beyond the field's domain.
+        call(jacobian, t, y, p, entries)
+        if not all_finite(entries):
+            return math.inf, 0, 0.0, ledger.SINGULAR_JACOBIAN
+    regular, real, complexes, quads = decompose(entries, step, family, pattern, pivots, complex_pivots)
     if not regular:
         return math.inf, 0, FAILURE_FACTOR, ledger.SINGULAR_JACOBIAN
     system = (real, complexes, quads, pivots, complex_pivots)
     right = np.empty(QUAD * n if quads.shape[0] != 0 else 0)
     for i in range(n):
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
-    _guess(memory, step, z)
     most = most_rounds(stages)
     now = opening(memory[CONTRACTION], stages)
     verdict = GOING_ON

@@ -144,7 +144,7 @@ def test_van_der_pol_of_the_test_set():
     trajectory = integrate(field, start={"x": 2, "y": 0}, span=(0, 2), rtol=1e-9, atol=1e-9)
     # Test Set for IVP Solvers (Mazzia, Magherini 2008), problem VDPOL.
     assert trajectory.y[:, -1] == pytest.approx([0.1706167732170483e1, -0.8928097010247975], rel=1e-7)
-    assert trajectory.stats.jacobian_calls == trajectory.stats.steps
+    assert trajectory.stats.jacobian_calls == trajectory.stats.steps + trajectory.stats.rejected
     assert trajectory.stats.decompositions == trajectory.stats.steps + trajectory.stats.rejected
 
 
@@ -247,7 +247,7 @@ def test_a_decay_at_a_rate_of_1e12_is_damped_at_once(method):
 
 @RADAU
 def test_the_work_of_radau_grows_with_its_order_in_the_tolerance(method):
-    """Each step costs one Jacobian, and a tenth of the tolerance 10^(1/(stages + 2)) as many steps."""
+    """Each attempt costs one Jacobian, and a tenth of the tolerance 10^(1/(stages + 2)) as many steps."""
     stages = {Method.RADAU5: 3, Method.RADAU9: 5, Method.RADAU13: 7}[method]
     tolerances = np.array([1e-6, 1e-8, 1e-10, 1e-12])
     steps = []
@@ -255,8 +255,7 @@ def test_the_work_of_radau_grows_with_its_order_in_the_tolerance(method):
         stats = integrate(
             SLEIGH, start=SLEIGH_START, span=(0, 20), epsilon=0.01, rtol=rtol, atol=rtol, method=method
         ).stats
-        assert stats.jacobian_calls == stats.steps
-        assert stats.decompositions == stats.steps + stats.rejected
+        assert stats.jacobian_calls == stats.decompositions == stats.steps + stats.rejected
         steps.append(stats.steps)
     slope = -np.polyfit(np.log(steps), np.log(tolerances), 1)[0]
     assert stages + 1 < slope < stages + 5, steps

@@ -24,7 +24,17 @@ import numpy as np
 from llvmlite import ir
 
 from gsp.kernels import radau_block
-from gsp.kernels.radau_tableau import DEFECT, DENSE, EIGENVALUES, LARGEST_FACTORS, NODES, T_INVERSE, A, T
+from gsp.kernels.radau_tableau import (
+    DEFECT,
+    DENSE,
+    EIGENVALUES,
+    LARGEST_FACTORS,
+    LINEARISED,
+    NODES,
+    T_INVERSE,
+    A,
+    T,
+)
 from gsp.lowering.steps.arithmetic import ComplexArithmetic, RealArithmetic, intrinsic
 from gsp.lowering.steps.emission import Emitter
 from gsp.lowering.steps.flow_code import FlowCode
@@ -208,7 +218,11 @@ class _Writer:
         """Factors, weights, first guess."""
         code, builder = self.code, self.builder
         y = self.row(0)
-        emitter = Emitter(builder, dict(zip(self.flow.states, y)), constants=self.constants)
+        rises = self.guess()
+        self.keep_rises(rises)
+        stage = int(LINEARISED[code.family])
+        near = [builder.fadd(a, self.lane(rise, stage)) for a, rise in zip(y, rises)]
+        emitter = Emitter(builder, dict(zip(self.flow.states, near)), constants=self.constants)
         entries = dict(zip(self.flow.jacobian, emitter.write(tuple(self.flow.jacobian.values()))))
         inverse = 1.0 / EIGENVALUES[code.family, : 1 + code.stages // 2]
         # Lanes that fill up repeat the real system.
@@ -233,7 +247,6 @@ class _Writer:
         rtol, atol = self.tolerances()
         weights = [self.real.reciprocal(self.real.add_product(atol, rtol, self.real.size(a))) for a in y]
         self.keep_row(weights, radau_block.WEIGHT)
-        self.keep_rises(self.guess())
 
     def guess(self) -> list[Any]:
         """The last step's dense output, continued; 0 where there is none."""
