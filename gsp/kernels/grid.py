@@ -36,6 +36,11 @@ SMALL_TERM = 2.0
 # No step is in doubt.
 READ = -1
 
+# Reading goes along the times of a step where it has more than this many, and along the states where those are so many;
+# else number by number. Shorter loops take longer to begin than to run.
+FEW_TIMES = 4
+MANY_STATES = 8
+
 # Where a step is looked at that has more times in it: off the middle, where an odd error vanishes.
 PLACES = np.array([0.2, 0.55, 0.85])
 
@@ -66,15 +71,47 @@ def _value(states, dense, k, s, out):
 
 
 @inner_kernel
+def _along_states(times, states, dense, k, grid, low, high, out):
+    """`_value`, bit by bit, for the times low to high - 1 of `grid`."""
+    n = states.shape[1]
+    step = times[k + 1] - times[k]
+    for j in range(low, high):
+        s = (grid[j] - times[k]) / step
+        r = 1.0 - s
+        for i in range(n):
+            out[j, i] = 0.0
+        for m in range(dense.shape[1] - 1, -1, -1):
+            factor = s if m % 2 == 0 else r
+            for i in range(n):
+                out[j, i] = dense[k, m, i] + factor * out[j, i]
+        for i in range(n):
+            out[j, i] = r * states[k, i] + s * states[k + 1, i] + s * r * out[j, i]
+
+
+@inner_kernel
 def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals):
-    """`_value` for the times low to high - 1 of `grid`, bit by bit: side by side, in loops that are vectorised."""
+    """`_value` for the times low to high - 1 of `grid`, bit by bit, along whatever makes the longer loops."""
     step = times[k + 1] - times[k]
     count = high - low
+    n = states.shape[1]
+    if n >= MANY_STATES:
+        _along_states(times, states, dense, k, grid, low, high, out)
+        return
+    if count <= FEW_TIMES:
+        for j in range(low, high):
+            s = (grid[j] - times[k]) / step
+            r = 1.0 - s
+            for i in range(n):
+                total = 0.0
+                for m in range(dense.shape[1] - 1, -1, -1):
+                    total = dense[k, m, i] + (s if m % 2 == 0 else r) * total
+                out[j, i] = r * states[k, i] + s * states[k + 1, i] + s * r * total
+        return
     for q in range(count):
         shares[q] = (grid[low + q] - times[k]) / step
     for q in range(count):
         rests[q] = 1.0 - shares[q]
-    for i in range(states.shape[1]):
+    for i in range(n):
         for q in range(count):
             totals[q] = 0.0
         for m in range(dense.shape[1] - 1, -1, -1):
@@ -170,7 +207,9 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
     n = states.shape[1]
     count = grid.shape[0]
     sign = 1.0 if times[-1] >= times[0] else -1.0
-    scratch = np.empty((3, count - begun))
+    shares = np.empty(count - begun)
+    rests = np.empty(count - begun)
+    totals = np.empty(count - begun)
     looks = False
     j = begun
     while j < count and grid[j] == times[0]:
@@ -186,7 +225,7 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
             inside += 1
         if inside > j:
             looks = looks or _wants_look(check, states, dense, k, rtol, atol)
-            _values(times, states, dense, k, grid, j, inside, out, scratch[0], scratch[1], scratch[2])
+            _values(times, states, dense, k, grid, j, inside, out, shares, rests, totals)
         j = inside
         while j < count and grid[j] == times[k + 1]:
             for i in range(n):

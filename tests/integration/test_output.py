@@ -128,6 +128,19 @@ def test_the_methods_without_doubt_are_read_off_the_dense_output(method):
     assert run.at(20.0) == pytest.approx(run.y[:, -1], abs=0)
 
 
+@pytest.mark.parametrize("states", [2, 9])
+@pytest.mark.parametrize("count", [5, 40, 900])
+def test_what_is_read_is_the_same_along_times_along_states_and_one_by_one(states, count):
+    chain = sp.symbols(f"c:{states}")
+    rates = {s: 30 * (sp.cos(chain[i - 1]) - s) for i, s in enumerate(chain)}
+    times = np.linspace(0, 4, count)
+    start = {s: 0.1 * i for i, s in enumerate(chain)}
+    run = integrate(
+        VectorField(rates, epsilon=None), start=start, span=(0, 4), at=times, rtol=1e-5, method=Method.RADAU9
+    )
+    assert np.array_equal(run.at(times), run.y)
+
+
 @pytest.mark.parametrize("method", [m for m in Method if m is not Method.TAYLOR])
 @pytest.mark.parametrize("rate", [sp.Abs(x - 1), sp.Heaviside(x - 1), sp.Max(x, 1)], ids=str)
 def test_steps_end_on_the_grid_where_a_field_has_kinks_or_jumps(method, rate):
