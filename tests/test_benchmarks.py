@@ -76,6 +76,7 @@ def test_least_times_are_interpolated_on_a_ladder(module) -> None:
     assert cell["peer"] == "other"
 
 
+@pytest.mark.exhaustive
 def test_every_problem_is_solved(module) -> None:
     problems = module("problems")
     assert len(problems.PROBLEMS) == 9
@@ -103,6 +104,7 @@ def test_every_part_of_the_page_comes_from_a_run(module) -> None:
             assert {"measured", "load", "rows"} <= part.keys()
 
 
+@pytest.mark.exhaustive
 def test_problems_of_loose_tolerances_are_none_that_methods_were_tuned_on(module) -> None:
     problems = [make() for make in module("loose").PROBLEMS]
     assert len(problems) >= 6

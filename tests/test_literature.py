@@ -218,7 +218,7 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
 @pytest.mark.parametrize(
     "words",
     [
-        ("selkov", "check", "expand"),
+        pytest.param(("selkov", "check", "expand"), marks=pytest.mark.exhaustive),
         pytest.param(
             ("selkov", "hindmarsh_rose", "brusselator", "check", "expand", "folds", "choose"),
             marks=pytest.mark.exhaustive,

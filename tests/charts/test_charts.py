@@ -181,6 +181,7 @@ def test_runs_that_go_to_another_sheet_do_not_hide_those_that_land():
     assert "runs that have not landed on it" in labels
 
 
+@pytest.mark.exhaustive
 def test_the_values_of_epsilon_stand_beside_each_other_and_nothing_among_them():
     comparison = analysis_of("michaelis_menten").comparison
     epsilons = tuple(1 / 90 / 2**k for k in range(len(comparison.epsilons)))

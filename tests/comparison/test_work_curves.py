@@ -35,6 +35,7 @@ def michaelis_menten(timed_once):
     return work_precision(models.load("michaelis_menten"), rtols=(1e-3, 1e-6, 1e-9), orders=(0, 1, 2))
 
 
+@pytest.mark.exhaustive
 def test_the_floor_of_a_reduced_model_falls_with_its_power_of_epsilon():
     scene = models.load("chaplygin_sleigh")
     floors = {

@@ -211,6 +211,7 @@ def test_neighbouring_triangles_are_turned_alike(cusp_sheet) -> None:
     assert len(seen) > 1000
 
 
+@pytest.mark.exhaustive
 def test_a_closed_surface_is_closed_and_its_area_converges() -> None:
     errors = []
     for resolution in (12, 24):

@@ -235,6 +235,7 @@ def test_a_branch_that_is_degenerate_everywhere_is_said_to_be() -> None:
     assert "whole branch" in loss.crossing
 
 
+@pytest.mark.exhaustive
 @given(st.lists(st.integers(-3, 3), min_size=4, max_size=4), st.sampled_from([(-1, -2), (1, 3), (-2, 1)]))
 @settings(max_examples=4, deadline=None)
 def test_a_linear_change_of_the_fast_variables_changes_nothing(entries, rates) -> None:
@@ -289,6 +290,7 @@ def test_a_field_that_is_not_smooth_is_named() -> None:
     assert not verdict.holds
 
 
+@pytest.mark.exhaustive
 def test_three_slow_variables_are_sampled_with_their_corners() -> None:
     system = SlowFastSystem(slow={x: -x, u: -u, v: u}, fast={y: x + u * v - y - y**3}, epsilon=eps)
     region = {"x": (-1, 1), "u": (-1, 1), "v": (-1, 1)}

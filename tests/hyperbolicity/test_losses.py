@@ -332,6 +332,7 @@ def test_a_cusp_in_disguise_is_a_cusp() -> None:
     assert loss.coefficients["kappa"] == pytest.approx(cusp.coefficients["kappa"], rel=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_curves_of_other_losses_are_merged() -> None:
     case = Case(
         {x: -x, u: sp.Integer(1)},

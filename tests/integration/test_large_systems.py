@@ -79,6 +79,7 @@ def test_steps_are_those_of_dense_loops(line, monkeypatch):
         assert sparse.y == pytest.approx(dense.y, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_no_work_is_done_for_entries_that_are_zero(monkeypatch):
     taken, made = [], []
     derivative, compiling = differentiation.derivative, compiled_flow.compile_function

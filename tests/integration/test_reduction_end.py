@@ -540,6 +540,7 @@ def test_the_time_of_a_blow_up_is_told(power):
     assert told == pytest.approx(time, rel=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_exponential_growth_is_no_blow_up():
     trajectory = integrate(VectorField({x: 200 * x}, epsilon=None), start={x: 1}, span=(0, 10))
     assert not trajectory.status.ok

@@ -156,6 +156,7 @@ def test_code_for_a_flow_is_for_the_processor_that_kernels_are_for(monkeypatch: 
     assert processor() == ("generic", "")
 
 
+@pytest.mark.exhaustive
 def test_a_flow_runs_on_a_generic_processor() -> None:
     text = (
         "import sympy as sp; from gsp.lowering.compiled_flow import compile_function\n"

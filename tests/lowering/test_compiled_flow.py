@@ -193,6 +193,7 @@ def test_equal_calls_share_their_code():
     assert compile_function((x + 1,), arguments=(x,), epsilon=None, parameters=()) is first
 
 
+@pytest.mark.exhaustive
 def test_code_lives_as_long_as_the_function():
     functions = [compile_function([x * k], arguments=[x], epsilon=None, parameters=[]) for k in range(20)]
     gc.collect()
@@ -230,7 +231,7 @@ def smooth_expressions() -> st.SearchStrategy[sp.Expr]:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     smooth_expressions(),
     smooth_expressions(),

@@ -311,6 +311,7 @@ def test_on_a_plane_every_correction_of_the_rolling_ball_vanishes() -> None:
     assert (system.splitting.fast_jacobian - rate * sp.eye(2)).applyfunc(sp.cancel).is_zero_matrix
 
 
+@pytest.mark.exhaustive
 def test_the_limit_is_reached_with_an_error_proportional_to_epsilon() -> None:
     system = falling_disc()
     start = {"theta": 0.3, "phidot": 1.0, "thetadot": 0.1, "psidot": 2.5, "x": 0, "y": 0, "phi": 0, "psi": 0}

@@ -271,6 +271,7 @@ def test_a_parking_manoeuvre_moves_the_car_sideways_and_nothing_else() -> None:
     assert models.friction_system("car").limit.growth_vector == (2, 3, 4)
 
 
+@pytest.mark.exhaustive
 def test_with_tyres_that_slip_the_manoeuvre_closes_up_to_epsilon() -> None:
     scene = models.load("car")
     gaps = []

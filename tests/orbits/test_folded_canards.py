@@ -148,6 +148,7 @@ def test_where_the_curves_touch_the_strong_canard_is_not_taken_for_the_weak_one(
     assert found["gamma_w"].point["x"] == pytest.approx(0.005 / 3, abs=1e-8)
 
 
+@pytest.mark.exhaustive
 def test_a_sole_strong_canard_is_named_so_away_from_the_normal_form() -> None:
     # The curves end before gamma_w, which the terms of higher order move by epsilon^(1/2).
     system = gsp.SlowFastSystem(
@@ -172,6 +173,7 @@ def test_the_strong_canard_of_the_normal_form_is_the_parabola_along_its_whole_le
     assert np.abs(strong["x"] - (0.02 * a - (a * strong["z"]) ** 2))[inside].max() < 1e-7
 
 
+@pytest.mark.exhaustive
 def test_secondary_canards_of_the_normal_form_scale_with_epsilon() -> None:
     singularity = node(normal_form(sp.Rational(3, 20)), y=(-1, 1))
     places = [

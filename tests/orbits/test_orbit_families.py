@@ -205,6 +205,7 @@ def test_an_orbit_of_the_explosion_at_a_tighter_tolerance_has_the_same_parameter
     assert at == pytest.approx(0.998740451245955573, abs=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_fitzhugh_nagumo_from_hopf_point_to_hopf_point() -> None:
     neuron = gsp.models.load("fitzhugh_nagumo").system
     first, second = gsp.hopf_points(

@@ -238,6 +238,7 @@ def test_a_branch_that_is_real_in_a_part_of_the_region_is_found_there() -> None:
     assert Fraction(low) <= 13 <= Fraction(high)
 
 
+@pytest.mark.exhaustive
 def test_a_change_of_type_outside_the_bounds_on_y_is_none_of_the_region() -> None:
     # y = x loses its stability where it crosses y = 1/4, below the bounds.
     line = branch({y: (x - y) * (y - sp.Rational(1, 4))})

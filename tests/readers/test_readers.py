@@ -341,7 +341,7 @@ def test_the_largest_text_that_is_allowed_is_read_quickly(text):
 
 
 @given(st.text(max_size=60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_random_text_raises_nothing_but_our_own_error(text):
     with contextlib.suppress(ModelFileError):
         parse(text)
@@ -594,7 +594,7 @@ BOMBS = {
 }
 
 
-@pytest.mark.parametrize("key", BOMBS)
+@pytest.mark.parametrize("key", sampled(BOMBS, always=set(BOMBS) - {"header and keys"}))
 def test_a_file_made_to_exhaust_the_reader_is_refused_at_once(key, tmp_path):
     path = write(tmp_path, BOMBS[key])
     # Unguarded, these take minutes or the memory of the machine.

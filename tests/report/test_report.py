@@ -24,6 +24,7 @@ from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, scientific, signed, words
 from gsp.scenes.scene import Scene
 from tests.analyses import analysis_of
+from tests.cases import thinned
 from tests.example_systems import saddle_scene
 
 HOSTILE = "</script><img src=x onerror=alert(1)><math><mtext>&amp;"
@@ -228,6 +229,7 @@ def test_text_from_a_model_is_escaped_and_a_saddle_has_a_report(saddle, tmp_path
     _strict((folder / "report.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.exhaustive
 def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
     claims = {HOSTILE: next(iter(sleigh.scene.claims.values()))}
     scene = dataclasses.replace(sleigh.scene, claims=claims)
@@ -242,7 +244,7 @@ def test_a_claim_with_a_hostile_name_is_escaped(sleigh, quick, tmp_path):
     charts.png(charts.error_against_epsilon(comparison))
 
 
-@pytest.mark.parametrize("where", ["page", "moving"])
+@pytest.mark.parametrize("where", thinned(["moving", "page"], 2))
 def test_failure_midway_leaves_nothing_new_and_the_old_report_intact(
     sleigh, quick, monkeypatch, tmp_path, where
 ):
@@ -383,6 +385,7 @@ def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     assert "failure_map.png" in content["figures"]
 
 
+@pytest.mark.exhaustive
 def test_a_page_without_folds_or_map_says_why_and_nothing_more(sleigh, quick, tmp_path):
     bare = dataclasses.replace(
         sleigh, failures=None, failures_reason=Reason.of("the <runs> failed", "Try again.")

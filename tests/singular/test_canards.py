@@ -211,6 +211,7 @@ def test_the_slow_manifolds_of_a_system_with_exponentials_meet_where_the_series_
     assert abs(match.value - canard.partial_sum(0.02, order=8)) < 100 * match.resolution + 1e-9
 
 
+@pytest.mark.exhaustive
 def test_the_brusselator_has_its_hopf_point_at_one_plus_epsilon_and_its_canard_beyond() -> None:
     # epsilon x' = 1 - (a + 1) x + x^2 y, y' = a x - x^2 y: the trace at (1, a) is a - 1 - epsilon.
     canard = canard_value(planar(1 - (a + 1) * x + x**2 * y, a * x - x**2 * y, a=2), parameter=a, order=4)

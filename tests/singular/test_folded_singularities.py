@@ -213,6 +213,7 @@ def test_newton_s_method_and_algebra_agree() -> None:
     assert node.is_resonant
 
 
+@pytest.mark.exhaustive
 def test_newton_s_method_finds_what_algebra_finds_in_koper_s_model(monkeypatch: pytest.MonkeyPatch) -> None:
     box = {"x": (-2, 2), "y": (-3, 3), "z": (-3, 3)}
     exact = folded_singularities(self_coupled(), region={"v": (-2, 2), "h": (-2, 2), "s": (-1, 2)})

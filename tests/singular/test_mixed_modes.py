@@ -36,6 +36,7 @@ def test_kopers_model_oscillates_in_mixed_modes(shift, small, signature):
     assert found.repeats > 10
 
 
+@pytest.mark.exhaustive
 def test_the_count_agrees_with_another_integrator():
     found = mixed_mode(koper(-7), "x", start=START, span=(0, 60), epsilon=0.05, settle=0.5)
     run = solve_ivp(

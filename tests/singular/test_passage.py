@@ -267,6 +267,7 @@ def test_an_implicit_branch_with_a_second_fast_variable() -> None:
     assert found.point["w"] == pytest.approx(-found.start["w"], abs=1e-12)
 
 
+@pytest.mark.exhaustive
 def test_the_rightmost_eigenvalue_counts_and_its_takeover_is_named() -> None:
     of = system({y: 1}, {x: y * x, w: (3 * y - 1) * w + x})
     found = entry_exit(branch(of), start={"y": -1})

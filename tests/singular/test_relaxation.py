@@ -88,6 +88,7 @@ def test_nonlinear_coordinates_change_the_coefficients_of_the_folds_and_not_the_
     assert all(abs(piece.fold.d) > 0.1 for piece in orbit.cycle)
 
 
+@pytest.mark.exhaustive
 def test_a_slaved_variable_changes_nothing(van_der_pol):
     system = SlowFastSystem(slow={y: -x, z: x - z}, fast={x: CUBIC}, epsilon=epsilon)
     orbit = orbit_of(system, {"x": 2, "y": 0.6, "z": 0})

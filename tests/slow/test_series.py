@@ -303,6 +303,7 @@ def test_a_function_without_a_series_rule_is_named() -> None:
         expand(branch_of(system), order=1)
 
 
+@pytest.mark.exhaustive
 def test_terms_that_are_rounding_altogether_do_not_count():
     x, y, u, v, eps = sp.symbols("x y u v epsilon")
     k = sp.Rational(3, 10)

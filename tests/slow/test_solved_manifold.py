@@ -244,6 +244,7 @@ def test_a_saddle_with_a_focus_over_two_slow_variables() -> None:
     np.testing.assert_allclose(manifold.evaluate(points), other.y, rtol=0, atol=1e-10)
 
 
+@pytest.mark.exhaustive
 def test_three_slow_variables_and_the_order_of_names() -> None:
     region = {"x": (0.2, 0.6), "z": (-0.5, 0.5), "u": (0, 0.5)}
     slow = {x: -x + y, z: x - z, u: -u * x}
@@ -552,6 +553,7 @@ def test_a_segment_does_not_begin_beyond_a_pole_of_the_branch() -> None:
     assert (apart <= 2 * (other.error + segments.error)).all()
 
 
+@pytest.mark.exhaustive
 def test_the_degree_of_a_surface_does_not_depend_on_the_units_of_the_fast_variable():
     found = []
     for unit in (1, 4096, 2**20):

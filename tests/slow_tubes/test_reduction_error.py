@@ -181,6 +181,7 @@ def test_the_reduced_solution_may_start_elsewhere() -> None:
     assert 0.5 * np.exp(-1.0) <= bound.slow[-1] <= 0.5 * np.exp(-1.0) * 1.01
 
 
+@pytest.mark.exhaustive
 def test_finer_steps_bound_tighter() -> None:
     bounds = [
         bound_reduction(

@@ -104,6 +104,7 @@ def test_a_wrong_interpolant_has_a_tube_that_holds_the_manifold_or_none(size: fl
     assert tube.delta >= 0.9 * size
 
 
+@pytest.mark.exhaustive
 def test_michaelis_menten_at_a_tenth_to_rounding() -> None:
     manifold = enzyme()
     tube = certify(manifold, region={"s": (0.1, 5)}, epsilon=0.1)

@@ -18,7 +18,6 @@ from gsp.sweeps import sweep as sweep_module
 from gsp.sweeps.store import Store
 from gsp.sweeps.sweep import Sweep, resume, sweep
 from gsp.sweeps.tasks import VERBS
-from tests.cases import sampled
 from tests.sweeps.kills import disturb, finish
 from tests.sweeps.work import contents, counted, deadly, of_scene, slow_wave, wave
 
@@ -302,7 +301,8 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return into
 
 
-@pytest.mark.parametrize("way", sampled(["processes", "cluster", "files"], always=["processes"]))
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("way", ["processes", "cluster", "files"])
 def test_nothing_is_lost_or_wrong_when_processes_are_killed(tmp_path: Path, calm: Path, way: str) -> None:
     kills, wrong = disturb(tmp_path, way=way, kills=2, seed=1, calm=calm, points=FEW_POINTS)
     assert kills == 2
