@@ -56,14 +56,14 @@ def is_told(node: ast.AST, told: set[str], caught: set[str]) -> bool:
 
 def taken_apart(source: str) -> list[int]:
     """Lines of a module in which the text of an exception, a status or a reason is searched, compared or cut."""
-    tree = ast.parse(source)
-    caught = {node.name for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler) and node.name}
+    nodes = list(ast.walk(ast.parse(source)))
+    caught = {node.name for node in nodes if isinstance(node, ast.ExceptHandler) and node.name}
     told: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Assign) and is_told(node.value, set(), caught):
             told |= {target.id for target in node.targets if isinstance(target, ast.Name)}
     found = []
-    for node in ast.walk(tree):
+    for node in nodes:
         looked: list[ast.expr] = []
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             is_pattern = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"

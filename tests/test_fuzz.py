@@ -8,13 +8,14 @@ import pytest
 from gsp.errors import DeclarationError, GspError
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
+from tests.cases import thinned
 from tests.fuzz.inputs import CASES, TEMPLATES, inputs
 from tests.fuzz.run import check, read
 
 FILES = sorted(CASES.glob("*.toml"))
 
 
-@pytest.mark.parametrize("path", FILES, ids=[path.stem for path in FILES])
+@pytest.mark.parametrize("path", thinned(FILES, 2), ids=[path.stem for path in FILES])
 def test_a_file_that_was_found_ends_in_a_verdict_or_in_our_own_error(path: Path, tmp_path: Path) -> None:
     scene = read(path.read_text(encoding="utf-8"), tmp_path)
     if not isinstance(scene, GspError):

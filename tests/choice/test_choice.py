@@ -423,6 +423,7 @@ def test_the_solved_manifold_is_not_run_beyond_the_region() -> None:
         assert left - 2.0 / 96 - 1e-3 < solved.holds_until < left
 
 
+@pytest.mark.exhaustive
 def test_a_series_is_not_taken_across_a_kink() -> None:
     # Over x' = 1 + |x - 3/2| from 1 the kink at 3/2 is met at log(3/2); beyond, every order is off by epsilon^2.
     asked = {"start": {"x": 1, "y": 0.5}, "region": {"x": (0, 4)}, "span": (0, 1)}

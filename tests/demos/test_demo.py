@@ -396,6 +396,7 @@ def test_a_reduced_run_is_drawn_until_its_series_falls_no_more(opened) -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_a_page_says_what_cannot_be_computed(opened) -> None:
     def notes(page) -> str:
         return page.run("return document.getElementById('notes').innerText")

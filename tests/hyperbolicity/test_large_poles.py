@@ -52,6 +52,7 @@ def test_denominators_that_stay_away_from_zero_are_not_followed(sink: sp.Expr, f
     assert not followed
 
 
+@pytest.mark.exhaustive
 def test_poles_among_many_fast_variables_are_those_among_few(
     monkeypatch: pytest.MonkeyPatch, followed: list
 ) -> None:

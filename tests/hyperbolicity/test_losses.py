@@ -475,6 +475,7 @@ def test_a_root_on_the_edge_of_its_domain_is_said_to_have_no_bounded_slope(g: sp
     assert ("kink" in loss.coefficients) is not grows
 
 
+@pytest.mark.exhaustive
 def test_a_kink_in_disguise_is_found_where_it_is() -> None:
     case = Case(
         {x: sp.Integer(1)}, {y: sp.Abs(y - THIRD) + x - 3 * y}, {"x": 0, "y": 0.0833}, UNIT, LossKind.NON_SMOOTH
@@ -556,6 +557,7 @@ def test_a_hyperbolic_branch_raises_no_alarm(name) -> None:
         assert verdict.looked_at[0].kind is LossKind.NEUTRAL_SADDLE
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", sampled(range(6), always=range(1)))
 def test_random_hyperbolic_systems_raise_no_alarm(seed) -> None:
     rng = np.random.default_rng(seed)

@@ -151,6 +151,7 @@ def cascade(length: int) -> SlowFastSystem:
     return SlowFastSystem(slow={x: -x}, fast=rates, epsilon=epsilon)
 
 
+@pytest.mark.exhaustive
 def test_a_determinant_too_small_for_a_double_is_no_loss() -> None:
     flow = reduced(cascade(140), order=0, start=0.0)
     stepper = Stepper(compile_flow(flow), np.array([0.01]), Method.DOP853, 1e-6, 1e-9)

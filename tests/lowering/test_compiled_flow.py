@@ -370,6 +370,7 @@ def test_threads_that_use_a_flow_first_and_together_get_the_same_bits(method):
             assert np.array_equal(other.y, alone.y)
 
 
+@pytest.mark.exhaustive
 def test_long_code_is_cut_into_functions_that_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line of cells, an output that is 0 in places, and a parameter that some of the parts have."""
     w = sp.symbols("w0:601")

@@ -260,6 +260,7 @@ def test_integration_arrives_where_the_orbits_cross_the_section(koper: gsp.Canar
             assert np.allclose(run.y[:, -1], list(canard.point.values()), rtol=0, atol=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_a_canard_followed_in_epsilon_is_the_one_found_there(koper: gsp.CanardOrbits) -> None:
     family = gsp.follow_canard(koper["xi_3"], epsilon=(2e-3, 0.012))
     assert family.ends == (FamilyEnd.BOUND, FamilyEnd.BOUND)

@@ -254,6 +254,7 @@ def roessler(c: float) -> gsp.VectorField:
     )
 
 
+@pytest.mark.exhaustive
 def test_periods_are_minimal_on_both_sides_of_a_doubling() -> None:
     # Before it, at c = 2.8324, a run closes sooner after two laps than after one; behind it, almost after one.
     start = {"x": 1, "y": 1, "z": 0}

@@ -88,6 +88,7 @@ def combined(tmp_path_factory):
     return analyse(scene_of(COMBINATIONS, tmp_path_factory.mktemp("model")))
 
 
+@pytest.mark.exhaustive
 def test_a_field_whose_slow_variables_are_all_new_is_drawn_in_them(combined, tmp_path):
     # p = a + b is no state of the field that the full runs integrate.
     portrait = charts.phase_portrait(combined)

@@ -128,7 +128,7 @@ VERBS = {
 @pytest.mark.parametrize(
     ("seed", "places"), [(5, 2), pytest.param(6, 5, marks=pytest.mark.exhaustive)], ids=["sample", "more"]
 )
-@pytest.mark.parametrize("verb", sampled(VERBS, always=["choose", "chart"]))
+@pytest.mark.parametrize("verb", sampled(VERBS, always=["chart"]))
 def test_wherever_it_comes_the_command_ends_with_130_and_nothing_is_written(
     verb, seed, places, server, tmp_path
 ):
@@ -196,9 +196,10 @@ def test_no_verb_takes_half_a_run_for_a_result():
     # `integrate` returns what was made until Ctrl-C came, which is for the user alone; verbs call `trajectory_of`.
     wrong = []
     for path in (ROOT / "gsp").rglob("*.py"):
-        if path.name == "trajectory.py":
+        text = path.read_text()
+        if path.name == "trajectory.py" or not ("integrate(" in text or "KeyboardInterrupt" in text):
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(ast.parse(text)):
             called = (
                 isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "integrate"
             )

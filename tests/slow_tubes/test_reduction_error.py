@@ -161,6 +161,7 @@ def test_several_fast_variables_within_a_few_hundredths_of_the_error(name: str) 
     assert len(bound.times) < 700
 
 
+@pytest.mark.exhaustive
 def test_a_frame_follows_a_pair_whose_plane_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     # Where the first of the two couplings is less than the other, the norm in the basis of the start grows.
     fast = {x: -x - (1 + 4 * s**2) * y + s, y: (1 + 4 * (1 - s) ** 2) * x - y}

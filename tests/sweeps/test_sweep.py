@@ -365,6 +365,7 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
         Sweep(tmp_path)
 
 
+@pytest.mark.exhaustive
 def test_a_plan_of_ten_million_points_opens_at_once(tmp_path: Path) -> None:
     # Counted, not timed: opening and progress look at names of chunks alone.
     over = {"x": np.linspace(0.0, 1.0, 4000), "k": np.linspace(0.0, 1.0, 2500)}
