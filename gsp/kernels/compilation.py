@@ -11,8 +11,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding as llvm
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 from numba.core.types import unliteral
@@ -42,7 +45,8 @@ def inner_kernel(function: Callable[..., Any]) -> Any:
 
     Called from Python, as by the `py_func` of another kernel, it is interpreted.
     """
-    dispatcher: Any = _kept(njit(error_model="numpy", nogil=True, **_NO_WAYS_IN)(function), function)
+    compiled = njit(error_model="numpy", nogil=True, pipeline_class=_InnerCompiler, **_NO_WAYS_IN)(function)
+    dispatcher: Any = _kept(compiled, function)
     # Python would call what is compiled at an address where there is nothing.
     dispatcher._insert, dispatcher._compile_for_args = (lambda *_: None), (lambda *_, **__: function)
     return dispatcher
@@ -51,6 +55,35 @@ def inner_kernel(function: Callable[..., Any]) -> Any:
 def inlined_kernel(function: Callable[..., Any]) -> Any:
     """A kernel whose code goes into that of its callers, kernels alone, for each number in a call with that number."""
     return njit(error_model="numpy", nogil=True, forceinline=True, **_NO_WAYS_IN)(function)
+
+
+class _InnerCode(JITCodeLibrary):
+    """Code for callers, which take it in and optimise it as a part of theirs.
+
+    To optimise it by itself, and to write it for the machine, would be done for nothing.
+    """
+
+    def _optimize_final_module(self):
+        pass
+
+    def _finalize_final_module(self):
+        self._finalized = True
+        self._finalize_dynamic_globals()
+        environments = [
+            found.name for found in self._final_module.global_variables if found.linkage == llvm.Linkage.common
+        ]
+        self._shared_module = self._get_module_for_linking()
+        # numba puts the environment of a function where the engine has it.
+        text = "\n".join(f'@"{name}" = common global i64 0' for name in environments)
+        self._final_module = llvm.parse_assembly(text)
+        super()._finalize_final_module()
+
+
+class _InnerCompiler(Compiler):
+    def compile_extra(self, func):
+        self.state.library = _InnerCode(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(func)
 
 
 def _kept(dispatcher: Any, function: Callable[..., Any]) -> Any:

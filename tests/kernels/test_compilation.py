@@ -243,6 +243,35 @@ def test_what_kernels_alone_call_has_no_way_in() -> None:
     assert [name for name, has_none in private.items() if not has_none] == []
 
 
+def test_what_kernels_alone_call_has_its_machine_code_in_its_callers(package: Path) -> None:
+    (package / "__init__.py").write_text(
+        "from kernels_apart.compilation import inner_kernel, kernel\n"
+        "@inner_kernel\n"
+        "def half(x):\n"
+        "    return 0.5 * x\n"
+        "@kernel\n"
+        "def all_finite(values):\n"
+        "    return half(values[0])\n"
+        "@kernel\n"
+        "def step_towards(stop, t, h):\n"
+        "    return half(stop) + half(t) + half(h)\n"
+        "def written():\n"
+        "    code = [found.library._final_module for found in half.overloads.values()]\n"
+        "    return [function.name for module in code for function in module.functions]\n"
+    )
+    text = SUM.format(package=package.name) + f"from {package.name} import written\nprint(written())"
+    environment = {**os.environ, "PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(package / "kept")}
+    # Compiled, and then read from the disk for a caller that is compiled again.
+    for _ in range(2):
+        found = subprocess.run(
+            [sys.executable, "-c", text],
+            env=environment, capture_output=True, text=True, timeout=300, check=True,
+        )  # fmt: skip
+        assert found.stdout.split("\n")[:2] == ["0.5 1.85", "[]"]
+        (kept,) = package.rglob("*step_towards*.nbc")
+        kept.unlink()
+
+
 @pytest.mark.exhaustive
 def test_orbits_by_collocation_compile_their_linear_system_alone(tmp_path: Path) -> None:
     call = (
