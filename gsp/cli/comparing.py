@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
-    from gsp.comparison.classical_table import method_table
-
     with compiled_by_two():
+        from gsp.comparison.classical_table import method_table
+
         table = method_table(scene, **orders_through(order))
     if as_json:
         from gsp.report import plain

@@ -25,14 +25,13 @@ if TYPE_CHECKING:
 @json_option
 def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
     """Analyse MODEL and write report.html, report.json, the figures, and report.toml, the model as it was asked."""
-    from gsp.report import check_folder
-
     folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
-    check_folder(folder)
+    # The second process begins to compile before this one imports all that a report needs.
     with compiled_by_two(), progress_bar("") as show:
         from gsp.analysis.analysis import STAGES, analyse
-        from gsp.report import write_report
+        from gsp.report import check_folder, write_report
 
+        check_folder(folder)
         stages = (*STAGES, "report")
 
         def progress(stage: str, share: float) -> None:
