@@ -15,7 +15,7 @@ from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.scenes.view import TIME
 from gsp.slow.series import best_sum
-from gsp.slow.truncation import errors, past
+from gsp.slow.truncation import errors, past, units
 from gsp.systems.flow import Flow
 from gsp.systems.system import SlowFastSystem
 
@@ -208,7 +208,7 @@ def graph(analysis: Analysis, points: np.ndarray) -> np.ndarray:
     epsilon = analysis.scene.epsilon
     terms = evaluate([row[fast] for row in raw.coefficients], system, epsilon, points, raw.chart)
     terms = terms * epsilon ** np.arange(raw.order + 1)
-    estimates = errors(np.abs(terms), raw.order)
+    estimates = errors(np.abs(terms), raw.order, unit=units(points))
     return np.where(past(estimates), np.nan, terms.sum(axis=1))
 
 

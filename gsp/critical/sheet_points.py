@@ -97,7 +97,7 @@ def newton_at_each(
     `size` is what counts as a unit of y beside |y|, when a step is small.
     """
     n = y.shape[1]
-    good = np.zeros(len(x), dtype=bool)
+    good, small_before = np.zeros((2, len(x)), dtype=bool)
     active = np.arange(len(x))
     y = y.copy()
     for _ in range(steps):
@@ -113,7 +113,10 @@ def newton_at_each(
         far = np.linalg.norm(y[active], axis=1)
         length = np.linalg.norm(step, axis=1)
         y[active] -= step * ((1.0 + far) / np.maximum(length, 1.0 + far))[:, None]
-        done = length <= tolerance * (size + far)
+        small = length <= tolerance * (size + far)
+        # In units in which y is tiny a small correction may be a large share of it: once more, and it is none.
+        done = small & ((length <= tolerance**0.5 * far) | small_before[active])
+        small_before[active] = small
         good[active[done]] = True
         active = active[~done]
         if len(active) == 0:

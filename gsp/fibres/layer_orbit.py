@@ -187,11 +187,12 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
     scale = np.abs(np.linalg.eigvals(layer.jacobian(y[None, :])[0])).max() or 1.0
     span = PATIENCE / scale
     for _ in range(SEARCH_DOUBLINGS):
-        run = trajectory_of(layer.flow(), start=_named(branch, y), span=(0.0, span), rtol=1e-8, atol=1e-10)
+        atol = 1e-10 * min(1.0, float(np.abs(y).max()) or 1.0)
+        run = trajectory_of(layer.flow(), start=_named(branch, y), span=(0.0, span), rtol=1e-8, atol=atol)
         if not run.status.ok:
             break
         found, good = branch.follow(layer.x[None, :], start=(layer.x, run.y[:, -1]))
-        if good[0] and np.linalg.norm(found[0] - run.y[:, -1]) < 1e-6 * (1.0 + np.linalg.norm(found[0])):
+        if good[0] and np.linalg.norm(found[0] - run.y[:, -1]) < 1e-6 * _size(found[0], y):
             return branch.points(layer.x[None, :], near=run.y[:, -1])[0]
         span *= 2.0
     raise BranchError(
@@ -201,9 +202,15 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
     )
 
 
+def _size(point: np.ndarray, y: np.ndarray) -> float:
+    """What is small beside it is small on the layer from y to `point`: 1 and the point's size, less in tiny units."""
+    far = float(np.linalg.norm(point))
+    return min(1.0 + far, far + float(np.linalg.norm(y - point)))
+
+
 def _followed(branch, layer: _Layer, y, point, limit, eigenvalues) -> tuple[Panels, np.ndarray]:
     gap, fastest = np.abs(eigenvalues.real).min(), np.abs(eigenvalues).max()
-    scale = 1.0 + np.linalg.norm(point)
+    scale = _size(point, y)
     longest = PANEL_TIMES / fastest
     ends, samples = [0.0], []
     eta = y - point
@@ -246,7 +253,7 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
     ends, samples, eta = [0.0], [], y - point
     while ends[-1] < end:
         right = min(ends[-1] + length, end)
-        pieces = _resolved(layer, point, eta, run, ends[-1], right, 0)
+        pieces = _resolved(layer, point, scale, eta, run, ends[-1], right, 0)
         if pieces is None:
             place = ", ".join(f"{name} = {value:g}" for name, value in names.items())
             raise BranchError(
@@ -263,28 +270,26 @@ def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[li
 
 
 def _resolved(
-    layer: _Layer, point, left, run, first: float, last: float, depth: int
+    layer: _Layer, point, scale: float, left, run, first: float, last: float, depth: int
 ) -> list[tuple[float, np.ndarray]] | None:
     """Right ends and samples of panels from `first` to `last` on which the layer is a polynomial to rounding."""
     nodes, _, _ = chebyshev()
     half = 0.5 * (last - first)
     guess = run.at(np.clip(first + half * (nodes + 1.0), first, last)).T - point
-    eta = _collocate(layer, point, left, half, guess)
-    if eta is not None and tail(eta.T).max() <= RESOLVED * np.abs(eta).max() + ROUNDING * (
-        1.0 + np.abs(point).max()
-    ):
+    eta = _collocate(layer, point, scale, left, half, guess)
+    if eta is not None and tail(eta.T).max() <= RESOLVED * np.abs(eta).max() + ROUNDING * scale:
         return [(last, eta)]
     if depth == DEEPEST:
         return None
     middle = first + half
-    before = _resolved(layer, point, left, run, first, middle, depth + 1)
+    before = _resolved(layer, point, scale, left, run, first, middle, depth + 1)
     if before is None:
         return None
-    after = _resolved(layer, point, before[-1][1][-1], run, middle, last, depth + 1)
+    after = _resolved(layer, point, scale, before[-1][1][-1], run, middle, last, depth + 1)
     return None if after is None else before + after
 
 
-def _collocate(layer: _Layer, point, left, half: float, eta: np.ndarray) -> np.ndarray | None:
+def _collocate(layer: _Layer, point, scale: float, left, half: float, eta: np.ndarray) -> np.ndarray | None:
     """eta = left + half S g(point + eta) by Newton's method, from the integrator's dense output; None if it fails."""
     S = chebyshev()[2]
     m, n = eta.shape
@@ -300,7 +305,7 @@ def _collocate(layer: _Layer, point, left, half: float, eta: np.ndarray) -> np.n
         size = np.abs(step).max()
         if size <= ROUNDING * (np.abs(eta).max() + np.abs(point).max()):
             return eta
-    return eta if size <= 1e-13 * (1.0 + np.abs(eta).max()) else None
+    return eta if size <= 1e-13 * (scale + np.abs(eta).max()) else None
 
 
 def _elsewhere(branch: Branch, layer: _Layer, start, point, run) -> str:

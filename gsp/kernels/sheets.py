@@ -49,7 +49,8 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
     """Follow the sheet from (x, y) to `target` (n_slow,) in `pieces` equal steps; True if each can be trusted.
 
     The compiled functions give g (n,), g_y (n, n) and g_x (n, n_slow) at z = (x, y). `y` (n,) becomes the point over
-    the target. Newton's method ends at corrections of `tolerance` (1 + |y|), or is given up after so many `rounds`.
+    the target. Newton's method ends at corrections of `tolerance` (1 + |y|) that are small beside |y| too, or one round
+    later, or is given up after so many `rounds`.
     """
     m = x.shape[0]
     n = y.shape[0]
@@ -87,21 +88,24 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
         for i in range(n):
             z[m + i] += step[i]
             predicted[i] = z[m + i]
-        converged = False
+        converged = small = False
         for _ in range(rounds):
             call(residual, 0.0, z, p, step)
             if not all_finite(step) or _linearise(jacobian, p, z, flat, factors, pivots) == 0.0:
                 return False
             solve(factors, pivots, step)
             length = _length(step)
-            scale = 1.0 + _length(z[m:])
+            far = _length(z[m:])
+            scale = 1.0 + far
             if not length < math.inf:
                 return False
             # Damped to steps of length 1 + |y|: a nearly singular Jacobian must not throw the point away.
             share = min(1.0, scale / max(length, 1e-300))
             for i in range(n):
                 z[m + i] -= share * step[i]
-            if length <= tolerance * scale:
+            # In units in which y is tiny a small correction may be a large share of it: once more, and it is none.
+            small, before = length <= tolerance * scale, small
+            if small and (before or length <= math.sqrt(tolerance) * far):
                 converged = True
                 break
         for i in range(n):

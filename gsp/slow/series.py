@@ -27,7 +27,7 @@ from gsp.results.card import Card
 from gsp.slow.components import Components
 from gsp.slow.coordinates import Chart, moving
 from gsp.slow.expansion import Expansion
-from gsp.slow.truncation import AHEAD, best, errors, past
+from gsp.slow.truncation import AHEAD, best, errors, past, units
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon, check_order
 
@@ -176,10 +176,11 @@ class SeriesManifold(Card):
         # Singular points, which only `masked` lets through, have no sum.
         terms = np.where(np.isfinite(terms), terms, np.nan)
         result = terms[:, : n + 1].sum(axis=1)
-        estimates = errors(np.linalg.norm(terms, axis=2), n)
+        unit = units(coordinates)
+        estimates = errors(np.linalg.norm(terms, axis=2), n, unit=unit)
         if past(estimates).any():
             # Looked at again without the terms that are rounding altogether, as `optimal_order` does.
-            estimates = errors(self._ahead._known_sizes(coordinates, terms, epsilon), n)
+            estimates = errors(self._ahead._known_sizes(coordinates, terms, epsilon), n, unit=unit)
         beyond = past(estimates)
         if beyond.any():
             if masked:
@@ -265,7 +266,8 @@ class SeriesManifold(Card):
         """(terms, estimated errors (m, order + 1) at every order, single), NaN at orders whose terms have no digits."""
         ahead = self._ahead
         terms, coordinates, single = ahead._terms(x, epsilon, near)
-        return terms, errors(ahead._known_sizes(coordinates, terms, epsilon), self.order), single
+        sizes = ahead._known_sizes(coordinates, terms, epsilon)
+        return terms, errors(sizes, self.order, unit=units(coordinates)), single
 
     def _known_sizes(self, coordinates: np.ndarray, terms: np.ndarray, epsilon: float) -> np.ndarray:
         """Sizes (m, k) of `terms` (m, k, n_fast), NaN where they have no digits: those say nothing about the error."""
@@ -318,7 +320,7 @@ class SeriesManifold(Card):
             moved = self.terms_at(coordinates * (1.0 + ulps * signs * np.finfo(float).eps), epsilon)
             noise = np.maximum(noise, np.linalg.norm(moved - terms, axis=2))
         sizes = np.linalg.norm(terms, axis=2)
-        lost = (noise > LOST * sizes) & (noise > AUDIBLE * (1.0 + sizes[:, :1]))
+        lost = (noise > LOST * sizes) & (noise > AUDIBLE * (units(coordinates)[:, None] + sizes[:, :1]))
         return np.where(lost.any(axis=1), np.maximum(np.argmax(lost, axis=1) - 1, 0), terms.shape[1] - 1)
 
     @cached_property

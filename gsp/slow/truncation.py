@@ -25,10 +25,15 @@ GROWN = 2.0
 ROUNDING = 4e-16
 
 
-def errors(sizes: np.ndarray, order: int) -> np.ndarray:
+def units(coordinates: np.ndarray) -> np.ndarray:
+    """What rounding is a share of (m,) at points (m, n), beside the terms: 1, or all of a point of tiny states."""
+    return np.minimum(1.0, np.linalg.norm(coordinates, axis=1))
+
+
+def errors(sizes: np.ndarray, order: int, *, unit: np.ndarray | float = 1.0) -> np.ndarray:
     """Estimated errors (m, order + 1) of the sums through orders 0 to `order`, NaN where the last term is not known.
 
-    Where nothing is known beyond an order its own last term stands for the error.
+    Where nothing is known beyond an order its own last term stands for the error. `unit` (m,) is that of `units`.
     """
     levels = _envelope(sizes)
     unknown = np.full((len(sizes), AHEAD), np.nan)
@@ -38,7 +43,7 @@ def errors(sizes: np.ndarray, order: int) -> np.ndarray:
         ratio = np.nan_to_num(np.clip(second / first, 0.0, SLOWEST), nan=0.0)
     left_out = np.fmax(first, second) / (1.0 - ratio)
     estimate = SAFETY * np.where(np.isnan(left_out), kept, left_out)
-    floor = ROUNDING * (1.0 + np.fmax.accumulate(sizes[:, : order + 1], axis=1))
+    floor = ROUNDING * (np.reshape(unit, (-1, 1)) + np.fmax.accumulate(sizes[:, : order + 1], axis=1))
     return np.where(np.isnan(kept), np.nan, np.maximum(estimate, floor))
 
 

@@ -71,6 +71,6 @@ def test_collocation_goes_on_until_no_node_moves() -> None:
     system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y**2}, epsilon=eps)
     nodes = chebyshev()[0]
     guess = np.where(nodes[:, None] == nodes[0], -1.0, 0.0)
-    found = _collocate(_Layer(system, np.array([1.0])), np.array([1.0]), np.array([-1.0]), 0.25, guess)
+    found = _collocate(_Layer(system, np.array([1.0])), np.array([1.0]), 2.0, np.array([-1.0]), 0.25, guess)
     exact = -2 / (1 + np.exp(2 * 0.25 * (nodes + 1)))
     np.testing.assert_allclose(np.asarray(found)[:, 0], exact, atol=1e-13)
