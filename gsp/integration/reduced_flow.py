@@ -64,7 +64,7 @@ class ReducedFlow(Flow, Card):
         nearer. Quantities that are reconstructed start at 0 when not named.
         """
         names, over, places, rest = self._usual
-        known = plain(start, names) if names else None
+        known = self._known(start, names) if names else None
         if known is not None:
             if over is not None:
                 point = (*known, *over(np.array(known)).tolist())
@@ -118,8 +118,24 @@ class ReducedFlow(Flow, Card):
         """The slow variables and what starts at 0, where compiled code finds the point of M0 over them; else None."""
         names, over, places, rest = self._usual
         # Compiled code puts as many coordinates in the place of the slow variables as there are of these.
-        known = plain(start, names) if over is not None and len(places) == len(names) else None
+        known = self._known(start, names) if over is not None and len(places) == len(names) else None
         return None if known is None else (*known, *rest)
+
+    def _known(self, start: Point, names: tuple[str, ...]) -> tuple[float, ...] | None:
+        """The values of `names` of a start that has these, or all slow and fast variables, and no others; else None."""
+        known = plain(start, names)
+        if known is None:
+            # Where `_usual` names anything no fast variable chooses a sheet.
+            every, places = self._every
+            given = plain(start, every)
+            known = None if given is None else tuple([given[place] for place in places])
+        return known
+
+    @cached_property
+    def _every(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
+        """The names of all slow and fast variables, and where among them those of `_usual` are."""
+        every = tuple(s.name for s in self.manifold.branch.system.states)
+        return every, tuple(map(every.index, self._usual[0]))
 
     @cached_property
     def _names(self) -> tuple[dict[str, None], frozenset[str], tuple[str, ...], tuple[str, ...]]:
