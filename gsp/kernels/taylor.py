@@ -91,6 +91,15 @@ def _why_no_step(field, p, t, y, rate, forward, work, work_rate):
 
 
 @inner_kernel
+def _length(x):
+    # A loop, as `np.sum` of the squares takes longer to compile and makes an array.
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * x[i]
+    return math.sqrt(total)
+
+
+@inner_kernel
 def _looks_stiff(field, p, t, y, rate, step, order):
     """Whether stability bounds `step`: it is longer than the fastest time, by the power method on differences."""
     n = y.shape[0]
@@ -99,16 +108,16 @@ def _looks_stiff(field, p, t, y, rate, step, order):
     there = np.empty(n)
     fastest = 0.0
     for _ in range(POWERS):
-        length = math.sqrt(np.sum(direction * direction))
+        length = _length(direction)
         if not 0.0 < length < math.inf:
             return False
-        distance = DIFFERENCE * max(math.sqrt(np.sum(y * y)), abs(step) * math.sqrt(np.sum(rate * rate)))
+        distance = DIFFERENCE * max(_length(y), abs(step) * _length(rate))
         for i in range(n):
             point[i] = y[i] + distance / length * direction[i]
         call(field, t, point, p, there)
         for i in range(n):
             direction[i] = (there[i] - rate[i]) / distance
-        fastest = math.sqrt(np.sum(direction * direction))
+        fastest = _length(direction)
     return fastest * abs(step) > STABILITY * order
 
 
