@@ -170,6 +170,7 @@ def test_methods_are_tabulated_with_their_orders() -> None:
     assert rows["solved"]["error at 0.1"] < 1e-10
 
 
+@pytest.mark.exhaustive
 def test_a_chart_is_drawn_and_its_runs_are_written(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Timed once instead of five times: nothing here depends on the seconds.
     monkeypatch.setattr("gsp.comparison.work_runs.ROUNDS", 1)

@@ -162,6 +162,7 @@ def test_raw_variables_and_reconstruction_are_there_in_every_model() -> None:
             assert np.abs(run[name] - expected[name]).max() < 3e-6
 
 
+@pytest.mark.exhaustive
 def test_reconstruction_goes_with_the_reduced_flow_too() -> None:
     scene = replace(models.load("chaplygin_sleigh"), tolerance=1e-3)
     choice = choose(scene, solve=False)
@@ -201,6 +202,7 @@ def test_a_solved_manifold_is_left_where_the_piece_that_was_solved_ends(span: tu
     assert (last["x"][0], last["y"][0]) == pytest.approx((1 + span[1], 0.99 + span[1]), abs=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_a_simulation_does_not_depend_on_when_the_clock_began() -> None:
     asked = replace(models.load("van_der_pol"), span=(0, 3), tolerance=1e-3)
     scenes = [replace(asked, span=(begin, begin + 3)) for begin in (0, 7)]

@@ -19,7 +19,7 @@ x, y, eps = sp.symbols("x y epsilon")
 
 
 @pytest.mark.parametrize(
-    "name", thinned(["chaplygin_sleigh", "michaelis_menten", "lindemann", "van_der_pol", "koper"], 2)
+    "name", thinned(["chaplygin_sleigh", "michaelis_menten", "lindemann", "van_der_pol", "koper"], 3)
 )
 def test_the_slope_of_order_n_is_n_plus_one(name: str) -> None:
     comparison = compare(models.load(name), orders=(0, 1, 2, 3))

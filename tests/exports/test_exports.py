@@ -182,6 +182,7 @@ def test_parameters_and_epsilon_are_arguments(tmp_path: Path) -> None:
     assert got != pytest.approx(made.series(ORDER).evaluate({"s": 0.7}, 0.02), rel=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_where_symbols_take_too_many_terms_values_are_put_in_and_the_text_says_so() -> None:
     assert "values of the parameters are put in" in text_of("car", "python")
     assert "values of the parameters are put in" not in text_of("michaelis_menten", "python")

@@ -143,6 +143,7 @@ def test_as_many_as_are_allowed_are_read() -> None:
     assert widest.arguments == tuple(arguments)
 
 
+@pytest.mark.exhaustive
 def test_what_a_file_writes_out_in_all_is_bounded(tmp_path: Path) -> None:
     states = 1500
     big = " + ".join(f"u/{k}" for k in range(1, 150))

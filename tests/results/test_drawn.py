@@ -24,6 +24,7 @@ def phenomenon(name: str):
     return pictured_runs.phenomenon_of(study, boundary_of(study, found))
 
 
+@pytest.mark.exhaustive
 def test_van_der_pol_is_followed_over_both_folds_again_and_again():
     run = phenomenon("van_der_pol")
     assert pictured_runs._swings(run["x"]) >= pictured_runs.SWINGS

@@ -277,7 +277,9 @@ def test_a_continuation_inside_a_verb_ends_it():
     [
         lambda scene, progress: gsp.analyse(scene, order=1, progress=lambda stage, share: progress(share)),
         lambda scene, progress: gsp.compare(scene, orders=(0, 1), progress=progress),
-        lambda scene, progress: gsp.work_precision(scene, progress=progress),
+        pytest.param(
+            lambda scene, progress: gsp.work_precision(scene, progress=progress), marks=pytest.mark.exhaustive
+        ),
         lambda scene, progress: gsp.failure_map(scene, progress=progress),
     ],
     ids=["analyse", "compare", "work_precision", "failure_map"],

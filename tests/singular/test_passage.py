@@ -605,6 +605,7 @@ def test_the_charts_draw_what_was_measured() -> None:
     assert charts.fold_passage(two, exits=[fold_exit(two, epsilon=0.01, section={"x": 0.5})]).lines
 
 
+@pytest.mark.exhaustive
 def test_a_passage_without_an_exit_says_why() -> None:
     found = entry_exit(branch(system({y: 1}, {x: x * (y + x)})), start={"y": -1})
     outside = measure_delay(found, epsilon=0.05, radius=0.1, start={"y": -1, "x": 2})

@@ -92,6 +92,7 @@ def test_a_reduced_run_of_a_long_chain_stays_on_the_manifold_and_by_the_full_run
     assert run["x"][-1] == pytest.approx(full["x"][-1], abs=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_the_steps_of_a_series_grow_with_the_chain_and_no_faster() -> None:
     spent = [expand(sheet(chain(links)), order=1).chart.ring.spent for links in (20, 40, 80)]
     assert spent[2] - spent[1] == pytest.approx(2 * (spent[1] - spent[0]), rel=0.05)
