@@ -143,7 +143,8 @@ def test_the_first_correction_is_the_one_of_its_definition(name):
         assert got[1] == pytest.approx(h1, rel=1e-8, abs=1e-11 * max(map(abs, h0)) + 1e-13)
 
 
-@pytest.mark.parametrize("name", ["chay", pytest.param("plant", marks=pytest.mark.exhaustive)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", ["chay", "plant"])
 def test_where_the_series_is_refused_the_points_of_the_manifold_show_the_first_correction(name):
     branch = study_of(load(FOLDER / f"{name}.toml")).branch
     with pytest.raises(BudgetError, match=r"order 1 was reached through order 0.*solve_manifold"):

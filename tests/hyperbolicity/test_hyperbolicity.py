@@ -196,6 +196,7 @@ def test_a_removable_zero_of_a_denominator_is_no_pole() -> None:
     assert verdict.losses == ()
 
 
+@pytest.mark.exhaustive
 def test_a_branch_that_goes_on_where_its_formula_is_no_number_has_no_pole_there() -> None:
     # The rates of a gate, which are 0/0 at x = -40, a point of the grid, and smooth.
     opening = (x + 40) / 10 / (1 - sp.exp(-(x + 40) / 10))

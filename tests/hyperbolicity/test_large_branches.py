@@ -122,6 +122,7 @@ def test_with_time_reversed_many_fast_variables_have_the_same_gap(
     assert verdict.gap == pytest.approx(1.0, rel=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_a_loss_among_many_fast_variables_is_found_between_the_samples() -> None:
     # A line with diffusion: y = 0 loses its stability where x is the least eigenvalue of the diffusion.
     n = 40

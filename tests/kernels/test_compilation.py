@@ -60,6 +60,7 @@ def numbers(package: Path, **environment: str) -> subprocess.CompletedProcess[st
     )  # fmt: skip
 
 
+@pytest.mark.exhaustive
 def test_cut_off_files_are_replaced(package: Path) -> None:
     first = numbers(package)
     assert first.stdout == "True 0.5\n", first.stderr

@@ -154,6 +154,7 @@ def test_page_is_well_formed_and_fetches_nothing(written):
     assert "url(" not in text
 
 
+@pytest.mark.exhaustive
 def test_the_panel_at_the_top_runs_the_model(written, page):
     page.open(written / "report.html")
     page.driver.switch_to.frame(page.driver.find_element("css selector", "iframe.panel"))
@@ -167,6 +168,7 @@ def test_the_panel_at_the_top_runs_the_model(written, page):
     assert page.requests() == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("width", [360, 1280])
 def test_nothing_is_scrolled_within_the_panel(width, written, page):
     page.open(written / "report.html", width=width, height=800)

@@ -12,7 +12,7 @@ from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canards import CanardValue, canard_value
 from gsp.singular.singularities.located_points import polish
-from tests.cases import sampled, thinned
+from tests.cases import thinned
 
 x, y, a, eps = sp.symbols("x y a epsilon")
 v, w, current = sp.symbols("v w I")
@@ -367,7 +367,8 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("name", sampled(UNITS, always=("all",)))
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", UNITS)
 def test_the_nearest_canard_point_is_found_in_any_units(name) -> None:
     volts, gate = UNITS[name]
     low, high = 83.645531767021, 222.452513410707

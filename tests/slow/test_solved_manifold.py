@@ -121,6 +121,7 @@ def test_michaelis_menten_is_followed_forward_from_large_s() -> None:
     assert manifold.error_estimate < 1e-12
 
 
+@pytest.mark.exhaustive
 def test_the_sleigh() -> None:
     region = {"v": (-1.2, 1.2), "p": (-2.2, 1.2)}
     manifold = solve_manifold(branch_of(systems.sleigh()), region=region, epsilon=0.1, tolerance=TIGHT)

@@ -57,6 +57,7 @@ def test_the_tube_of_the_sleigh_is_hardly_wider_than_the_first_term_left_out(ord
     assert tube.delta == pytest.approx([1.602e-4, 1.173e-5, 3.897e-7, 1.358e-8][order - 1], rel=0.02)
 
 
+@pytest.mark.exhaustive
 def test_epsilon_a_tenth_and_the_largest_one_for_the_sleigh() -> None:
     assert certify(sleigh(3), region=SQUARE, epsilon=0.1).ratio <= 2.0
     largest = certify(sleigh(3), region=SQUARE)
@@ -196,6 +197,7 @@ def test_a_tube_whose_cones_have_no_collar_is_overflowing(monkeypatch: pytest.Mo
     assert (tube.boundary, tube.collar) == ("overflowing", 0.0)
 
 
+@pytest.mark.exhaustive
 def test_trajectories_that_start_in_the_tube_stay_in_it() -> None:
     manifold = sleigh(2)
     tube = certify(manifold, region=SQUARE, epsilon=0.1)

@@ -15,6 +15,7 @@ import gsp
 from gsp.errors import OutputError
 from gsp.results.tabular import Tabular
 from gsp.tables import table_of
+from tests.cases import thinned
 from tests.test_contract import hopf, michaelis
 from tests.test_transport import CASES, noun
 
@@ -39,7 +40,7 @@ def test_what_is_a_table_or_a_grid_is_tabular() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", TABULAR)
+@pytest.mark.parametrize("name", thinned(TABULAR, 2))
 def test_json_says_dimensions_shapes_and_values(name: str) -> None:
     content = json.loads(json.dumps(noun(name).as_json(), allow_nan=False))
     assert content["what"] == name
@@ -51,7 +52,7 @@ def test_json_says_dimensions_shapes_and_values(name: str) -> None:
     assert content["variables"]
 
 
-@pytest.mark.parametrize("name", TABULAR)
+@pytest.mark.parametrize("name", thinned(TABULAR, 2))
 def test_a_dataset_holds_what_json_says(name: str) -> None:
     result = noun(name)
     content, data = result.as_json(), result.to_xarray()
@@ -71,7 +72,7 @@ def test_a_dataset_holds_what_json_says(name: str) -> None:
                 assert values.tolist() == column["values"]
 
 
-@pytest.mark.parametrize("name", TABULAR)
+@pytest.mark.parametrize("name", thinned(TABULAR, 2))
 def test_a_frame_has_a_row_for_each_place_of_its_grid(name: str) -> None:
     result = noun(name)
     frame, data = result.to_pandas(), result.to_xarray()
