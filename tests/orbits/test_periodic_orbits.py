@@ -163,8 +163,8 @@ def test_relaxation_at_a_millionth_needs_few_intervals() -> None:
 
 @pytest.mark.parametrize("epsilon", [1e-10, 1e-12, 5e-13, 2.972e-13])
 def test_relaxation_converges_where_phases_are_too_coarse_for_its_jumps(epsilon: float) -> None:
-    # A jump takes the share epsilon of the period, and rounding moves the state at a phase by 1e-16/epsilon: the run that
-    # Newton's method starts from must know the jumps' phases.
+    # A jump takes the share epsilon of the period, and rounding moves the state at a phase by 1e-16/epsilon: the run
+    # that Newton's method starts from must know the jumps' phases.
     orbit = gsp.periodic_orbit(van_der_pol(), start={"x": 2, "y": 0}, epsilon=epsilon)
     assert orbit.status is Status.SUCCESS
     mu = epsilon**-0.5
