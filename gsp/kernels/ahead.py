@@ -28,8 +28,8 @@ from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
 from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_explicit_room, read_room
 from gsp.kernels.radau import radau
+from gsp.kernels.slow_points import at_order, to_tolerance
 from gsp.kernels.taylor import taylor
-from gsp.kernels.zero_derivative import at_order, to_tolerance
 
 _REAL, _WHOLE = types.float64, types.int64
 _REALS, _ROWS, _LAYERS = (types.Array(_REAL, axes, "C") for axes in (1, 2, 3))

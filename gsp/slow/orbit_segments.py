@@ -17,7 +17,7 @@ from gsp.collocation.bordered import Equations, Step, linearise
 from gsp.collocation.gauss import gauss
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
-from gsp.kernels.zero_derivative import CONVERGED
+from gsp.kernels.slow_points import CONVERGED
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.tape import Tape, write_tape
 from gsp.slow.segment_problem import Held, Point, SegmentProblem, step_length

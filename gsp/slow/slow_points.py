@@ -14,7 +14,7 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
-from gsp.kernels import zero_derivative as kernel
+from gsp.kernels import slow_points as kernel
 from gsp.kernels.addresses import JET, address_of
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.lowering.compiled_flow import parameter_vector
