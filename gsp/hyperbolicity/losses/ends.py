@@ -16,7 +16,7 @@ from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
-from gsp.hyperbolicity.losses.locator import Locator
+from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
 from gsp.hyperbolicity.losses.switching import switches
 
 # Ends that are located, and halvings for each: to give a sheet up is slow.
@@ -83,11 +83,12 @@ def _fold(diagnosis: Diagnosis, locator: Locator, end: np.ndarray) -> Found | No
     locator.zeros(end[None, :], at_end=True)
     nx = diagnosis.nx
     sizes = np.append(AT_END * diagnosis.widths, AT_END**0.5 * np.ptp(diagnosis.samples[:, nx:], axis=0))
-    least = _least(diagnosis, end)
+    # An end may be the fold itself, to rounding.
+    vanished = max(VANISHED * _least(diagnosis, end), ZERO_TOLERANCE * locator.usual)
     near = [
         found
         for found in locator.found
-        if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= VANISHED * least
+        if (np.abs(found.z - end) <= sizes + ROUNDING).all() and _least(diagnosis, found.z) <= vanished
     ]
     return near[0] if near else None
 

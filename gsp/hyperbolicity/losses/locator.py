@@ -46,6 +46,8 @@ SEARCH_STEPS = 1250
 NEAR, NEAR_OF_LARGE = 1e-10, 1e-4
 # Neutral saddles that are looked at.
 SUMS = 6
+# Samples that say how large the equations are.
+SOME = 16
 
 
 class Locator:
@@ -69,6 +71,7 @@ class Locator:
         nx = len(sampler.system.x)
         widths = [box[s.name][1] - box[s.name][0] for s in sampler.system.x]
         self.units = np.append(widths, fast_lengths(samples[:, nx:]))
+        self._some = samples[:: 1 + len(samples) // SOME]
         self.found: list[Found] = []
         self.notes: list[str] = []
 
@@ -128,12 +131,21 @@ class Locator:
             steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
             sparse=sampler.is_large,
             scales=np.append(self.units, np.ones(ny)),
+            sizes=np.concatenate([self._sizes(jacobian), self._sizes(sampler.fast_jacobian), [1.0]]),
         )
         if found is None:
             return None
         # A matrix far from normal has unit vectors that it all but annihilates, and yet no eigenvalue near zero.
         least = np.abs(sampler.eigenvalues(found[None, :n])).min()
         return found[:n] if not least > VANISHED * max(self.usual, ZERO_TOLERANCE * self.scale) else None
+
+    def _sizes(self, jacobian) -> np.ndarray:
+        """What a unit changes in each equation, as a rule: next to where a graph ends it changes any amount."""
+        slopes = np.abs(jacobian(self._some))
+        slopes = slopes * self.units if slopes.shape[2] == len(self.units) else slopes
+        rows = slopes.max(axis=2)
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        return np.median(rows, axis=0) if len(rows) else np.ones(slopes.shape[1])
 
     def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
         """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.

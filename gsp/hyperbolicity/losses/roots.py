@@ -17,25 +17,23 @@ def gauss_newton(
     steps: int = STEPS,
     sparse: bool = False,
     scales: np.ndarray | None = None,
+    sizes: np.ndarray | float = 1.0,
 ) -> np.ndarray | None:
     """The zero of `evaluate` (value, Jacobian) next to `start` by damped steps of least norm, or None.
 
-    Lengths are in units of `scales`, one for each unknown, and with them a value is as large as the change that a unit
-    makes: which zero of many is nearest depends on them, and what is near one does not depend on the states' own units.
+    Lengths are in units of `scales`, one for each unknown: which zero of many is nearest depends on them. Values are
+    small beside `sizes`, what a unit changes in each as a rule.
     A large Jacobian with few entries is taken apart as a `sparse` matrix; where its rows depend on one another there
     is no step then.
     """
     units = np.ones(len(start)) if scales is None else scales
     u = start / units
     limit = 0.5 * (1.0 + np.linalg.norm(u))
-    sizes = 1.0 if scales is None else 0.0
     for _ in range(steps):
         value, slope = evaluate(u * units)
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
         slope = slope * units
-        if scales is not None:
-            sizes = np.maximum(sizes, np.abs(slope).max(axis=1))
         step = _least_norm(slope, value) if sparse else _least_squares(slope, value)
         # Far from any zero of an exponential a step may be longer than a float.
         with np.errstate(over="ignore", invalid="ignore"):
