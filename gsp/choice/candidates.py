@@ -12,7 +12,7 @@ import numpy as np
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee_surface
 from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError
-from gsp.integration.methods import MILD, Method, begins_with_series, choose_method, fast_times, program_of
+from gsp.integration.methods import Method, begins_with_series, choose_method, is_mild, program_of
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.scene import Scene
@@ -197,8 +197,8 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     # Over a short piece the default could be another method than over the span, with steps of another kind.
     method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
     p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
-    times = fast_times(compiled, p, y, first, last)
-    if flow.is_stiff and times <= MILD and begins_with_series(compiled, max(rtol, SMALLEST_RTOL)):
+    mild = flow.is_stiff and is_mild(compiled, p, y, first, last)
+    if mild and begins_with_series(compiled, max(rtol, SMALLEST_RTOL)):
         method = Method.TAYLOR
     # The code of a step is built here, once.
     program_of(compiled, method, max(rtol, SMALLEST_RTOL))

@@ -158,24 +158,29 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         _,
         over_slow,
     ) = asked
-    layout = layout_of(compiled, method, rtol)
-    solver, program, enter, constants, memory, before = layout
-    n, many, rows = len(y), len(stops), solver.rows
+    n, many = len(y), len(stops)
     watches = 0 if tests is None else tests.count
     length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
     between = length if dense else 0
-    room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
-    # As `kernels.launch` orders them.
-    enter(
-        room, 0,
-        OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between, rows,
-        first, rtol, atol, first_step, *y, *p, stops[0],
-    )  # fmt: skip
-    if many > 1:
-        end = Y + n + constants
-        room[end : end + many] = stops
-    if tries and begins_mildly(compiled.derivatives_program, room, MILD) and begins_with_series(compiled, rtol):
-        return advance(asked._replace(max_steps=min(MILD_ATTEMPTS, max_steps)), Method.TAYLOR)
+    while True:
+        solver, program, enter, constants, memory, before = layout_of(compiled, method, rtol)
+        rows = solver.rows
+        room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
+        # As `kernels.launch` orders them.
+        enter(
+            room, 0,
+            OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between,
+            rows, first, rtol, atol, first_step, *y, *p, stops[0],
+        )  # fmt: skip
+        if many > 1:
+            end = Y + n + constants
+            room[end : end + many] = stops
+        tries = tries and begins_mildly(compiled.derivatives_program, room, MILD)
+        if not tries or not begins_with_series(compiled, rtol):
+            break
+        method, max_steps, tries = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps), False
+        # The system takes longer to give a second large array than such a run does.
+        del room
     full: list[np.ndarray] = []
     code = ledger.RECORD_FULL
     status = None

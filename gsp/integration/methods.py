@@ -171,9 +171,10 @@ MILD = 200.0
 MILD_ATTEMPTS = 250
 
 
-def fast_times(compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> float:
-    """|J| (t1 - t0) at the start."""
-    return float(largest_rate(compiled.derivatives_program, first, y, p)) * abs(last - first)
+def is_mild(compiled: CompiledFlow, p: np.ndarray, y: np.ndarray, first: float, last: float) -> bool:
+    """Whether the span is at most `MILD` fast times of the start."""
+    border = MILD / abs(last - first)
+    return bool(largest_rate(compiled.derivatives_program, first, y, p, border) <= border)
 
 
 def begins_with_series(compiled: CompiledFlow, rtol: float) -> bool:

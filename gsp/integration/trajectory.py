@@ -28,13 +28,12 @@ from gsp.integration.loop import (
     stops_of,
 )
 from gsp.integration.methods import (
-    MILD,
     MILD_ATTEMPTS,
     Method,
     begins_with_series,
     check_method,
     choose_method,
-    fast_times,
+    is_mild,
 )
 from gsp.integration.output import read
 from gsp.integration.room import Record
@@ -306,16 +305,19 @@ def trajectory_of(
     # where events are looked for, since a step may pass over a pulse.
     reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
-    if asked is not None and chosen is None and flow.is_stiff:
-        times = fast_times(compiled, np.array(p), np.array(y), first, last)
-        if times <= MILD and begins_with_series(compiled, rtol):
-            # A step is gone over again by the method that made it, so that a watched run keeps to one.
-            found = trajectory_of(
-                flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
-                max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
-            )  # fmt: skip
-            if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
-                return found
+    tries = asked is not None and chosen is None and flow.is_stiff
+    if (
+        tries
+        and is_mild(compiled, np.array(p), np.array(y), first, last)
+        and begins_with_series(compiled, rtol)
+    ):
+        # A step is gone over again by the method that made it, so that a watched run keeps to one.
+        found = trajectory_of(
+            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
+            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
+        )  # fmt: skip
+        if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
+            return found
     # By place, at a third of what so many names cost.
     wanted = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,

@@ -80,7 +80,8 @@ def _run_member(
 @inner_kernel
 def _begins(program, p, first, last, y, border):
     """Whether a member's start has so few fast times before it that the trial is made."""
-    return largest_rate(program, first, y, p) * abs(last - first) <= border
+    rate = border / abs(last - first)
+    return largest_rate(program, first, y, p, rate) <= rate
 
 
 @kernel

@@ -68,7 +68,8 @@ def begins_mildly(derivatives, room, border):
     p = Y + head[STATES]
     stops = p + head[CONSTANTS]
     span = abs(room[stops + head[STOPS] - 1] - room[FIRST])
-    return largest_rate(derivatives, room[FIRST], room[Y:p], room[p:stops]) * span <= border
+    rate = border / span
+    return largest_rate(derivatives, room[FIRST], room[Y:p], room[p:stops], rate) <= rate
 
 
 @kernel

@@ -147,13 +147,15 @@ class CompiledFlow:
 
     def has_series(self, order: int, *, products: int, parts: int) -> bool:
         """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
-        known = self._known_series
+        known = self._known_series.get((order, products, parts))
+        if known is not None:
+            return known
         with MAKING:
-            if (order, products, parts) not in known:
-                known[order, products, parts] = has_parts(self.expressions, at_most=parts) and (
-                    self._series is not None and self._series.products(order) <= products
-                )
-        return known[order, products, parts]
+            found = has_parts(self.expressions, at_most=parts) and (
+                self._series is not None and self._series.products(order) <= products
+            )
+            self._known_series[order, products, parts] = found
+        return found
 
     @_made_once
     def _known_series(self) -> dict[tuple[int, int, int], bool]:

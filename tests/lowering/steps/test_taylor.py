@@ -276,7 +276,7 @@ def test_expressions_nested_a_thousand_deep_have_instructions():
 
 
 def test_which_flows_begin_with_series():
-    """By |J| times the span at the start: 50, 250 and 10^4 here."""
+    """By |J| times the span at the start, 50, 250 and 10^4 here, in whatever units."""
     stiff = VectorField({x: -x / epsilon, y: x - y}, epsilon=epsilon)
     methods = {
         (value, rtol): integrate(stiff, start={x: 1, y: 1}, span=(0, 10), epsilon=value, rtol=rtol).stats.method
@@ -286,6 +286,12 @@ def test_which_flows_begin_with_series():
     assert methods[0.2, 1e-4] is methods[0.2, 1e-8] is Method.TAYLOR
     assert methods[0.04, 1e-4] is methods[1e-3, 1e-4] is Method.RADAU9
     assert methods[0.04, 1e-8] is methods[1e-3, 1e-8] is Method.RADAU13
+
+    for unit in (1, 10**4):
+        # The Jacobian's norm is 10^5 in the other units.
+        oscillator = VectorField({x: -x + unit * y, y: -x / unit - y}, epsilon=None)
+        run = integrate(oscillator, start={x: unit, y: 1}, span=(0, 10), rtol=1e-6, atol=1e-30)
+        assert run.stats.method is Method.TAYLOR
 
     class Reduced(VectorField):
         is_stiff = False
