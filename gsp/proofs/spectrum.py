@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from flint import arb, arb_mat
 
 from gsp.proofs import balls
@@ -71,6 +70,9 @@ def _of_number(entry: arb) -> Spectrum | None:
 
 
 def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    # Imported where it serves: most systems have one fast variable.
+    from scipy.linalg import solve_continuous_lyapunov
+
     if not np.isfinite(near).all():
         return
     values, vectors = np.linalg.eig(near)
@@ -83,7 +85,7 @@ def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         with warnings.catch_warnings():
             # Eigenvalues near the axis; a poor proposal is not proved.
             warnings.simplefilter("ignore", RuntimeWarning)
-            weight = scipy.linalg.solve_continuous_lyapunov(near.T, 2.0 * sides[0] * np.eye(len(near)))
+            weight = solve_continuous_lyapunov(near.T, 2.0 * sides[0] * np.eye(len(near)))
         if not np.isfinite(weight).all():
             return
         try:

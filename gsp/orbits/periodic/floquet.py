@@ -10,7 +10,6 @@ Anal. 28 (1991) 1446-1462.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eig
 
 
 def multipliers(transfers: np.ndarray, divergence: float, scales: np.ndarray) -> np.ndarray:
@@ -19,6 +18,8 @@ def multipliers(transfers: np.ndarray, divergence: float, scales: np.ndarray) ->
     In the plane the other one is exp(divergence), by Liouville's formula, accurate at any size. `scales` (n,) are the
     units of the states.
     """
+    from scipy.linalg import eig
+
     n = transfers.shape[1]
     pencil = joined(transfers * scales / scales[:, None])
     # Asked for no vectors, SciPy returns the eigenvalues alone, as a pair of rows.
