@@ -279,6 +279,22 @@ def test_the_package_run_as_a_module_is_the_command_line() -> None:
         assert found.stdout.startswith("gsp, version"), found.stderr
 
 
+def test_a_command_ends_without_a_look_for_cycles() -> None:
+    # What is registered first is called last.
+    text = (
+        "import atexit, gc, sys\n"
+        "atexit.register(lambda: print('looked at:', len(gc.get_objects()), 'of', gc.get_freeze_count()))\n"
+        "from gsp.cli import main\n"
+        "sys.argv = ['gsp', 'split', 'linear']\n"
+        "main()\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, timeout=300, check=False
+    )
+    looked, of = map(int, found.stdout.rpartition("looked at: ")[2].split(" of "))
+    assert looked < 100 < 10_000 < of, found.stderr
+
+
 def test_a_command_looks_for_cycles_a_hundredth_as_often_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     before = gc.get_threshold()
     monkeypatch.setattr(sys, "argv", ["gsp", "--version"])

@@ -9,7 +9,7 @@ import click
 
 from gsp.cli.asking import asks, json_option, orders_through, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiled_by_two, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 from gsp.results.interrupts import undisturbed
@@ -19,15 +19,14 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", by_two=True)
 @click.option("--order", type=int, help="Highest order of the series [3].")
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
-    with compiled_by_two():
-        from gsp.comparison.classical_table import method_table
+    from gsp.comparison.classical_table import method_table
 
-        table = method_table(scene, **orders_through(order))
+    table = method_table(scene, **orders_through(order))
     if as_json:
         from gsp.report import plain
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -86,6 +87,8 @@ def main() -> None:
     """Run the command line and exit with its status."""
     warnings.showwarning = _tell
     gc.set_threshold(BETWEEN_LOOKS)
+    # Python looks for cycles among all objects as it ends: a seventh of the time of a report.
+    atexit.register(gc.freeze)
     written: list[Path] = []
     try:
         with noticing() as check:

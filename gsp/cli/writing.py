@@ -10,7 +10,7 @@ import click
 
 from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option
 from gsp.cli.program import cli
-from gsp.cli.telling import check_interrupt, compiled_by_two, compiling_told, print_json, progress_bar, wrote
+from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
 from gsp.results.files import write_file
 
@@ -19,18 +19,17 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start")
+@asks("set", "epsilon", "region", "start", by_two=True)
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @json_option
 def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
     """Analyse MODEL and write report.html, report.json, the figures, and report.toml, the model as it was asked."""
-    folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
-    # The second process begins to compile before this one imports all that a report needs.
-    with compiled_by_two(), progress_bar("") as show:
-        from gsp.analysis.analysis import STAGES, analyse
-        from gsp.report import check_folder, write_report
+    from gsp.analysis.analysis import STAGES, analyse
+    from gsp.report import check_folder, write_report
 
+    folder = output or Path(f"gsp-report-{scene.name or 'scene'}")
+    with progress_bar("") as show:
         check_folder(folder)
         stages = (*STAGES, "report")
 

@@ -6,6 +6,7 @@ Whatever one of the two has compiled the other reads from numba's cache, so that
 
 from __future__ import annotations
 
+import atexit
 import gc
 import multiprocessing
 import os
@@ -98,13 +99,10 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
 def compiled_ahead() -> Iterator[None]:
     """Have a second process compile `IN_ORDER` from its end, while the context lasts, unless all of it is on disk.
 
-    Where no process can be begun this one compiles alone. Neither looks for cycles: nearly all objects are the
-    compiler's, which took 0.06 of the compiling to find and to give back.
+    Where no process can be begun this one compiles alone.
     """
     process: Any = None
-    looks = gc.isenabled()
     if not all(is_kept(*asked) for asked in IN_ORDER):
-        gc.disable()
         process = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
         try:
             process.start()
@@ -113,8 +111,6 @@ def compiled_ahead() -> Iterator[None]:
     try:
         yield
     finally:
-        if looks:
-            gc.enable()
         if process is not None:
             process.kill()
             process.join()
@@ -127,8 +123,13 @@ def compile_backwards() -> None:
 
 
 def _help() -> None:
-    """What the second process does; the first's Ctrl-C is to answer."""
+    """What the second process does; the first's Ctrl-C is to answer.
+
+    It never looks for cycles: nearly all objects are the compiler's, which took 0.06 of the compiling to find and to
+    give back.
+    """
     gc.disable()
+    atexit.register(gc.freeze)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
