@@ -244,11 +244,11 @@ def by_counted_steps(run) -> tuple[float, Trajectory]:
 def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkeypatch) -> None:
     monkeypatch.setattr(candidates, "_timed", by_counted_steps)
     asked = scene(-x, x - y, span=(0, 10), epsilon=0.05)
-    full, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-6)
+    full, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-9)
     assert piece == (0.0, 0.5 + PIECE * 9.5)
     assert full.seconds == pytest.approx(3.0 + 0.1 * full.steps, rel=1e-12)
-    method = choose_method(compile_flow(asked.system), 1e-6)
-    run = run_model(asked.system, asked.start, asked, piece, 1e-6, method=method)
+    method = choose_method(compile_flow(asked.system), 1e-9)
+    run = run_model(asked.system, asked.start, asked, piece, 1e-9, method=method)
     assert full.field_calls / full.steps == pytest.approx(run.stats.field_calls / run.stats.steps, rel=1e-12)
 
 

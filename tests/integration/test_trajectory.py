@@ -192,7 +192,7 @@ def test_the_method_follows_the_flow_unless_given():
 
     stiff = {"start": {"s": 1, "c": 0}, "span": (0, 10), "epsilon": 1e-4}
     assert integrate(ENZYME, rtol=1e-3, **stiff).stats.method is Method.RODAS5P
-    assert integrate(ENZYME, rtol=1e-5, **stiff).stats.method is Method.RADAU9
+    assert integrate(ENZYME, rtol=1e-4, **stiff).stats.method is Method.RADAU9
     # Over an output grid Rodas5P would look at its dense output step by step.
     few, many = (np.linspace(*stiff["span"], m) for m in (19, 20))
     assert integrate(ENZYME, rtol=1e-3, at=few, **stiff).stats.method is Method.RODAS5P
