@@ -1,11 +1,23 @@
-"""Dense linear systems of a few unknowns: LU factors with partial pivoting, in place.
+"""Dense linear systems of a few unknowns: norms, and LU factors with partial pivoting, in place.
 
 LAPACK's call costs more than the arithmetic below about ten unknowns.
 """
 
 from __future__ import annotations
 
-from gsp.kernels.compilation import kernel
+import math
+
+from gsp.kernels.compilation import inner_kernel, kernel
+
+
+@inner_kernel
+def norm(vector):
+    """The Euclidean norm of `vector` (n,)."""
+    # A loop: the array of the squares would be allocated, and `np.sum` takes longer to compile.
+    total = 0.0
+    for value in vector:
+        total += value * value
+    return math.sqrt(total)
 
 
 @kernel

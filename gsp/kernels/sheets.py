@@ -9,7 +9,7 @@ import numpy as np
 from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.linear_algebra import factorise, norm, solve
 from gsp.kernels.step_control import all_finite
 
 # A correction this share of the step before it may lead to another sheet; below the number it is rounding.
@@ -33,15 +33,6 @@ def _linearise(jacobian, p, z, flat, factors, pivots):
         if (pivots[i] != i) != (factors[i, i] < 0.0):
             sign = -sign
     return sign
-
-
-@inner_kernel
-def _length(vector):
-    # A loop: the array of the squares would be allocated for each of a dozen lengths.
-    total = 0.0
-    for value in vector:
-        total += value * value
-    return math.sqrt(total)
 
 
 @kernel
@@ -82,7 +73,7 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
             for j in range(m):
                 step[i] -= slow[i * m + j] * way[j] / pieces
         solve(factors, pivots, step)
-        moved = _length(step) + _length(way) / pieces
+        moved = norm(step) + norm(way) / pieces
         for j in range(m):
             z[j] = target[j] if piece == pieces - 1 else x[j] + (piece + 1) * way[j] / pieces
         for i in range(n):
@@ -94,8 +85,8 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
             if not all_finite(step) or _linearise(jacobian, p, z, flat, factors, pivots) == 0.0:
                 return False
             solve(factors, pivots, step)
-            length = _length(step)
-            far = _length(z[m:])
+            length = norm(step)
+            far = norm(z[m:])
             scale = 1.0 + far
             if not length < math.inf:
                 return False
@@ -110,7 +101,7 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
                 break
         for i in range(n):
             step[i] = z[m + i] - predicted[i]
-        if not converged or not _length(step) <= TRUSTED * moved + ROUNDING:
+        if not converged or not norm(step) <= TRUSTED * moved + ROUNDING:
             return False
     if _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
         return False

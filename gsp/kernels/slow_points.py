@@ -13,7 +13,7 @@ import numpy as np
 
 from gsp.kernels.addresses import call_jet
 from gsp.kernels.compilation import inner_kernel, kernel
-from gsp.kernels.linear_algebra import factorise, solve
+from gsp.kernels.linear_algebra import factorise, norm, solve
 
 CONVERGED = 0
 NOT_CONVERGED = 1
@@ -37,14 +37,6 @@ GROWTH = 30.0
 # Iterations after which the highest order is halved and Newton's method starts again: far past optimal truncation
 # high orders may have no solution near M0.
 PATIENCE = 8
-
-
-@inner_kernel
-def _size(y):
-    total = 0.0
-    for i in range(y.shape[0]):
-        total += y[i] * y[i]
-    return math.sqrt(total)
 
 
 @inner_kernel
@@ -89,8 +81,8 @@ def _newton(v, slow, m, matrix, pivots, step):
 @inner_kernel
 def _move(y, step):
     """Add the step, cut to length 1 + |y|; returns its full length over 1 + |y|."""
-    scale = 1.0 + _size(y)
-    length = _size(step) / scale
+    scale = 1.0 + norm(y)
+    length = norm(step) / scale
     factor = 1.0 if length <= 1.0 else 1.0 / length
     for i in range(y.shape[0]):
         y[i] += factor * step[i]
@@ -165,7 +157,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
             if fresh:
                 for i in range(fast):
                     following[i] -= step[i]
-                change = _size(following)
+                change = norm(following)
             length = _move(y, step)
             if not math.isfinite(length):
                 codes[point] = NON_FINITE
@@ -179,7 +171,7 @@ def at_order(jet, tape, constants, rates, epsilon, slow, xs, ys, order, errors, 
                 or (fresh and 0.5 * previous < length < 1e-6)
             ):
                 codes[point] = CONVERGED
-                errors[point] = change + (_remainder(length) + ROUNDING) * (1.0 + _size(y))
+                errors[point] = change + (_remainder(length) + ROUNDING) * (1.0 + norm(y))
                 break
             fresh = length > CONTRACTION * previous or length > 1e-4
             previous = length
@@ -227,7 +219,7 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
                     y[i] = begin[i]
             call_jet(jet, tape, constants, rates, epsilon, slow, x, y, top + 3, v, d)
             full += 1
-            scale = 1.0 + _size(y)
+            scale = 1.0 + norm(y)
             known = 0
             for m in range(top + 3):
                 if not _jacobian(d, slow, m, matrix, pivots):
@@ -235,7 +227,7 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
                 if not _condition(d, slow, m, matrix, pivots, difference) <= CONDITION:
                     break
                 _newton(v, slow, m, matrix, pivots, steps[m])
-                if not math.isfinite(_size(steps[m])):
+                if not math.isfinite(norm(steps[m])):
                     break
                 known += 1
             if known < 3:
@@ -244,7 +236,7 @@ def to_tolerance(jet, tape, constants, rates, epsilon, slow, xs, ys, tolerance, 
             for m in range(known - 1):
                 for i in range(fast):
                     difference[i] = steps[m + 1, i] - steps[m, i]
-                changes[m] = _size(difference)
+                changes[m] = norm(difference)
             chosen = 0
             error = math.inf
             met = False

@@ -15,6 +15,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.linear_algebra import norm
 from gsp.kernels.step_control import accept, all_finite, begin, reject, smallest_step, step_ahead
 
 # Places of the program behind the field's and the Jacobian's.
@@ -91,15 +92,6 @@ def _why_no_step(field, p, t, y, rate, forward, work, work_rate):
 
 
 @inner_kernel
-def _length(x):
-    # A loop, as `np.sum` of the squares takes longer to compile and makes an array.
-    total = 0.0
-    for i in range(x.shape[0]):
-        total += x[i] * x[i]
-    return math.sqrt(total)
-
-
-@inner_kernel
 def _looks_stiff(field, p, t, y, rate, step, order):
     """Whether stability bounds `step`: it is longer than the fastest time, by the power method on differences."""
     n = y.shape[0]
@@ -108,16 +100,16 @@ def _looks_stiff(field, p, t, y, rate, step, order):
     there = np.empty(n)
     fastest = 0.0
     for _ in range(POWERS):
-        length = _length(direction)
+        length = norm(direction)
         if not 0.0 < length < math.inf:
             return False
-        distance = DIFFERENCE * max(_length(y), abs(step) * _length(rate))
+        distance = DIFFERENCE * max(norm(y), abs(step) * norm(rate))
         for i in range(n):
             point[i] = y[i] + distance / length * direction[i]
         call(field, t, point, p, there)
         for i in range(n):
             direction[i] = (there[i] - rate[i]) / distance
-        fastest = _length(direction)
+        fastest = norm(direction)
     return fastest * abs(step) > STABILITY * order
 
 
