@@ -8,6 +8,7 @@ losses too thin to lie between two samples of different type are met when the wo
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -99,14 +100,16 @@ class Locator:
         sampler = self.sampler
         branch = sampler.branch
         for z in samples:
-            point = self._zero_eigenvalue(z, branch.residual, branch.full_jacobian)
+            point = self._zero_eigenvalue(z, branch.residual, branch.full_jacobian, self._branch_sizes)
             if point is None and branch.is_explicit:
                 # A graph such as sqrt(x) has no derivative at its fold, but g has.
-                point = self._zero_eigenvalue(z, sampler.equilibria, sampler.equilibria_jacobian)
+                point = self._zero_eigenvalue(
+                    z, sampler.equilibria, sampler.equilibria_jacobian, self._layer_sizes
+                )
             if point is not None and not self._is_known(point) and (at_end or self._on_sheet(point, z)):
                 self.add(point, Contact.ZERO)
 
-    def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian) -> np.ndarray | None:
+    def _zero_eigenvalue(self, z: np.ndarray, equations, jacobian, sizes: np.ndarray) -> np.ndarray | None:
         sampler = self.sampler
         n, ny = len(z), len(sampler.system.y)
         matrix = sampler.fast_jacobian(z[None, :])[0]
@@ -131,7 +134,7 @@ class Locator:
             steps=STEPS_OF_LARGE if sampler.is_large else STEPS,
             sparse=sampler.is_large,
             scales=np.append(self.units, np.ones(ny)),
-            sizes=np.concatenate([self._sizes(jacobian), self._sizes(sampler.fast_jacobian), [1.0]]),
+            sizes=np.concatenate([sizes, self._eigenvector_sizes, [1.0]]),
         )
         if found is None:
             return None
@@ -139,13 +142,24 @@ class Locator:
         least = np.abs(sampler.eigenvalues(found[None, :n])).min()
         return found[:n] if not least > VANISHED * max(self.usual, ZERO_TOLERANCE * self.scale) else None
 
-    def _sizes(self, jacobian) -> np.ndarray:
+    @cached_property
+    def _branch_sizes(self) -> np.ndarray:
+        return self._sizes(self.sampler.branch.full_jacobian, self.units)
+
+    @cached_property
+    def _layer_sizes(self) -> np.ndarray:
+        return self._sizes(self.sampler.equilibria_jacobian, self.units)
+
+    @cached_property
+    def _eigenvector_sizes(self) -> np.ndarray:
+        return self._sizes(self.sampler.fast_jacobian, 1.0)
+
+    def _sizes(self, jacobian, units: np.ndarray | float) -> np.ndarray:
         """What a unit changes in each equation, as a rule: next to where a graph ends it changes any amount."""
-        slopes = np.abs(jacobian(self._some))
-        slopes = slopes * self.units if slopes.shape[2] == len(self.units) else slopes
-        rows = slopes.max(axis=2)
-        rows = rows[np.isfinite(rows).all(axis=1)]
-        return np.median(rows, axis=0) if len(rows) else np.ones(slopes.shape[1])
+        # One sample at a time: with thousands of states the Jacobians of all would fill the memory.
+        rows = np.array([np.max(np.abs(jacobian(z[None, :])[0]) * units, axis=1) for z in self._some])
+        finite = np.isfinite(rows).all(axis=1)
+        return np.median(rows[finite], axis=0) if finite.any() else np.ones(rows.shape[1])
 
     def _on_sheet(self, point: np.ndarray, sample: np.ndarray) -> bool:
         """Whether a zero found by Newton's method belongs to the sheet of `sample`, when one sheet is meant.
