@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
 
 import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
+from gsp.critical.multilinear_form import Derivatives, MultilinearForm
 from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
@@ -96,14 +96,11 @@ class LayerProblem:
 
     def second(self, u: np.ndarray) -> np.ndarray:
         """g_uu at one point: (n, N, N)."""
-        return self._symmetric(self._g_uu(u, self._p), len(self.unknowns), 2)
+        return self._g_uu.at(u, self._p).dense(len(self.unknowns))
 
-    def third(self, u: np.ndarray) -> np.ndarray:
-        """g_yyy at one point: (n, n, n, n)."""
-        return self._symmetric(self._g_yyy(u, self._p), self.size, 3)
-
-    def _symmetric(self, entries: np.ndarray, n: int, order: int) -> np.ndarray:
-        return entries.reshape(self.size, -1)[:, _places(n, order)].reshape(self.size, *([n] * order))
+    def third(self, u: np.ndarray) -> MultilinearForm:
+        """g_yyy at one point, a form in three vectors (n,)."""
+        return self._g_yyy.at(u, self._p)
 
     @cached_property
     def _rates(self) -> list[sp.Expr]:
@@ -128,30 +125,12 @@ class LayerProblem:
         return self._compiled([derivative(g, s) for g in self._rates for s in self.unknowns])
 
     @cached_property
-    def _g_uu(self) -> CompiledFunction:
-        return self._compiled(_partial_derivatives(self._rates, self.unknowns, 2))
+    def _g_uu(self) -> Derivatives:
+        return Derivatives(self._rates, self.unknowns, 2, self._compiled)
 
     @cached_property
-    def _g_yyy(self) -> CompiledFunction:
-        return self._compiled(_partial_derivatives(self._rates, self.system.y, 3))
-
-
-def _partial_derivatives(rates: Sequence[sp.Expr], symbols: Sequence[sp.Symbol], order: int) -> list[sp.Expr]:
-    """The different derivatives of that order, rate by rate, in the order of `combinations_with_replacement`."""
-    result = []
-    for rate in rates:
-        known: dict[tuple[sp.Symbol, ...], sp.Expr] = {(): rate}
-        for k in range(1, order + 1):
-            for chosen in combinations_with_replacement(symbols, k):
-                known[chosen] = derivative(known[chosen[:-1]], chosen[-1])
-        result += [known[chosen] for chosen in combinations_with_replacement(symbols, order)]
-    return result
-
-
-def _places(n: int, order: int) -> np.ndarray:
-    """Where the derivative with indices (i, j, ...) stands among the different ones: (n**order,)."""
-    where = {chosen: i for i, chosen in enumerate(combinations_with_replacement(range(n), order))}
-    return np.array([where[tuple(sorted(index))] for index in np.ndindex(*([n] * order))])
+    def _g_yyy(self) -> Derivatives:
+        return Derivatives(self._rates, self.system.y, 3, self._compiled)
 
 
 # -- what a caller gives ---------------------------------------------------------------------------

@@ -1,13 +1,18 @@
 """Coefficients that decide what a degenerate equilibrium looks like nearby: folds, cusps, Hopf, double zeros.
 
-Everything is computed from the derivatives at one point: A = g_y (n, n), B = g_yy (n, n, n), C = g_yyy (n, n, n, n),
-the first index that of the equation. Null vectors have |r| = 1 and <l, r> = 1. Under y -> T y a coefficient of degree k
-in r is divided by s^(k-1), s = |T r|: signs are invariant, and so are the combinations that the docstrings name.
+Everything is computed from the derivatives at one point: A = g_y (n, n) and B = g_yy (n, n, n), the first index that of
+the equation, and the form C(u, v, w) of g_yyy. Null vectors have |r| = 1 and <l, r> = 1. Under y -> T y a coefficient
+of degree k in r is divided by s^(k-1), s = |T r|: signs are invariant, and so are the combinations that the docstrings
+name.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+
+Trilinear = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def null_vectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -22,14 +27,12 @@ def quadratic_coefficient(B: np.ndarray, right: np.ndarray, left: np.ndarray) ->
     return 0.5 * float(np.einsum("i,ijk,j,k->", left, B, right, right))
 
 
-def cubic_coefficient(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, right: np.ndarray, left: np.ndarray
-) -> float:
-    """c = <l, C r r r + 3 B r h>/6 with A h = -B r r, of v' = c v^3 + ...: not zero at a cusp (ibid., 8.7)."""
+def cubic_coefficient(A: np.ndarray, B: np.ndarray, C: Trilinear, right: np.ndarray, left: np.ndarray) -> float:
+    """c = <l, C(r, r, r) + 3 B r h>/6 with A h = -B r r, of v' = c v^3 + ...: not zero at a cusp (ibid., 8.7)."""
     n = len(A)
     bending = np.einsum("ijk,j,k->i", B, right, right)
     h = np.linalg.solve(bordered(A, right, left), np.append(-bending, 0.0))[:n]
-    cubic = np.einsum("ijkl,j,k,l->i", C, right, right, right)
+    cubic = C(right, right, right)
     return float(left @ (cubic + 3.0 * np.einsum("ijk,j,k->i", B, right, h))) / 6.0
 
 
@@ -39,7 +42,7 @@ def bordered(A: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def first_lyapunov(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, omega: float
+    A: np.ndarray, B: np.ndarray, C: Trilinear, omega: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """(l1, q, p) with A q = i omega q, A^T p = -i omega p, |q| = 1, <p, q> = 1 (ibid., (5.62)).
 
@@ -58,8 +61,7 @@ def first_lyapunov(
 
     steady = np.linalg.solve(A, quadratic(q, q.conj()))
     double = np.linalg.solve(2j * omega * np.eye(n) - A, quadratic(q, q))
-    total = np.einsum("ijkl,j,k,l->i", C, q, q, q.conj())
-    total = total - 2.0 * quadratic(q, steady) + quadratic(q.conj(), double)
+    total = C(q, q, q.conj()) - 2.0 * quadratic(q, steady) + quadratic(q.conj(), double)
     return float(np.vdot(p, total).real) / (2.0 * omega), q, p
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -20,8 +22,8 @@ p, q, r = sp.symbols("p q r")
 T = sp.Matrix([[2, 1, 0], [-1, 1, 1], [0, 1, 3]])
 
 
-def derivatives(rates: list, in_other_coordinates: bool = False) -> list[np.ndarray]:
-    """A, B, C at 0 of the field, as it stands or for T times its states."""
+def derivatives(rates: list, in_other_coordinates: bool = False) -> list:
+    """A, B and the form C at 0 of the field, as it stands or for T times its states."""
     states = sp.symbols("p q r")[: len(rates)]
     field = sp.Matrix(rates)
     if in_other_coordinates:
@@ -35,7 +37,7 @@ def derivatives(rates: list, in_other_coordinates: bool = False) -> list[np.ndar
         shape = (*shape, len(states))
         values = [float(e.subs(dict.fromkeys(states, 0))) for e in everything]
         result.append(np.array(values).reshape(shape))
-    return result
+    return [*result[:2], partial(np.einsum, "ijkl,j,k,l->i", result[2])]
 
 
 @pytest.mark.parametrize("moved", [False, True])

@@ -40,7 +40,7 @@ def test_derivatives_at_a_point_are_those_of_the_limit_and_of_the_first_order() 
     assert local.g_x.tolist() == [[2.0], [1.0]]
     assert local.g_yy.tolist() == [[[0.0, 0.0], [0.0, 4.0]], [[0.0, 1.0], [1.0, 0.0]]]
     assert local.second[0][0].tolist() == [2.0, 0.0, 0.0]
-    assert not local.third.any()
+    assert not local.third.values.any()
     assert local.slow == pytest.approx([-0.25])
     assert local.push == pytest.approx([-0.75, -1.25])
     assert local.is_finite

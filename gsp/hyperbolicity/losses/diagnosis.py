@@ -16,6 +16,7 @@ import numpy as np
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.consequences import Verdict
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
@@ -53,7 +54,7 @@ class Local:
     A: np.ndarray
     g_x: np.ndarray
     second: np.ndarray
-    third: np.ndarray
+    third: MultilinearForm
     slow: np.ndarray
     push: np.ndarray
 
@@ -66,7 +67,7 @@ class Local:
     @property
     def is_finite(self) -> bool:
         """Whether every derivative exists here."""
-        return all(bool(np.isfinite(a).all()) for a in (self.A, self.g_x, self.second, self.third))
+        return all(bool(np.isfinite(a).all()) for a in (self.A, self.g_x, self.second, self.third.values))
 
 
 def fast_lengths(y: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
         coefficients["crossing"] = 0.0
     else:
         coefficients["crossing"] = speed
-    typical = float(np.abs(at.third).sum() + np.abs(at.g_yy).sum() ** 2 / max(diagnosis.scale, 1e-300))
+    typical = float(np.abs(at.third.values).sum() + np.abs(at.g_yy).sum() ** 2 / max(diagnosis.scale, 1e-300))
     if abs(l1) <= ZERO_TERM * typical / omega or typical == 0.0:
         notes.append("l1 = 0: degenerate, higher terms decide on the cycles")
     others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())

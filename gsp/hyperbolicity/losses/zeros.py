@@ -148,9 +148,9 @@ def _change(
     diagnosis: Diagnosis, at: Local, left: np.ndarray, kernel: np.ndarray, sizes: np.ndarray
 ) -> np.ndarray:
     """How much the entries of the scaled form change over the region: what the place is off, they are off by this."""
-    largest = np.zeros((len(kernel), len(kernel)))
+    largest, second = np.zeros((len(kernel), len(kernel))), diagnosis.problem.second
     for way in kernel[1:] * (BESIDE * diagnosis.widths)[:, None]:
-        change = 0.5 * (diagnosis.local(at.z + way).second - diagnosis.local(at.z - way).second) / BESIDE
+        change = 0.5 * (second(at.z + way) - second(at.z - way)) / BESIDE
         form = np.einsum("i,ijk,aj,bk->ab", left, change, kernel, kernel) * sizes[:, None] * sizes
         largest = np.maximum(largest, np.nan_to_num(np.abs(form)))
     return largest

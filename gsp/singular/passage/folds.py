@@ -191,7 +191,7 @@ def fold_passage(
     # The centre manifold y = y_0 + r v + h v^2/2 with l . h = 0: g_y h = 2 a r - g_yy(r, r).
     bordered = np.block([[g_y, r[:, None]], [left[None, :], np.zeros((1, 1))]])
     h = np.linalg.solve(bordered, np.append(2.0 * a * r - bending, 0.0))[:n]
-    cubic = np.einsum("ijkl,j,k,l->i", problem.third(u), r, r, r) / 6.0
+    cubic = problem.third(u)(r, r, r) / 6.0
     c = float(left @ (cubic + 0.5 * np.einsum("ijk,j,k->i", second[:, m:, m:], r, h)))
     leading = f * omega0() * (a * b) ** (-1.0 / 3.0)
     logarithmic = f / b * (b * c / a**2 - d / a) / 3.0

@@ -168,8 +168,10 @@ def _real_coefficients(orbit: SlowOrbit, z: np.ndarray, crossing: float) -> dict
     bordered = np.block([[g_y, r[:, None]], [l[None, :], np.zeros((1, 1))]])
     third = problem.third(z)
     h = np.linalg.lstsq(bordered, np.append(2.0 * q * r - bending, 0.0), rcond=None)[0][:n]
-    cubic = np.einsum("ijkl,j,k,l->i", third, r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
-    p = _settled(float(l @ cubic), size * float(np.abs(third).max() + np.abs(second).max() ** 2))
+    cubic = third(r, r, r) / 6.0 + 0.5 * np.einsum("ijk,j,k->i", second, r, h)
+    p = _settled(
+        float(l @ cubic), size * float(np.abs(third.values).max(initial=0.0) + np.abs(second).max() ** 2)
+    )
     rates = [laurent(g, system.epsilon, order=1).get(1, sp.Integer(0)) for g in system.g]
     first = orbit.equations.compiled(rates)
     moved = orbit.velocity(z)[m:]
