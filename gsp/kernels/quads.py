@@ -15,6 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from gsp.kernels.compilation import inner_kernel
+from gsp.kernels.sparse_systems import AT
 
 QUAD = 8
 LANES = 4
@@ -59,7 +60,7 @@ subtract_product: Any = _multiplying(True)
 def copy(x, i, v, k):
     """Quad i of `x` becomes quad k of `v`."""
     for m in range(QUAD):
-        x[QUAD * i + m] = v[QUAD * k + m]
+        x[AT(QUAD * i + m)] = v[AT(QUAD * k + m)]
 
 
 @inner_kernel
@@ -67,7 +68,7 @@ def size(v, k):
     """The sum of all |Re| and |Im| of a quad."""
     total = 0.0
     for m in range(QUAD * k, QUAD * (k + 1)):
-        total += abs(v[m])
+        total += abs(v[AT(m)])
     return total
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from gsp.kernels.compilation import inner_kernel, kernel
 from gsp.kernels.quads import LANES, QUAD, copy, invert, multiply, size, subtract_product
 from gsp.kernels.sparse_systems import (
+    AT,
     ENTRIES,
     FACTORS,
     HELD,
@@ -29,13 +30,13 @@ def fill_quads(jacobian, shifts, pattern, n, values, sizes):
     for p in range(QUAD * pattern[FACTORS]):
         values[p] = 0.0
     for e in range(pattern[ENTRIES]):
-        first = QUAD * pattern[place + e]
+        first = QUAD * pattern[AT(place + e)]
         for m in range(first, first + LANES):
-            values[m] = -jacobian[e]
+            values[AT(m)] = -jacobian[e]
     for k in range(n):
-        first = QUAD * pattern[middle + k]
+        first = QUAD * pattern[AT(middle + k)]
         for m in range(QUAD):
-            values[first + m] += shifts[m]
+            values[AT(first + m)] += shifts[m]
 
 
 @kernel
@@ -51,29 +52,29 @@ def factorise_quads(pattern, values, row, sizes, factor):
     limit = LANES * LARGEST_GROWTH
     usable = True
     for k in range(n):
-        first, diagonal, last = pattern[start + k], pattern[middle + k], pattern[start + k + 1]
+        first, diagonal, last = pattern[AT(start + k)], pattern[AT(middle + k)], pattern[AT(start + k + 1)]
         bound = 0.0
         for p in range(first, last):
-            copy(row, pattern[column + p], values, p)
+            copy(row, pattern[AT(column + p)], values, p)
             bound = max(bound, size(values, p))
         bound *= limit
         for p in range(first, diagonal):
-            above = pattern[pivot + p]
-            multiply(factor, 0, row, pattern[column + p], values, pattern[middle + above])
+            above = pattern[AT(pivot + p)]
+            multiply(factor, 0, row, pattern[AT(column + p)], values, pattern[AT(middle + above)])
             # Written so that what is not a number is not usable.
             own = size(factor, 0)
             usable = usable and (own * sizes[LARGEST, above] <= bound or own * sizes[SHARE, above] <= limit)
-            for q in range(pattern[middle + above] + 1, pattern[start + above + 1]):
-                subtract_product(row, pattern[column + q], factor, 0, values, q)
+            for q in range(pattern[AT(middle + above)] + 1, pattern[AT(start + above + 1)]):
+                subtract_product(row, pattern[AT(column + q)], factor, 0, values, q)
             copy(values, p, factor, 0)
         for p in range(diagonal, last):
-            copy(values, p, row, pattern[column + p])
+            copy(values, p, row, pattern[AT(column + p)])
         usable = invert(values, diagonal) and usable
         largest = share = 0.0
         for p in range(diagonal + 1, last):
             own = size(values, p)
             largest = max(largest, own)
-            share = max(share, own / (LANES * sizes[HELD, pattern[column + p]]))
+            share = max(share, own / (LANES * sizes[HELD, pattern[AT(column + p)]]))
         sizes[LARGEST, k], sizes[SHARE, k] = largest, share
     return usable
 
@@ -83,11 +84,11 @@ def solve_quads(pattern, values, b, n):
     """Overwrite the quads `b` (8 n,) by the solutions, with what `factorise_quads` left."""
     start, middle, column, _, _, _ = places(pattern, n)
     for k in range(n):
-        for p in range(pattern[start + k], pattern[middle + k]):
-            subtract_product(b, pattern[ORDER + k], values, p, b, pattern[column + p])
+        for p in range(pattern[AT(start + k)], pattern[AT(middle + k)]):
+            subtract_product(b, pattern[AT(ORDER + k)], values, p, b, pattern[AT(column + p)])
     for k in range(n - 1, -1, -1):
-        i = pattern[ORDER + k]
-        diagonal = pattern[middle + k]
-        for p in range(diagonal + 1, pattern[start + k + 1]):
-            subtract_product(b, i, values, p, b, pattern[column + p])
+        i = pattern[AT(ORDER + k)]
+        diagonal = pattern[AT(middle + k)]
+        for p in range(diagonal + 1, pattern[AT(start + k + 1)]):
+            subtract_product(b, i, values, p, b, pattern[AT(column + p)])
         multiply(b, i, b, i, values, diagonal)

@@ -30,6 +30,9 @@ HELD, LARGEST, SHARE = 0, 1, 2
 ENTRIES = 0
 FACTORS = 1
 ORDER = 2
+# An index that numba does not compare with 0, as it does each other one in case it counts from the end: that took two
+# fifths of a solution.
+AT = np.uint64
 
 
 @inner_kernel
@@ -65,7 +68,7 @@ def hold(jacobian, shift, pattern, n, sizes):
     for k in range(n):
         sizes[HELD, k] = shift
     for e in range(pattern[ENTRIES]):
-        j = pattern[column + pattern[place + e]]
+        j = AT(pattern[AT(column + pattern[AT(place + e)])])
         sizes[HELD, j] = max(sizes[HELD, j], abs(jacobian[e]))
 
 
@@ -77,9 +80,9 @@ def fill(jacobian, shift, pattern, n, values, sizes):
     for p in range(pattern[FACTORS]):
         values[p] = 0.0
     for e in range(pattern[ENTRIES]):
-        values[pattern[place + e]] = -jacobian[e]
+        values[AT(pattern[AT(place + e)])] = -jacobian[e]
     for k in range(n):
-        values[pattern[middle + k]] += shift
+        values[AT(pattern[AT(middle + k)])] += shift
 
 
 @kernel
@@ -93,36 +96,37 @@ def factorise_sparse(pattern, values, row, sizes):
     start, middle, column, pivot, _, _ = places(pattern, n)
     usable = True
     for k in range(n):
-        first, diagonal, last = pattern[start + k], pattern[middle + k], pattern[start + k + 1]
+        first, diagonal, last = pattern[AT(start + k)], pattern[AT(middle + k)], pattern[AT(start + k + 1)]
         bound = 0.0
         for p in range(first, last):
-            row[pattern[column + p]] = values[p]
-            bound = max(bound, abs(values[p]))
+            row[AT(pattern[AT(column + p)])] = values[AT(p)]
+            bound = max(bound, abs(values[AT(p)]))
         bound *= LARGEST_GROWTH
         for p in range(first, diagonal):
-            above = pattern[pivot + p]
-            place = pattern[column + p]
-            factor = row[place] * values[pattern[middle + above]]
+            above = pattern[AT(pivot + p)]
+            place = AT(pattern[AT(column + p)])
+            right = pattern[AT(middle + above)]
+            factor = row[place] * values[AT(right)]
             row[place] = factor
             # Written so that what is not a number is not usable.
             size = abs(factor)
             usable = usable and (
-                size * sizes[LARGEST, above] <= bound or size * sizes[SHARE, above] <= LARGEST_GROWTH
+                size * sizes[LARGEST, AT(above)] <= bound or size * sizes[SHARE, AT(above)] <= LARGEST_GROWTH
             )
-            for q in range(pattern[middle + above] + 1, pattern[start + above + 1]):
-                row[pattern[column + q]] -= factor * values[q]
+            for q in range(right + 1, pattern[AT(start + above + 1)]):
+                row[AT(pattern[AT(column + q)])] -= factor * values[AT(q)]
         for p in range(first, last):
-            values[p] = row[pattern[column + p]]
-        inverse = 1.0 / values[diagonal]
+            values[AT(p)] = row[AT(pattern[AT(column + p)])]
+        inverse = 1.0 / values[AT(diagonal)]
         size = abs(inverse)
         # The inverse of what is infinite, or too large to be squared, is 0.
         usable = usable and 0.0 < size < math.inf
-        values[diagonal] = inverse
+        values[AT(diagonal)] = inverse
         largest = share = 0.0
         for p in range(diagonal + 1, last):
-            size = abs(values[p])
+            size = abs(values[AT(p)])
             largest = max(largest, size)
-            share = max(share, size / sizes[HELD, pattern[column + p]])
+            share = max(share, size / sizes[HELD, AT(pattern[AT(column + p)])])
         sizes[LARGEST, k], sizes[SHARE, k] = largest, share
     return usable
 
@@ -133,18 +137,18 @@ def solve_sparse(pattern, values, b):
     n = b.shape[0]
     start, middle, column, _, _, _ = places(pattern, n)
     for k in range(n):
-        i = pattern[ORDER + k]
+        i = AT(pattern[AT(ORDER + k)])
         total = b[i]
-        for p in range(pattern[start + k], pattern[middle + k]):
-            total -= values[p] * b[pattern[column + p]]
+        for p in range(pattern[AT(start + k)], pattern[AT(middle + k)]):
+            total -= values[AT(p)] * b[AT(pattern[AT(column + p)])]
         b[i] = total
     for k in range(n - 1, -1, -1):
-        i = pattern[ORDER + k]
-        diagonal = pattern[middle + k]
+        i = AT(pattern[AT(ORDER + k)])
+        diagonal = pattern[AT(middle + k)]
         total = b[i]
-        for p in range(diagonal + 1, pattern[start + k + 1]):
-            total -= values[p] * b[pattern[column + p]]
-        b[i] = total * values[diagonal]
+        for p in range(diagonal + 1, pattern[AT(start + k + 1)]):
+            total -= values[AT(p)] * b[AT(pattern[AT(column + p)])]
+        b[i] = total * values[AT(diagonal)]
 
 
 @kernel
