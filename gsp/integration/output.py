@@ -1,4 +1,4 @@
-"""What a run gives at the times asked for: its dense output, and steps of the method where that is in doubt."""
+"""What a run gives at the times asked for: its dense output, better values or steps where that is in doubt."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from gsp.integration.methods import Method, Solver, solver_of
 from gsp.integration.room import Record, RecordInRoom
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
+from gsp.kernels.corrections import correct_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.launch import doubt_room, read_explicit_room, read_room
 from gsp.lowering.compiled_flow import CompiledFlow
@@ -28,7 +29,7 @@ def read(
     if type(record) is RecordInRoom:
         # In one call, without cutting the record out.
         solver = solver_of(record.method, rtol)
-        if solver.check == kernels.CHECKS_EXPLICIT:
+        if solver.check == kernels.CORRECTS:
             program, doubts = solver.program(compiled), np.empty(len(grid), np.int64)
             reached = read_explicit_room(solver.check, program, record.room, grid, out, doubts)
             # Counted in the room.
@@ -54,10 +55,12 @@ def read(
             new = slice(before, reached)
             program, constants = solver.program(compiled), np.array(p, float)
             doubts, counters = np.empty(reached - before, np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
-            if kernels.doubt_grid(
-                solver.check, program, _linear(solver, program), constants, rtol, atol, *part, grid[new], 0,
-                reached - before, doubts, counters,
-            ):  # fmt: skip
+            asked = program, constants, rtol, atol, *part, grid[new], 0, reached - before
+            if (
+                correct_grid(*asked, out[new], doubts, counters)
+                if solver.check == kernels.CORRECTS
+                else kernels.doubt_grid(solver.check, *asked, doubts, counters)
+            ):
                 _land(solver, program, constants, part, grid[new], doubts, out[new], counters, rtol, atol)
             _count(record, counters)
     return (out if reached == len(grid) else out[:reached]), reached
@@ -77,16 +80,11 @@ def _look(
     program, doubts = solver.program(compiled), np.empty(len(grid), np.int64)
     # Counted in the room.
     record.forget_counters()
-    if doubt_room(solver.check, program, program, record.room, grid, doubts):
+    if doubt_room(solver.check, program, record.room, grid, doubts):
         counters = np.zeros(ledger.COUNTERS_SIZE, np.int64)
         part = record.times, record.states, record.dense
         _land(solver, program, np.array(p, float), part, grid, doubts, out, counters, rtol, atol)
         _count(record, counters)
-
-
-def _linear(solver: Solver, program: np.ndarray) -> np.ndarray | None:
-    """What `grid.doubt_grid` takes for linear systems."""
-    return None if solver.check == kernels.CHECKS_EXPLICIT else program
 
 
 def _count(record: Record, counters: np.ndarray) -> None:

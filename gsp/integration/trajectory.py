@@ -39,7 +39,7 @@ from gsp.integration.output import read
 from gsp.integration.room import Record
 from gsp.integration.watching import ending_of, pair_passed, search_of
 from gsp.kernels.dense_output import interpolate_many
-from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.evaluate import observe
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -156,10 +156,12 @@ class Trajectory(Drawn, Tabular):
         mine = self.__dict__
         # Kept by hand, since `cached_property` takes a lock; the values themselves take a fifth of the time.
         if "_observables" not in mine:
-            compiled = compile_flow(self.flow)
-            points, p = np.array(self.y.T, order="C"), np.array(compiled.parameters(self.epsilon))
-            out = np.empty((len(points), len(self.flow.observables)))
-            evaluate_many(compiled.observables.address, points, p, out)
+            compiled, states = compile_flow(self.flow), self.y.T
+            if not states.flags.c_contiguous:
+                states = frozen(states.copy())
+            out = np.empty((len(states), len(self.flow.observables)))
+            epsilon = np.nan if self.epsilon is None else self.epsilon
+            observe(compiled.observables.address, states, epsilon, compiled.constants, out)
             mine["_observables"] = frozen(out)
         return mine["_observables"]
 
@@ -227,7 +229,7 @@ def integrate(
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
-    dense output or, where its error would be above the tolerance, from a step that ends there; else `t` are the ends
+    dense output or, where its error would be above the tolerance, corrected or landed on; else `t` are the ends
     of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one what was measured to
     be fastest at the tolerance: RODAS5P for rtol >= 3e-4 (2e-2 where `at` has 20 times or more, and the flow code of
     its own), RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at

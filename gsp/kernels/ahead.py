@@ -23,7 +23,7 @@ from gsp.kernels.bordered_collocation import border, condense
 from gsp.kernels.compilation import is_kept
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.evaluate import evaluate_many
+from gsp.kernels.evaluate import evaluate_many, observe
 from gsp.kernels.grid import runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
@@ -73,6 +73,7 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
         ),
     ),
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
+    (observe, (_WHOLE, _KEPT[1], _REAL, _KEPT[0], _ROWS)),
     (read_explicit_room, (_WHOLE, _WHOLES, _REALS, _REALS, _ROWS, _WHOLES)),
     (
         land,

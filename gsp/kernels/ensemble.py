@@ -9,7 +9,8 @@ from gsp.kernels.addresses import call_method
 from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inner_kernel, kernel
-from gsp.kernels.grid import TRUSTS, doubt_grid, read_grid
+from gsp.kernels.corrections import correct_grid
+from gsp.kernels.grid import CORRECTS, TRUSTS, doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.step_control import largest_rate
 
@@ -37,10 +38,39 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
     ends = times[: new + 1]
     reached, looks = read_grid(check, rtol, atol, ends, states[: new + 1], dense, grid, before, kept)
     doubts = np.empty(grid.shape[0] if looks else 0, np.int64)
-    if looks and doubt_grid(
-        check, program, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts,
-        counters,
-    ):  # fmt: skip
+    if looks and (
+        correct_grid(
+            program,
+            p,
+            rtol,
+            atol,
+            ends,
+            states[: new + 1],
+            dense,
+            grid,
+            before,
+            reached,
+            kept,
+            doubts,
+            counters,
+        )
+        if check == CORRECTS
+        else doubt_grid(
+            check,
+            program,
+            p,
+            rtol,
+            atol,
+            ends,
+            states[: new + 1],
+            dense,
+            grid,
+            before,
+            reached,
+            doubts,
+            counters,
+        )
+    ):
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
         land(
             program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],

@@ -5,7 +5,8 @@ f(u) - u'; elsewhere it is a share of the step times the defect. One linear syst
 
     (RATE/h - J) e = f(u) - u',
 
-with the Jacobian J of the step's start. A time at which e is above the tolerance is handed back, to be landed on.
+with the Jacobian J of the step's start. A time at which e is above the tolerance is handed back, to be landed on. What
+is done about explicit methods stands in `corrections`.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from gsp.kernels.sparse_systems import entries_of, pattern_of
 # error that is left at rtol 1e-2 to 1e-6 is that of the steps' ends.
 RATE = 5.0
 
-# What a reader does about the error: nothing; what is said above; the same without J, for explicit methods; what is
-# said above on steps whose polynomial does not end in a small term.
+# What a reader does about the error: nothing; what is said above; what `corrections` does; what is said above on steps
+# whose polynomial does not end in a small term.
 TRUSTS = 0
 CHECKS = 1
-CHECKS_EXPLICIT = 2
+CORRECTS = 2
 CHECKS_STEEP = 3
 
 # A small last term, in tolerances. Of Rodas5P seven steps in ten end in one, at rtol 1e-2 to 1e-4 on the benchmark's
@@ -131,8 +132,9 @@ def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals
 
 
 @inner_kernel
-def _slope(states, dense, k, s, slope):
-    """The derivative of step `k` by its share `s`."""
+def read_step(states, dense, k, s, value, slope):
+    """The state of step `k` at its share `s`, and its derivative by that."""
+    _value(states, dense, k, s, value)
     r = 1.0 - s
     for i in range(states.shape[1]):
         total = 0.0
@@ -235,24 +237,19 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
 
 
 @kernel
-def doubt_grid(
-    check, program, linear, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters
-):
+def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters):
     """Fill `doubts` (m,), `begun` to `reached` - 1, with the step of a time where the error looks too large, or READ.
 
-    In a step with many times that is told from a few places. `check` is not TRUSTS; the rest is as `read_grid` takes
-    it. `linear` is `program` again, or None where `check` is CHECKS_EXPLICIT: then no linear algebra is compiled, which
-    takes as long as all else here. Returns how many of the grid are in doubt.
+    In a step with many times that is told from a few places. `check` is CHECKS or CHECKS_STEEP; the rest is as
+    `read_grid` takes it. Returns how many of the grid are in doubt.
     """
     n = states.shape[1]
     sign = 1.0 if times[-1] >= times[0] else -1.0
     value = np.empty(n)
     slope = np.empty(n)
     defect = np.empty(n)
-    if linear is not None:
-        pattern = pattern_of(linear)
-        matrix = np.empty((0, n))
-        pivots = np.empty(n, np.int64)
+    pattern = pattern_of(program)
+    pivots = np.empty(n, np.int64)
     in_doubt = 0
     for q in range(begun, reached):
         doubts[q] = READ
@@ -271,20 +268,17 @@ def doubt_grid(
         if inside == j or not _wants_look(check, states, dense, k, rtol, atol):
             j = inside
             continue
-        solves = False
-        if linear is not None and check != CHECKS_EXPLICIT:
-            counters[ledger.JACOBIAN_CALLS] += 1
-            counters[ledger.DECOMPOSITIONS] += 1
-            for i in range(n):
-                value[i] = states[k, i]
-            solves, matrix = _decompose(linear, pattern, times[k], value, p, step, pivots)
+        counters[ledger.JACOBIAN_CALLS] += 1
+        counters[ledger.DECOMPOSITIONS] += 1
+        for i in range(n):
+            value[i] = states[k, i]
+        solves, matrix = _decompose(program, pattern, times[k], value, p, step, pivots)
         few = inside - j <= PLACES.shape[0]
         for m in range(inside - j if few else PLACES.shape[0]):
             s = (grid[j + m] - times[k]) / step if few else PLACES[m]
-            _value(states, dense, k, s, value)
-            _slope(states, dense, k, s, slope)
+            read_step(states, dense, k, s, value, slope)
             _find_defect(program[ledger.FIELD], p, times[k] + s * step, step, value, slope, defect)
-            if linear is not None and solves:
+            if solves:
                 solve_shifted(pattern, matrix, pivots, defect)
             good = _is_good(solves, step, value, defect, rtol, atol)
             counters[ledger.FIELD_CALLS] += 1

@@ -26,6 +26,7 @@ from gsp.kernels.addresses import call_method
 from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
+from gsp.kernels.corrections import correct_grid
 from gsp.kernels.grid import doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
@@ -165,7 +166,7 @@ def read_room(check, room, grid, out):
 
 
 @kernel
-def doubt_room(check, program, linear, room, grid, doubts):
+def doubt_room(check, program, room, grid, doubts):
     """`grid.doubt_grid` of the times `grid` (m,), all of which the record of a room reaches; counted in the room."""
     room, grid, doubts = borrowed(room), borrowed(grid), borrowed(doubts)
     head = room[:HEAD].view(np.int64)
@@ -173,29 +174,43 @@ def doubt_room(check, program, linear, room, grid, doubts):
     p = room[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
     times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
     return doubt_grid(
-        check, program, linear, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, grid.shape[0], doubts,
+        check,
+        program,
+        p,
+        room[RTOL],
+        room[ATOL],
+        times,
+        states,
+        dense,
+        grid,
+        0,
+        grid.shape[0],
+        doubts,
         counters,
-    )  # fmt: skip
+    )
 
 
 @kernel
 def read_explicit_room(check, program, room, grid, out, doubts):
-    """`read_room`, `doubt_room` without linear algebra, and `landing.land` on what is in doubt: how many are read.
+    """`read_room`, `corrections.correct_grid`, and `landing.land` on what is in doubt then: how many are read.
 
-    `doubts` (m,) is scratch. Methods whose look takes no linear algebra have what they call at once.
+    `doubts` (m,) is scratch. Methods whose output is corrected have what they call at once.
     """
     program, room, grid = borrowed(program), borrowed(room), borrowed(grid)
     out, doubts = borrowed(out), borrowed(doubts)
     reached, looks = divmod(read_room(check, room, grid, out), 2)
-    grid, out, doubts = grid[:reached], out[:reached], doubts[:reached]
-    if looks and doubt_room(check, program, None, room, grid, doubts):
+    if looks:
         head = room[:HEAD].view(np.int64)
         counters = room[COUNTERS:GIVEN].view(np.int64)
         n = head[STATES]
+        p = room[Y + n : Y + n + head[CONSTANTS]]
         times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
-        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
-        land(
-            program, room[Y + n : Y + n + head[CONSTANTS]], room[RTOL], room[ATOL], times, states, grid, doubts, out,
-            counters, np.empty(head[MEMORY]), scratch,
-        )  # fmt: skip
+        if correct_grid(
+            program, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, reached, out, doubts, counters
+        ):
+            scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
+            land(
+                program, p, room[RTOL], room[ATOL], times, states, grid[:reached], doubts[:reached], out[:reached],
+                counters, np.empty(head[MEMORY]), scratch,
+            )  # fmt: skip
     return reached

@@ -214,7 +214,7 @@ def test_what_is_read_in_the_room_of_a_run_is_what_is_read_of_its_record(method,
     assert found.stats.field_calls > lies.stats.field_calls or method in (Method.RADAU9, Method.RODAS5P)
 
 
-def test_an_explicit_run_is_read_looked_at_and_landed_in_one_call_of_compiled_code(monkeypatch):
+def test_an_explicit_run_is_read_and_corrected_in_one_call_of_compiled_code(monkeypatch):
     rates, start, end = NOT_STIFF["oscillator"]
     field, times = VectorField(rates, epsilon=None), np.linspace(0, end, 100)
     calls, read_all = [], output.read_explicit_room
@@ -225,8 +225,23 @@ def test_an_explicit_run_is_read_looked_at_and_landed_in_one_call_of_compiled_co
         monkeypatch.setattr(output, name, lambda *arguments: pytest.fail("a second call"))
     asked = {"start": start, "span": (0, end), "rtol": 1e-5, "atol": 1e-7, "method": Method.DOP853}
     run, free = integrate(field, at=times, **asked), integrate(field, **asked)
-    landed = (run.at(times) != run.y).any(axis=0).sum()
+    corrected = (run.at(times) != run.y).any(axis=0)
+    steps = np.searchsorted(free.t, times[corrected])
     assert calls == [1]
-    # Twelve stages and the rate of the start for each, and a look at no more places than there are times.
-    assert landed > 5
-    assert 13 * landed <= run.stats.field_calls - free.stats.field_calls <= 13 * landed + len(times)
+    # Three places a step, three more after each correction, and nothing is landed on.
+    assert corrected.sum() > 20
+    spent = run.stats.field_calls - free.stats.field_calls
+    assert 3 * (29 + len(set(steps))) <= spent <= 3 * (29 + 2 * len(set(steps)))
+
+
+def test_which_values_of_an_explicit_run_are_corrected_does_not_depend_on_the_other_times():
+    rates, start, end = NOT_STIFF["pendulum"]
+    asked = {"start": start, "span": (0, end), "rtol": 1e-4, "atol": 1e-6, "method": Method.DOP853}
+    times, field = np.linspace(0, end, 81), VectorField(rates, epsilon=None)
+    run = integrate(field, at=times, **asked)
+    corrected = (run.at(times) != run.y).any(axis=0)
+    assert 0 < corrected.sum() < 81
+    assert np.array_equal(integrate(field, at=times[::8], **asked).y, run.y[:, ::8])
+    many = integrate_many(field, [asked.pop("start")], at=times, **asked)
+    assert np.array_equal(many.y[0], run.y)
+    assert many.member(0).stats == run.stats
