@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gsp.comparison.work_curves import machine
+from gsp.comparison.work_precision import machine
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector

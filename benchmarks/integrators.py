@@ -24,7 +24,7 @@ from problems import PROBLEMS, RING, Problem
 from rivals import PEERS
 
 import gsp
-from gsp.comparison.work_curves import machine
+from gsp.comparison.work_precision import machine
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.peers import Peer
 

@@ -25,7 +25,7 @@ import numpy as np
 import sympy as sp
 
 import gsp
-from gsp.comparison.work_curves import _reference, _start
+from gsp.comparison.work_precision import _reference, _start
 from gsp.comparison.work_runs import ATOL_SHARE, largest_errors
 from gsp.models import load
 from gsp.scenes.study import Study, study

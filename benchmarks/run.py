@@ -35,7 +35,7 @@ from problems import PROBLEMS, RING
 from rivals import PEERS
 
 import gsp
-from gsp.comparison.work_curves import machine
+from gsp.comparison.work_precision import machine
 
 DOCS = Path(__file__).parent.parent / "docs"
 # Digits kept of a figure: clocks are not better.

@@ -16,7 +16,7 @@ from gsp.comparison.comparison import CHECK, ROUNDING, _error, compare
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import ModelFileError, Status
 from gsp.integration.events import Event, compile_events
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.kernels import ledger, radau, step_control
 from gsp.kernels import rodas5p_tableau as rodas
 from gsp.readers.expressions import parse_expression

@@ -18,9 +18,9 @@ from gsp.analysis.fold_surroundings import Boundary, boundary_of
 from gsp.analysis.pictured_runs import ladder_of, landing_runs, phenomenon_of, reduced_run
 from gsp.choice.choice import Choice, choose
 from gsp.comparison.comparison import Comparison, compare
-from gsp.comparison.failures import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
-from gsp.critical.continuation.curve import CriticalCurve
-from gsp.critical.continuation.sheet import CriticalSheet
+from gsp.comparison.failure_map import BEYOND, LOOSEST, TIGHTEST, FailureMap, failure_map
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.errors import (
     NO_REASON,
     BranchError,

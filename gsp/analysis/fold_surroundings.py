@@ -13,19 +13,19 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
-from gsp.critical.continuation.critical_curve import continue_critical
-from gsp.critical.continuation.curve import CriticalCurve, uninterrupted
-from gsp.critical.continuation.sheet import CriticalSheet, critical_sheet
+from gsp.critical.continuation.critical_curve import CriticalCurve, uninterrupted
+from gsp.critical.continuation.critical_sheet import CriticalSheet, critical_sheet
+from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import NO_REASON, GspError, Reason
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.scenes.study import Study
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.folds import FoldPassage, fold_passage
-from gsp.singular.relaxation import SingularOrbit, singular_orbit
+from gsp.singular.passage.fold_passage import FoldPassage, fold_passage
+from gsp.singular.singular_orbit import SingularOrbit, singular_orbit
 from gsp.singular.singularities.canard_points import CanardError
-from gsp.singular.singularities.canards import CanardValue, canard_value
-from gsp.singular.singularities.folded import FoldedSingularity, folded_singularities
+from gsp.singular.singularities.canard_value import CanardValue, canard_value
+from gsp.singular.singularities.folded_singularities import FoldedSingularity, folded_singularities
 from gsp.systems.region import Interval
 
 # The critical manifold is followed in a box wider than the region by so many of its widths on every side.

@@ -12,7 +12,7 @@ from gsp.integration.reduced_flow import ReducedFlow
 from gsp.report.mathml import Typesetter, dotted, row
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study
-from gsp.singular.singularities.canards import CanardValue
+from gsp.singular.singularities.canard_value import CanardValue
 from gsp.slow.series import SeriesManifold
 from gsp.splitting.splitting import Splitting
 from gsp.systems.system import SlowFastSystem, VectorField

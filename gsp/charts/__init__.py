@@ -32,12 +32,12 @@ from gsp.charts.switching import switches
 from gsp.charts.views import view
 from gsp.charts.work_curves import work_precision
 from gsp.choice.simulation import Simulation
-from gsp.comparison.classical_table import MethodTable
 from gsp.comparison.comparison import Comparison
-from gsp.comparison.failures import FailureMap
-from gsp.comparison.work_curves import WorkPrecision
-from gsp.critical.continuation.curve import CriticalCurve
-from gsp.critical.continuation.sheet import CriticalSheet
+from gsp.comparison.failure_map import FailureMap
+from gsp.comparison.method_table import MethodTable
+from gsp.comparison.work_precision import WorkPrecision
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.errors import DeclarationError
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
@@ -45,7 +45,7 @@ from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 from gsp.orbits.periodic.family import OrbitFamily
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.relaxation import SingularOrbit
+from gsp.singular.singular_orbit import SingularOrbit
 
 __all__ = [
     "applicable",

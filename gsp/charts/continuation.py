@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gsp.charts.style import AMBER, BLUE, GREEN, INK, PURPLE, VERMILION, chart, legend, mathematics, name_axes
-from gsp.critical.continuation.curve import CriticalCurve
-from gsp.critical.continuation.sheet import CriticalSheet
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.continuation.special_points import SpecialKind
 
 # Colour and line by stability: attracting, repelling, saddle.

@@ -27,7 +27,7 @@ from gsp.charts.style import (
 from gsp.errors import DeclarationError
 from gsp.orbits.periodic.family import CycleKind, OrbitFamily, stability_runs
 from gsp.singular.singularities.canard_points import CanardError
-from gsp.singular.singularities.canards import CanardValue
+from gsp.singular.singularities.canard_value import CanardValue
 from gsp.systems.system import SlowFastSystem
 
 # Small to large, all the way from the Hopf point to relaxation.

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
-from gsp.comparison.failures import FailureMap
+from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
 
 # Light to dark as more orders are needed.

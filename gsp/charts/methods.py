@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from gsp.charts.sampling import margins
 from gsp.charts.style import BLUE, GREEN, INK, MARKERS, SERIES, VERMILION, chart, legend, mathematics
-from gsp.comparison.classical_table import MethodTable
+from gsp.comparison.method_table import MethodTable
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.trajectory import Trajectory
 

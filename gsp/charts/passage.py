@@ -29,7 +29,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delay_measurement import MeasuredDelay
 from gsp.singular.passage.fold_measurement import FoldExit
-from gsp.singular.passage.folds import FoldPassage
+from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.systems.system import SlowFastSystem
 
 # Grid points along each axis for the line g = 0.

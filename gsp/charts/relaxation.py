@@ -28,7 +28,7 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.relaxation import SingularOrbit, SlowPiece
+from gsp.singular.singular_orbit import SingularOrbit, SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])

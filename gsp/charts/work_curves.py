@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from gsp.charts.style import BLUE, GREY, INK, LADDER, MARKERS, PALE, SKY, chart
-from gsp.comparison.work_curves import WorkPrecision
+from gsp.comparison.work_precision import WorkPrecision
 from gsp.comparison.work_runs import ModelKind, WorkCurve
 
 # Errors beyond this say that a run is useless; errors below what doubles resolve are drawn there.

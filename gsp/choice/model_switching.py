@@ -15,7 +15,8 @@ from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure, Prediction, pre
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.fibres.base_points import project
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.restriction import restrict
 from gsp.integration.surface_flow import flow_on
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import finite_rows

@@ -20,7 +20,8 @@ import numpy as np
 from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.hyperbolicity.losses.switching import switches
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
     """Compare methods for the slow manifold of MODEL: quasi-steady state, ILDM, CSP, series, solved, ..."""
-    from gsp.comparison.classical_table import method_table
+    from gsp.comparison.method_table import method_table
 
     table = method_table(scene, **orders_through(order))
     if as_json:
@@ -74,11 +74,11 @@ def chart(
     found: Any
     with progress_bar("runs") as advance:
         if failures:
-            from gsp.comparison.failures import failure_map
+            from gsp.comparison.failure_map import failure_map
 
             found = failure_map(scene, progress=advance, **orders)
         else:
-            from gsp.comparison.work_curves import work_precision
+            from gsp.comparison.work_precision import work_precision
 
             found = work_precision(scene, progress=advance, **orders)
     axes = charts.failure_map(found) if failures else charts.work_precision(found)

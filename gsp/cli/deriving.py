@@ -110,7 +110,7 @@ def folds(scene: Scene, as_json: bool) -> None:
     coefficients of v' = b dx + a v^2 along the null direction.
     """
     from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
-    from gsp.critical.continuation.curve import CriticalCurve
+    from gsp.critical.continuation.critical_curve import CriticalCurve
     from gsp.scenes.study import study_of
 
     study = study_of(scene)

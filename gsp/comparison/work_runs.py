@@ -11,7 +11,7 @@ import numpy as np
 
 from gsp.errors import GspError, Status, one_line
 from gsp.integration.methods import Method, program_of
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.peers import Peer

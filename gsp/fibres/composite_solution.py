@@ -20,7 +20,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import GspError, HyperbolicityError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.integration.loop import check_grid, check_span
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card

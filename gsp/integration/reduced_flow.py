@@ -5,24 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.sharing import holding, plus, replaced, times
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.kernels import scan
 from gsp.kernels.addresses import SHEET, address_of
 from gsp.kernels.sheets import reach_sheet
 from gsp.results.card import Card
-from gsp.slow.coordinates import moving, set_apart
 from gsp.slow.series import SeriesManifold
-from gsp.systems.arguments import check_noun
-from gsp.systems.declaration import reconstruction_of
-from gsp.systems.flow import Flow, Point, Values, check_order, named, plain
-from gsp.systems.system import SlowFastSystem
+from gsp.systems.flow import Flow, Point, Values, named, plain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,83 +217,3 @@ class ReducedFlow(Flow, Card):
     @cached_property
     def _hash(self) -> int:
         return hash(self._key)
-
-
-def restrict(
-    manifold: SeriesManifold,
-    *,
-    order: int | None = None,
-    reconstruction: Mapping[sp.Symbol, sp.Expr] | None = None,
-) -> ReducedFlow:
-    """The reduced flow on `manifold`, cut at `order`.
-
-    `reconstruction` maps further symbols to rates in the system's variables, its observables and one another;
-    they are driven by the reduced flow (a position by velocities). A run of it ends where an eigenvalue of the fast
-    Jacobian changes too fast for the series; a steep h_0 with constant eigenvalues ends none. `choose` tells the error.
-
-    >>> y, x, eps = sp.symbols("y x epsilon")
-    >>> system = SlowFastSystem(slow={y: -x}, fast={x: y - x}, epsilon=eps)
-    >>> restrict(expand(solve_critical(system).branches[0], order=1)).rates
-    (-epsilon*y - y,)
-    """
-    check_noun(manifold, SeriesManifold, verb="restrict")
-    if order is not None:
-        check_order(order)
-    rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
-    cut = manifold.at_order(manifold.order if order is None else order).specialised
-    system = manifold.branch.system
-    ring = cut.chart.ring
-    epsilon = system.epsilon
-    values = dict(system.parameters)
-    renamed = set_apart(cut.chart, rates_driven)
-
-    known = {ring.generator(s).index: name for s, name in renamed.items()} if cut.is_program else {}
-
-    def written(element) -> sp.Expr:
-        return ring.written([element], known)[0] if cut.is_program else ring.horner(element).xreplace(renamed)
-
-    def total(elements) -> sp.Expr:
-        if cut.is_program:
-            return plus([times(written(e), epsilon**k) for k, e in enumerate(elements)])
-        return sp.Add(*[written(e) * epsilon**k for k, e in enumerate(elements)])
-
-    rates = [total(row) for row in moving(cut.chart, cut._f)]
-    observables: dict[sp.Symbol, sp.Expr] = {}
-    for x in system.x:
-        if x not in cut.coordinates:
-            observables[x] = total([cut.chart.elements[x]])
-    for i, y in enumerate(system.y):
-        observables[y] = total(cut._h[i])
-    for symbol, expression in system.observables.items():
-        observables[symbol] = replaced(expression.xreplace(values), observables)
-    states = tuple(renamed.get(c, c) for c in cut.coordinates)
-    driven = tuple(rates_driven)
-    for rate in rates_driven.values():
-        rates.append(replaced(rate.xreplace(values), observables))
-    return ReducedFlow(
-        manifold=manifold,
-        order=cut.order,
-        states=(*states, *driven),
-        rates=tuple(rates),
-        observables=MappingProxyType(real_or_nan(observables)),
-        epsilon=epsilon,
-        driven=driven,
-        base=tuple(total([cut.chart.elements[s]]) for s in system.states),
-        last_terms=tuple(
-            tuple(times(written(h[k]), epsilon**k) for h in cut._h)
-            for k in (cut.order - 1, cut.order)
-            if cut.order > 1
-        ),
-        driven_rates=tuple(_own(rate, system) for rate in rates_driven.values()),
-    )
-
-
-def real_or_nan(observables: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
-    """Them, with nan where one is infinite or imaginary whatever the variables are, as 1/(y - h(x)) on y = h(x) is."""
-    unreal = holding(observables.values(), (sp.zoo, sp.oo, -sp.oo, sp.nan, sp.I))
-    return {symbol: sp.nan if bad else value for (symbol, value), bad in zip(observables.items(), unreal)}
-
-
-def _own(rate: sp.Expr, system: SlowFastSystem) -> sp.Expr:
-    """A reconstructed rate in slow and fast variables, with the parameters' values."""
-    return rate.xreplace(dict(system.observables)).xreplace(dict(system.parameters))

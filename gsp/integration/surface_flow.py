@@ -14,7 +14,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError
-from gsp.integration.reduced_flow import real_or_nan
+from gsp.integration.restriction import real_or_nan
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.systems.declaration import exact

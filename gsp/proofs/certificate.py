@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from fractions import Fraction
 from pathlib import Path
 
@@ -20,19 +19,12 @@ from gsp.proofs.equations import Equations
 from gsp.proofs.refutation import Witness
 from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box
+from gsp.proofs.verdict import ProofVerdict
 from gsp.results.card import Card
 from gsp.systems.region import shown_region
 
 # Undecided boxes that JSON lists.
 SHOWN = 100
-
-
-class ProofVerdict(StrEnum):
-    """What a certificate says."""
-
-    PROVED = "proved"
-    REFUTED = "refuted"
-    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

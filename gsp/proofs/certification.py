@@ -16,12 +16,13 @@ from gsp.critical.sampling import Sampler
 from gsp.proofs import balls
 from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
-from gsp.proofs.certificate import Certificate, ProofVerdict
+from gsp.proofs.certificate import Certificate
 from gsp.proofs.covering import Covering, cover, glue, share_of
 from gsp.proofs.equations import Equations, limit_equations, without_decimals
 from gsp.proofs.refutation import Witness, refute
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box, middle_of
+from gsp.proofs.verdict import ProofVerdict
 from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import ImageBox, Interval, check_region

@@ -10,8 +10,8 @@ from markupsafe import Markup
 from gsp.analysis.analysis import Analysis
 from gsp.charts import heading_of, shape, slow_ends
 from gsp.comparison.survey import HORIZON
-from gsp.critical.continuation.curve import CriticalCurve
-from gsp.critical.continuation.sheet import CriticalSheet
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 from gsp.singular.mixed_modes import MixedMode

@@ -10,11 +10,11 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.analysis.fold_surroundings import FoldOutlook
-from gsp.comparison.failures import FailureMap
+from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import HORIZON
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, words
-from gsp.singular.singularities.folded import FoldedSingularity
+from gsp.singular.singularities.folded_singularities import FoldedSingularity
 
 
 def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:

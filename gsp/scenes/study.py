@@ -22,7 +22,8 @@ from gsp.errors import BudgetError, DeclarationError, SplittingError
 from gsp.fibres.base_points import BasePoint, base_point_of
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_function

@@ -20,8 +20,8 @@ from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.equations import without_decimals
+from gsp.proofs.verdict import ProofVerdict
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases

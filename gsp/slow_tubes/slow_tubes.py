@@ -21,10 +21,10 @@ from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.proofs.certificate import ProofVerdict
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded_sides
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError

@@ -11,7 +11,7 @@ import sympy as sp
 from flint import arb
 
 from gsp.proofs import balls
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.results.card import Card
 from gsp.slow_tubes.isolation import norm
 from gsp.slow_tubes.tube_search import ProvedTube

@@ -19,10 +19,10 @@ from gsp.errors import Status
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.integration.trajectory import trajectory_of
 from gsp.orbits.periodic.finding import periodic_orbit
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
-from gsp.singular.singularities.canards import canard_value
+from gsp.singular.singularities.canard_value import canard_value
 from gsp.slow_tubes.certify import certify
 from gsp.sweeps.tasks import Record
 from gsp.systems.flow import check_orders

@@ -7,13 +7,13 @@ from typing import Any
 
 from gsp.choice.choice import Choice
 from gsp.choice.simulation import Simulation
-from gsp.comparison.classical_table import MethodTable
 from gsp.comparison.comparison import Comparison
-from gsp.comparison.failures import FailureMap
-from gsp.comparison.work_curves import WorkPrecision
-from gsp.critical.continuation.curve import CriticalCurve
+from gsp.comparison.failure_map import FailureMap
+from gsp.comparison.method_table import MethodTable
+from gsp.comparison.work_precision import WorkPrecision
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.continuation.fold_curve import FoldCurve
-from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.ensemble import Ensemble
 from gsp.integration.trajectory import Trajectory
@@ -21,8 +21,8 @@ from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
 from gsp.orbits.periodic.family import OrbitFamily
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.passage.folds import FoldPassage
-from gsp.singular.relaxation import SingularOrbit
+from gsp.singular.passage.fold_passage import FoldPassage
+from gsp.singular.singular_orbit import SingularOrbit
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
 from gsp.tables import comparisons, manifolds, passages, runs

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from gsp.choice.choice import Choice
-from gsp.comparison.classical_table import MethodTable
 from gsp.comparison.comparison import Comparison
-from gsp.comparison.failures import FailureMap
+from gsp.comparison.failure_map import FailureMap
+from gsp.comparison.method_table import MethodTable
 from gsp.comparison.survey import Claim
-from gsp.comparison.work_curves import WorkPrecision
+from gsp.comparison.work_precision import WorkPrecision
 from gsp.tables.table import Column, Table, numbers, texts
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gsp.critical.continuation.curve import CriticalCurve
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.continuation.fold_curve import FoldCurve
-from gsp.critical.continuation.sheet import CriticalSheet
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.slow_points import SlowPoints
 from gsp.tables.table import Column, Names, Table, complexes, texts

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.passage.folds import FoldPassage
-from gsp.singular.relaxation import SingularOrbit
+from gsp.singular.passage.fold_passage import FoldPassage
+from gsp.singular.singular_orbit import SingularOrbit
 from gsp.tables.table import Column, Table, names_of, texts
 
 

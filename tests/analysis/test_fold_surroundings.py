@@ -12,7 +12,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
-from gsp.singular.passage.folds import fold_passage
+from gsp.singular.passage.fold_passage import fold_passage
 from gsp.systems.system import SlowFastSystem
 
 x, y, z, a, b, epsilon = sp.symbols("x y z a b epsilon")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from gsp import SlowFastSystem, analyse, charts, compare, models
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
-from gsp.comparison.classical_table import method_table
+from gsp.comparison.method_table import method_table
 from gsp.errors import DeclarationError
 from gsp.fibres.composite_solution import composite
 from gsp.scenes.scene import Scene

@@ -5,8 +5,8 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.critical.continuation.critical_curve import continue_critical, switch_branch
-from gsp.critical.continuation.curve import REMEDIES
+from gsp.critical.continuation.critical_curve import REMEDIES
+from gsp.critical.continuation.curve_continuation import continue_critical, switch_branch
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BranchError, DeclarationError, EndKind, Status
 from gsp.systems.system import SlowFastSystem

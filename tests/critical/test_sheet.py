@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.critical.continuation.critical_curve import continue_critical
+from gsp.critical.continuation.critical_sheet import critical_sheet
+from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.continuation.fold_curve import continue_folds
-from gsp.critical.continuation.sheet import critical_sheet
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.systems.system import SlowFastSystem

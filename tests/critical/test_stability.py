@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gsp.critical.continuation.curve import stability
+from gsp.critical.continuation.critical_curve import stability
 
 
 def runs(eigenvalues: list, special: tuple[int, ...] = ()):

@@ -14,7 +14,7 @@ from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityErr
 from gsp.fibres import inner_expansion
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import Problem, _sampled, expand_inner
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import integrate
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of

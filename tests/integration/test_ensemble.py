@@ -15,7 +15,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError, DeclarationError, GspError, Status
 from gsp.integration import parallel
 from gsp.integration.ensemble import integrate_many
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Method, integrate
 from gsp.kernels import ensemble as kernels
 from gsp.kernels import ledger

@@ -10,8 +10,8 @@ import sympy as sp
 
 from gsp.errors import Status
 from gsp.integration.explanations import LOST, explain
-from gsp.integration.reduced_flow import real_or_nan
 from gsp.integration.reduction_end.endings import begins
+from gsp.integration.restriction import real_or_nan
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, eps = sp.symbols("x y epsilon")

@@ -6,7 +6,7 @@ import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Method, integrate
 from gsp.slow.series import expand
 from gsp.splitting.splitting import split

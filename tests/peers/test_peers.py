@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.comparison.work_curves import work_precision
+from gsp.comparison.work_precision import work_precision
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.models import load

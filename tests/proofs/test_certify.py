@@ -12,7 +12,7 @@ import sympy as sp
 import gsp
 from gsp.errors import BranchError, DeclarationError, GspError, UnsupportedFunctionError
 from gsp.proofs import certification as module
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes.certify import certify
 from tests.cases import thinned
 from tests.proof_files import SCENES

@@ -4,7 +4,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes.certify import certify
 
 v, p, w, m, J, a, s, c, k, lam, x, y, z, n, eps = sp.symbols("v p w m I a s c k lambda x y z n epsilon")

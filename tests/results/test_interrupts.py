@@ -18,7 +18,7 @@ import sympy as sp
 
 import gsp
 from gsp.analysis.fold_surroundings import uninterrupted
-from gsp.critical.continuation.critical_curve import continue_critical
+from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.errors import Status
 from gsp.integration.crossings import Search
 from gsp.integration.events import Event
@@ -35,8 +35,8 @@ pytestmark = pytest.mark.usefixtures("interruptible")
 # `gsp` with Ctrl-C after so many seconds of the processor's time, in a fresh process each; 0 measures them only.
 SERVER = """
 import json, os, signal, sys, time
-import gsp.cli, gsp.analysis.analysis, gsp.report, gsp.choice.choice, gsp.comparison.work_curves
-import gsp.comparison.failures
+import gsp.cli, gsp.analysis.analysis, gsp.report, gsp.choice.choice, gsp.comparison.work_precision
+import gsp.comparison.failure_map
 from gsp import charts
 
 signal.signal(signal.SIGINT, signal.default_int_handler)

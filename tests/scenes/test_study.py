@@ -19,7 +19,7 @@ from gsp.errors import BranchError, DeclarationError, SplittingError
 from gsp.fibres.base_points import base_point_of
 from gsp.fibres.inner_expansion import expand_inner
 from gsp.hyperbolicity.hyperbolicity import classify
-from gsp.integration.reduced_flow import restrict
+from gsp.integration.restriction import restrict
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.slow.expansion import Expansion
@@ -121,7 +121,7 @@ def _everywhere(monkeypatch: pytest.MonkeyPatch, function: Callable, counted: Ca
     """Put `counted` in place of `function` in every module of the package that imported it."""
     for name, module in list(sys.modules.items()):
         # A singular orbit restricts to the sheets that it lands on, whoever has a flow over one of them.
-        if name.startswith("gsp.") and name != "gsp.singular.relaxation" and isinstance(module, ModuleType):
+        if name.startswith("gsp.") and name != "gsp.singular.singular_orbit" and isinstance(module, ModuleType):
             for attribute, value in list(vars(module).items()):
                 if value is function:
                     monkeypatch.setattr(module, attribute, counted)

@@ -8,7 +8,7 @@ import sympy as sp
 import gsp
 from gsp.errors import DeclarationError
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
-from gsp.singular.singularities.folded import (
+from gsp.singular.singularities.folded_singularities import (
     FoldedKind,
     FoldedSingularity,
     folded_singularities,

@@ -11,8 +11,8 @@ import sympy as sp
 from gsp.critical.critical_manifold import solve_critical
 from gsp.integration.surface_flow import _basis
 from gsp.singular.passage.fold_measurement import fold_exit, upstream
-from gsp.singular.passage.folds import fold_passage
-from gsp.singular.relaxation import singular_orbit
+from gsp.singular.passage.fold_passage import fold_passage
+from gsp.singular.singular_orbit import singular_orbit
 from gsp.systems.system import SlowFastSystem
 
 x, y, z, p, q, r, eps = sp.symbols("x y z p q r epsilon")

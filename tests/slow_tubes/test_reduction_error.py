@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from sympy import Rational as R
 
 from gsp.errors import DeclarationError, UnsupportedFunctionError
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes import deviation
 from gsp.slow_tubes.reduction_error import bound_reduction
 from gsp.slow_tubes.validated_flow import solution_steps

@@ -12,7 +12,7 @@ from sympy import Rational as R
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.series import expand
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.isolation import Isolation, Tally, _proved

@@ -14,7 +14,7 @@ from sympy import Rational as R
 import gsp
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.proofs import balls
-from gsp.proofs.certificate import ProofVerdict
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.solved_manifold import solve_manifold
 from gsp.slow_tubes.certify import certify

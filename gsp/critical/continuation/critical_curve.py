@@ -1,301 +1,280 @@
-"""Continuation of the critical manifold: one curve of M0 through its folds, and the curves that branch off it."""
+"""Curves of the critical manifold: points in order, stability along them, and the special points between."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import sympy as sp
 
 from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
-from gsp.critical.continuation.curve import CriticalCurve, Options, curve_of, oriented, stability
-from gsp.critical.continuation.location import locate
-from gsp.critical.continuation.special_points import VERTICAL, BranchPoints, SpecialPoint
-from gsp.critical.layer_problem import (
-    Bounds,
-    LayerProblem,
-    check_bounds,
-    corrected_start,
-    find_symbol,
-    layer_problem,
-    natural_scales,
-)
-from gsp.errors import BranchError, DeclarationError, Status
-from gsp.systems.arguments import (
-    check_flag,
-    check_noun,
-    check_number,
-    check_one_of,
-    check_progress,
-    check_whole,
-    shown,
-)
-from gsp.systems.flow import Point
+from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
+from gsp.critical.layer_problem import LayerProblem
+from gsp.errors import DeclarationError, Status
+from gsp.results.drawn import Drawn
+from gsp.results.tabular import Tabular
 from gsp.systems.region import Interval
-from gsp.systems.system import SlowFastSystem
 
-# Branches that are switched to at most, and how near two branch points are one, in scaled units.
-MOST_BRANCHES = 32
-SAME_POINT = 1e-5
-SAME_DIRECTION = 0.999
+# The name that endings of continuations had before there was one vocabulary.
+Ending = Status
+# What to do about an ending that reads otherwise for runs.
+REMEDIES = {
+    Status.STEP_TOO_SMALL: "the curve has an end, a corner or a pole here, or g is not smooth; start on its other side",
+    Status.NON_FINITE: "the curve leaves the domain of g; bound it before, or start elsewhere",
+    Status.INTERRUPTED: "what was computed before is kept; continue from the last point",
+}
 
-
-def continue_critical(
-    system: SlowFastSystem,
-    *,
-    start: Point,
-    parameter: sp.Symbol | str | None = None,
-    free: sp.Symbol | str | None = None,
-    bounds: Bounds | None = None,
-    direction: int = 0,
-    step: float = 0.01,
-    max_step: float = 0.04,
-    max_points: int = 2000,
-    tolerance: float = 1e-10,
-    switch_branches: bool = False,
-    progress: Callable[[float], None] | None = None,
-) -> CriticalCurve:
-    """The curve of M0 = {g(x, y, 0) = 0} through `start`, through its folds, with its special points.
-
-    One variable is free: the slow variable `free` (which may be left out when there is one only), or `parameter`;
-    the others keep their values at `start`, which names every state and is first corrected onto M0. `bounds`
-    ends the curve exactly on an interval of any free or fast variable. `direction` +1 or -1 starts with the free
-    variable increasing or decreasing; 0 goes both ways and joins the two. Steps are in units of each variable's
-    scale: the width of its bounds, or its size. `switch_branches` continues the curves that cross this one too
-    (`others`). `progress(share)` is called as points are added.
-
-    Raises `DeclarationError` for a call that is not well formed and `BranchError` when no point of M0 is near
-    `start`, or it is a branch point. How the curve ended is its `status`. Pseudo-arclength continuation is
-    Keller's (1977); test functions and located points are those of Govaerts (2000) and Kuznetsov (2004).
-
-    >>> v, w, eps = sp.symbols("v w epsilon")
-    >>> system = SlowFastSystem(slow={w: -v}, fast={v: w + v - v**3/3}, epsilon=eps)
-    >>> curve = continue_critical(system, start={"v": 2, "w": 0.7}, bounds={"w": (-2, 2)})
-    >>> [(round(p["v"], 10), round(p["w"], 10)) for p in curve.special]
-    [(-1.0, 0.6666666667), (1.0, -0.6666666667)]
-    """
-    check_noun(system, SlowFastSystem, verb="continue_critical")
-    variable = _free_symbol(system, parameter, free)
-    controls = check_controls(step, max_step, max_points, tolerance)
-    check_one_of(direction, (-1, 0, 1), what="direction", be="+1, -1, or 0 for both")
-    check_flag(switch_branches, what="switch_branches")
-    check_progress(progress)
-    problem, guess = layer_problem(system, (variable,), start)
-    box = check_bounds(bounds, problem)
-    check_inside(problem, guess, box, "start")
-    scales = natural_scales(problem, guess, box)
-    u = corrected_start(problem, guess, scales, tolerance)
-    check_inside(problem, u, box, "the point of M0 next to start")
-    if not np.isfinite(problem.jacobian(u)).all():
-        raise BranchError(
-            "g has no finite derivatives at start.", "Start beside that point.", got=_shown(problem, u)
-        )
-    options = Options(box, controls)
-    tracer = _tracer(problem, options, scales, progress)
-    tangent = tracer.null_vector(u)
-    if tangent is None:
-        raise BranchError(
-            "start is a branch point, where the curve has no one tangent.",
-            "Start beside it, and switch_branches=True finds the curves that cross there.",
-            got=_shown(problem, u),
-        )
-    tangent = oriented(tangent, VERTICAL, direction)
-    curve = _continued(problem, options, tracer, u, tangent, both=direction == 0, at_crossing=False)
-    if not switch_branches or curve.status is Status.INTERRUPTED:
-        return curve
-    return replace(curve, others=tuple(_all_branches(curve, progress)))
+# A stop is said to be close to a special point within this distance, in scaled units.
+CLOSE = 0.05
 
 
-def switch_branch(
-    curve: CriticalCurve, point: SpecialPoint, *, progress: Callable[[float], None] | None = None
-) -> CriticalCurve:
-    """The other curve of M0 through a branch point of `curve`, continued both ways with the curve's options.
+@dataclass(frozen=True)
+class ContinuationStats:
+    """What a continuation cost: accepted and rejected steps, Newton corrections, and points located."""
 
-    Raises `DeclarationError` when `point` is no branch point of the curve with two tangents.
-
-    >>> x, y, eps = sp.symbols("x y epsilon")
-    >>> system = SlowFastSystem(slow={x: 1 + 0*y}, fast={y: y*(x - y**2)}, epsilon=eps)
-    >>> line = continue_critical(system, start={"x": -1, "y": 0}, bounds={"x": (-1, 1)})
-    >>> parabola = switch_branch(line, line.special[0])
-    >>> parabola["y"].min().round(12), parabola["y"].max().round(12)
-    (np.float64(-1.0), np.float64(1.0))
-    """
-    check_noun(curve, CriticalCurve, verb="switch_branch")
-    check_progress(progress)
-    if not any(point is own for own in curve.special):
-        raise DeclarationError(
-            "the point is none of the curve's special points.",
-            "Take one of them.",
-            got=shown(point),
-            value=point,
-        )
-    if not point.kind.is_branch_point or len(point.directions) == 0:
-        raise DeclarationError(
-            "a curve can be switched at a branch point with two tangents.",
-            "Take a transcritical point or a pitchfork.",
-            got=f"a {point.kind} at {_shown(curve.problem, point.unknowns)}",
-        )
-    problem, options = curve.problem, curve.options
-    scales = np.array([curve.scales[s.name] for s in problem.unknowns])
-    tracer = _tracer(problem, options, scales, progress)
-    return _continued(
-        problem, options, tracer, point.unknowns, point.directions[1], both=True, at_crossing=True,
-        known=(point,),
-    )  # fmt: skip
+    steps: int
+    rejected: int
+    corrections: int
+    located: int
 
 
-# -- checks ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Stop:
+    """How one direction of a curve ended: where, and at whose bound (empty when at none)."""
+
+    ending: Status
+    point: Mapping[str, float]
+    bound: str = ""
 
 
-def _free_symbol(system: SlowFastSystem, parameter, free) -> sp.Symbol:
-    if parameter is not None and free is not None:
-        raise DeclarationError(
-            "one variable is free.", "Give one.", got=f"parameter={parameter!r} and free={free!r}"
-        )
-    if parameter is not None:
-        return find_symbol(system, parameter, tuple(system.parameters), "parameter")
-    if free is not None:
-        return find_symbol(system, free, system.x, "free")
-    if len(system.x) > 1:
-        names = ", ".join(s.name for s in system.x)
-        raise DeclarationError(
-            "there are several slow variables and none is free.",
-            f'Name the one that varies, as in free="{system.x[0].name}", or a parameter; critical_sheet '
-            "varies two.",
-            got=names,
-        )
-    return next(iter(system.slow))
+@dataclass(frozen=True)
+class Segment:
+    """Rows `first` to `last`, both included, with the same number of `unstable` fast eigenvalues."""
+
+    first: int
+    last: int
+    unstable: int
+    kind: str
+
+    @property
+    def rows(self) -> slice:
+        """The rows as a slice of the curve's arrays."""
+        return slice(self.first, self.last + 1)
 
 
-def check_controls(step: float, max_step: float, max_points: int, tolerance: float) -> Controls:
-    """The controls of a continuation; raises `DeclarationError` for numbers that are none."""
-    for name, value in (("step", step), ("max_step", max_step), ("tolerance", tolerance)):
-        check_number(value, what=name, be="a positive number, in units of the scales", above=0.0)
-    check_whole(max_points, what="max_points", least=2, most=10**9, be="a whole number of at least 2")
-    return Controls(float(step), float(max_step), int(max_points), float(tolerance))
+@dataclass(frozen=True)
+class Options:
+    """What a continuation was asked for, so that another branch is continued in the same way."""
+
+    bounds: Mapping[str, Interval]
+    controls: Controls
 
 
-def check_inside(problem: LayerProblem, u: np.ndarray, bounds: Mapping[str, Interval], what: str) -> None:
-    """Raise `DeclarationError` when u is outside `bounds` by more than rounding."""
-    for symbol, value in zip(problem.unknowns, u):
-        low, high = bounds.get(symbol.name, (-np.inf, np.inf))
-        slack = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
-        if not low - slack <= value <= high + slack:
-            raise DeclarationError(
-                f"{what} is outside the bounds: {symbol.name} = {value:.6g}.",
-                "Move the start or widen them.",
-                got=f"bounds ({low:g}, {high:g})",
-                value=float(value),
-                point=dict(zip((s.name for s in problem.unknowns), map(float, u))),
+class NamedPoints:
+    """Points (m, n) on M0 with named columns, in the words of `what`. Frozen in its subclasses."""
+
+    what: ClassVar[str]
+    problem: LayerProblem
+    points: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns of `points`: slow, fast, then free parameters."""
+        return self.problem.names
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free variables."""
+        return tuple(s.name for s in self.problem.free)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The column of that name, (m,); raises `DeclarationError` for an unknown one."""
+        if name not in self.names:
+            raise DeclarationError.none_of(
+                self.names, name, f'the {self.what} has no column "{name}".', "It has"
             )
+        return self.points[:, self.names.index(name)]
 
 
-def _shown(problem: LayerProblem, u: np.ndarray) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in problem.point(u).items())
+@dataclass(frozen=True, eq=False, repr=False)
+class NamedCurve(NamedPoints):
+    """What curves of M0 and of folds have in common: an order, special points, ends and a card."""
+
+    what = "curve"
+    problem: LayerProblem
+    options: Options
+    points: np.ndarray
+    arclength: np.ndarray
+    scales: Mapping[str, float]
+    special: tuple[SpecialPoint, ...]
+    stops: tuple[Stop, ...]
+    stats: ContinuationStats
+    message: str
+
+    @property
+    def status(self) -> Status:
+        """How the curve ended: the worse of its two ends."""
+        return next((stop.ending for stop in self.stops if not stop.ending.ok), self.stops[-1].ending)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the last point is the first again."""
+        return self.stops[-1].ending is Status.CLOSED
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def of_kind(self, kind: SpecialKind) -> tuple[SpecialPoint, ...]:
+        """The special points of one kind, in the order of the curve."""
+        return tuple(point for point in self.special if point.kind is kind)
+
+    def __repr__(self) -> str:
+        kinds = [point.kind.value for point in self.special]
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        tail = f", {counted}" if counted else ""
+        name = type(self).__name__
+        return f"{name}({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
+
+    def _card(self, title: str, rows: Sequence[str]) -> str:
+        ranges = [
+            f"  {name} from {self[name].min():.6g} to {self[name].max():.6g}"
+            for name in self.names
+            if np.ptp(self[name]) > 0.0
+        ]
+        special = [f"  {point}" for point in self.special]
+        return "\n".join([title, *ranges, *rows, *special, f"  {self.message}"])
 
 
-# -- the curve -------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticalCurve(NamedCurve, Drawn, Tabular):
+    """A curve of M0, g(x, y, 0) = 0, through its folds.
+
+    `points` (m, n) have the columns `names`, and `curve["v"]` is one of them; `eigenvalues` (m, n_fast) are those
+    of g_y, the rightmost first, `unstable` (m,) counts those to the right of the axis. `arclength` (m,) is in units
+    of the scales in use there, of which `scales` are the largest. Special points are rows of the curve too
+    (`special[i].row`), `segments` the runs of constant stability, `stops` the ends, `others` the branches that
+    were switched to, when that was asked for.
+    """
+
+    eigenvalues: np.ndarray
+    unstable: np.ndarray
+    segments: tuple[Segment, ...]
+    others: tuple[CriticalCurve, ...] = ()
+
+    def __str__(self) -> str:
+        rows = [
+            f"  {segment.kind} ({segment.unstable} unstable) from row {segment.first} to {segment.last}"
+            for segment in self.segments
+        ]
+        return self._card(f"curve of the critical manifold over {', '.join(self.free)}", rows)
 
 
-def box_of(problem: LayerProblem, bounds: Mapping[str, Interval]) -> np.ndarray:
-    """Bounds of the unknowns (N, 2), infinite where there are none."""
-    return np.array([bounds.get(s.name, (-np.inf, np.inf)) for s in problem.unknowns])
+Curve = TypeVar("Curve", bound=NamedCurve)
+
+# -- assembling ------------------------------------------------------------------------------------
 
 
-def _tracer(
-    problem: LayerProblem, options: Options, scales: np.ndarray, progress: Callable[[float], None] | None
-) -> PointTracer:
-    tracer = PointTracer(
-        problem,
-        scales=scales,
-        bounds=box_of(problem, options.bounds),
-        names=tuple(s.name for s in problem.unknowns),
-        controls=options.controls,
-        progress=progress,
-    )
-    tracer.find = BranchPoints(problem, tracer)
-    return tracer
+def stability(eigenvalues: np.ndarray, special: Sequence[int]) -> tuple[np.ndarray, tuple[Segment, ...]]:
+    """Unstable count (m,) and the runs of it; an eigenvalue on the axis at a `special` row counts as stable."""
+    count = (np.real(eigenvalues) > 0.0).sum(axis=1)
+    rows = np.array(sorted(special), dtype=int)
+    size = np.abs(eigenvalues[rows]).max(axis=1, keepdims=True, initial=0.0)
+    count[rows] = (np.real(eigenvalues[rows]) > ZERO_EIGENVALUE * size).sum(axis=1)
+    fast, marked = eigenvalues.shape[1], set(rows.tolist())
+    segments: list[Segment] = []
+
+    def close(first: int, last: int, unstable: int) -> None:
+        kind = "attracting" if unstable == 0 else "repelling" if unstable == fast else "saddle"
+        segments.append(Segment(first, last, unstable, kind))
+
+    first, current = 0, -1
+    for row in range(len(count)):
+        if row in marked:
+            continue
+        if current >= 0 and count[row] != current:
+            # A special point belongs to both runs; without one between them neither reaches the other.
+            shared = row - 1 in marked
+            close(first, row - 1, current)
+            first = row - 1 if shared else row
+        current = int(count[row])
+    close(first, len(count) - 1, current if current >= 0 else int(count[-1]))
+    return count, tuple(segments)
 
 
-def traced(
-    tracer: PointTracer, u: np.ndarray, tangent: np.ndarray, *, both: bool, at_crossing: bool
-) -> list[Trace]:
-    """The traces, forward or backward and forward; only forward when the curve closes."""
-    scales = tracer.scales.copy()
-    forward = tracer.run(u, tangent, at_crossing=at_crossing)
-    if not both or forward.ending in (Status.CLOSED, Status.INTERRUPTED):
-        return [forward]
-    tracer.scales, grown = scales, tracer.scales
-    backward = tracer.run(u, -tangent, at_crossing=at_crossing)
-    tracer.scales = np.maximum(tracer.scales, grown)
-    return [backward, forward]
+def oriented(tangent: np.ndarray, upright: float, direction: int) -> np.ndarray:
+    """The tangent along which the first unknown grows, or the steepest one where it hardly does; or against it."""
+    leading = 0 if abs(tangent[0]) > upright else int(np.argmax(np.abs(tangent)))
+    return tangent * np.sign(tangent[leading]) * (direction or 1)
 
 
-def joined(traces: list[Trace]) -> Trace:
-    """The whole curve as one trace in the forward direction; its ending and bound are the forward ones."""
-    forward = traces[-1]
-    if len(traces) == 1:
-        return forward
-    backward = traces[0]
-    last = len(backward.points) - 1
-    return Trace(
-        points=[*backward.points[:0:-1], *forward.points],
-        tangents=[*(-t for t in backward.tangents[:0:-1]), *forward.tangents],
-        scales=[*backward.scales[:0:-1], *forward.scales],
-        ending=forward.ending,
-        bound=forward.bound,
-        crossings={last - row: found for row, found in backward.crossings.items()}
-        | {last + row: found for row, found in forward.crossings.items()},
-    )
-
-
-def _continued(
+def curve_of(
+    kind: type[Curve],
     problem: LayerProblem,
     options: Options,
     tracer: PointTracer,
-    u: np.ndarray,
-    tangent: np.ndarray,
-    *,
-    both: bool,
-    at_crossing: bool,
-    known: tuple[SpecialPoint, ...] = (),
-) -> CriticalCurve:
-    with np.errstate(all="ignore"):
-        traces = traced(tracer, u, tangent, both=both, at_crossing=at_crossing)
-        points, special, arclength = locate(problem, tracer, joined(traces), known)
-        eigenvalues = problem.eigenvalues(points)
-    unstable, segments = stability(eigenvalues, [point.row for point in special])
-    located = (points, special, arclength)
-    return curve_of(
-        CriticalCurve, problem, options, tracer, traces, located,
-        eigenvalues=eigenvalues, unstable=unstable, segments=segments,
-    )  # fmt: skip
+    traces: Sequence[Trace],
+    located: tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray],
+    **own: Any,
+) -> Curve:
+    """The curve that the traces make once the special points have been `located`: (points, special, arclength).
+
+    `own` are the fields that curves of this `kind` alone have; arrays are frozen.
+    """
+    points, special, arclength = located
+    ends = [(trace.ending, trace.points[-1], trace.bound) for trace in traces]
+    counters = tracer.counters
+    return kind(
+        problem=problem,
+        options=options,
+        points=frozen(problem.rows(points)),
+        arclength=frozen(arclength),
+        scales=dict(zip((s.name for s in problem.unknowns), map(float, tracer.scales))),
+        special=special,
+        stops=tuple(Stop(ending, problem.point(end), bound) for ending, end, bound in ends),
+        stats=ContinuationStats(counters.steps, counters.rejected, counters.corrections, counters.located),
+        message=say(problem, len(points), ends, special, tracer.scales),
+        **{name: frozen(value) if isinstance(value, np.ndarray) else value for name, value in own.items()},
+    )
 
 
-def _all_branches(curve: CriticalCurve, progress: Callable[[float], None] | None) -> list[CriticalCurve]:
-    """Every curve reached by switching, once each."""
-    scales = np.array([curve.scales[s.name] for s in curve.problem.unknowns])
-    seen: list[tuple[np.ndarray, np.ndarray]] = []
+def frozen(array: np.ndarray) -> np.ndarray:
+    """`array`, which can no longer be written to."""
+    array.setflags(write=False)
+    return array
 
-    def passed(u: np.ndarray, direction: np.ndarray) -> bool:
-        return any(
-            np.linalg.norm((u - v) / scales) < SAME_POINT and abs(direction @ other) > SAME_DIRECTION
-            for v, other in seen
-        )
 
-    found: list[CriticalCurve] = []
-    waiting = [curve]
-    while waiting:
-        current = waiting.pop(0)
-        crossings = [p for p in current.special if p.kind.is_branch_point and len(p.directions)]
-        seen += [(p.unknowns, p.directions[0]) for p in crossings]
-        for point in crossings:
-            if len(found) < MOST_BRANCHES and not passed(point.unknowns, point.directions[1]):
-                other = switch_branch(current, point, progress=progress)
-                seen += [(p.unknowns, p.directions[0]) for p in other.special if len(p.directions)]
-                found.append(other)
-                waiting.append(other)
-                if other.status is Status.INTERRUPTED:
-                    return found
-    return found
+def say(
+    problem: LayerProblem,
+    count: int,
+    stops: Sequence[tuple[Status, np.ndarray, str]],
+    special: Sequence[SpecialPoint],
+    scales: np.ndarray,
+) -> str:
+    """The closing message: how many points, how each end ended and where."""
+    texts = []
+    for ending, u, bound in stops:
+        names = [bound] if bound else [s.name for s in problem.unknowns]
+        point = problem.point(u)
+        text = f"{ending.name} at " + ", ".join(f"{name} = {point[name]:.6g}" for name in names)
+        if not ending.ok:
+            values = problem.eigenvalues(u[None, :])[0]
+            if np.isfinite(values).all():
+                text += f", fast eigenvalue {values[np.argmin(np.abs(values))].real:.2g}"
+            distances = [np.linalg.norm((p.unknowns - u) / scales) for p in special]
+            if distances and min(distances) < CLOSE:
+                close = special[int(np.argmin(distances))]
+                first = problem.unknowns[0].name
+                text += f"; close to the {close.kind} at {first} = {close[first]:.6g}"
+            text += f" ({ending.meaning}; {REMEDIES.get(ending, ending.remedy)})"
+        texts.append(text)
+    if len(texts) == 2:
+        return f"stopped after {count} points: backward {texts[0]}; forward {texts[1]}"
+    return f"stopped after {count} points: {texts[0]}"
+
+
+def uninterrupted(curve: CriticalCurve) -> CriticalCurve:
+    """`curve` for a verb that goes on from it: where Ctrl-C ended it, Ctrl-C ends the verb too."""
+    if curve.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return curve

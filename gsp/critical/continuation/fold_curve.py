@@ -13,8 +13,8 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.continuation.arclength import PointTracer, Trace
-from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside, joined, traced
-from gsp.critical.continuation.curve import NamedCurve, Options, curve_of, oriented
+from gsp.critical.continuation.critical_curve import NamedCurve, Options, curve_of, oriented
+from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside, joined, traced
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
 from gsp.critical.continuation.special_points import (
     SpecialKind,

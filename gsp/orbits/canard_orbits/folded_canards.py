@@ -28,7 +28,7 @@ from gsp.orbits.canard_orbits.line import SheetNotFound
 from gsp.orbits.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
-from gsp.singular.singularities.folded import FoldedSingularity
+from gsp.singular.singularities.folded_singularities import FoldedSingularity
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import check_epsilon
 from gsp.systems.system import SlowFastSystem

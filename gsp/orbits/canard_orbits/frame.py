@@ -17,7 +17,7 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
-from gsp.singular.singularities.folded import FoldedKind, FoldedSingularity
+from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
 from gsp.systems.flow import named
 from gsp.systems.system import SlowFastSystem, VectorField
 

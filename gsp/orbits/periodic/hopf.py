@@ -10,8 +10,8 @@ from typing import cast
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.critical_curve import continue_critical
-from gsp.critical.continuation.curve import uninterrupted
+from gsp.critical.continuation.critical_curve import uninterrupted
+from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.continuation.special_points import SpecialKind
 from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector

@@ -17,7 +17,7 @@ from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.folds import FoldPassage, omega0
+from gsp.singular.passage.fold_passage import FoldPassage, omega0
 from gsp.systems.arguments import check_noun
 from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, named
 
@@ -33,8 +33,8 @@ LENGTHENINGS = 6
 class FoldExit:
     """Where the orbit of the full system meets the section: `point` by name at slow time `t` after the start.
 
-    `run` is the orbit, `expected` the slow coordinates of equation (2) of `gsp.singular.passage.folds`; `resolution`
-    bounds what the start, a point of M0, still matters: exp(-C/epsilon), C the attraction on the way.
+    `run` is the orbit, `expected` the slow coordinates of equation (2) of `gsp.singular.passage.fold_passage`;
+    `resolution` bounds what the start, a point of M0, still matters: exp(-C/epsilon), C the attraction on the way.
     """
 
     epsilon: float

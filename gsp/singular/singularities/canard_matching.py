@@ -21,7 +21,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_series import PlanarField, program_of
-from gsp.singular.singularities.canards import CanardValue, precision
+from gsp.singular.singularities.canard_value import CanardValue, precision
 from gsp.systems.arguments import check_each, check_noun, check_number, check_whole
 from gsp.systems.declaration import exact
 from gsp.systems.flow import check_epsilon
@@ -57,7 +57,7 @@ def match_canard(
     arrive at the section.
 
     >>> from gsp import SlowFastSystem
-    >>> from gsp.singular.singularities.canards import canard_value
+    >>> from gsp.singular.singularities.canard_value import canard_value
     >>> x, y, a, eps = sp.symbols("x y a epsilon")
     >>> c = canard_value(SlowFastSystem(
     ...     slow={y: a - x}, fast={x: y - x**3/3 + x}, epsilon=eps, parameters={a: 1}), parameter=a)

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 from gsp import models
-from gsp.comparison.work_curves import work_precision
+from gsp.comparison.work_precision import work_precision
 from gsp.comparison.work_runs import ModelKind, WorkCurve, WorkPoint
 from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.integration.methods import Method

@@ -129,7 +129,8 @@ def folded_singularities(
         raise FoldedError(
             f"with {len(flow.x)} slow variables the folded singularities form a manifold of dimension "
             f"{len(flow.x) - 2}; they are not isolated.",
-            "Classify single ones with gsp.singular.singularities.folded.folded_singularity(system, near=...).",
+            "Classify single ones with folded_singularity(system, near=...) of "
+            "gsp.singular.singularities.folded_singularities.",
         )
     equations = (flow.g, flow.fold, flow.q)
     try:

@@ -145,7 +145,7 @@ def work_precision(
     stages raise for a scene that cannot be split, solved or expanded.
 
     >>> from gsp import models
-    >>> from gsp.comparison.work_curves import work_precision
+    >>> from gsp.comparison.work_precision import work_precision
     >>> found = work_precision(models.load("michaelis_menten"), orders=(0, 1), rtols=(1e-4, 1e-8), peers=())
     >>> found["reduced 0"].floor > 10 * found["reduced 1"].floor > 100 * found["radau9"].floor
     True

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.critical_curve import box_of, check_controls, check_inside
-from gsp.critical.continuation.curve import NamedPoints, Options, frozen
+from gsp.critical.continuation.critical_curve import NamedPoints, Options, frozen
+from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside
 from gsp.critical.continuation.fold_curve import FoldCurve, fold_curve, two_free
 from gsp.critical.continuation.simplices import Grid, Mesh, march
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE

@@ -160,7 +160,7 @@ def method_table(
     what the stages raise.
 
     >>> from gsp import models
-    >>> from gsp.comparison.classical_table import method_table
+    >>> from gsp.comparison.method_table import method_table
     >>> table = method_table(models.load("michaelis_menten"), epsilons=(0.02, 0.01), orders=(0, 1))
     >>> round(table["ILDM"].fitted), round(table["CSP 2"].fitted), round(table["series 1"].fitted)
     (2, 3, 2)

@@ -10,8 +10,8 @@ from gsp import charts
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.orbits.periodic.finding import periodic_orbit
-from gsp.singular.passage.folds import omega0
-from gsp.singular.relaxation import singular_orbit
+from gsp.singular.passage.fold_passage import omega0
+from gsp.singular.singular_orbit import singular_orbit
 from gsp.systems.system import SlowFastSystem
 from tests.cases import thinned
 

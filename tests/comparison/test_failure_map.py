@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp import charts, models
 from gsp.comparison import comparison, survey
-from gsp.comparison.failures import failure_map
+from gsp.comparison.failure_map import failure_map
 from gsp.comparison.survey import EXPLICIT, IMPLICIT, MANIFOLD, NEWTON, reduced_name, series_name
 from gsp.errors import DeclarationError, GspError
 from gsp.scenes.scene import Scene

@@ -3,8 +3,9 @@
 The singular orbit follows the reduced flow of order 0 until it meets a fold, drops along the layer flow at constant x,
 and goes on from where it lands. When it closes up and each fold on the way is generic, a relaxation orbit of the full
 system lies within O(epsilon^(2/3)) of it (Szmolyan and Wechselberger, Journal of Differential Equations 200 (2004)
-69-104; the planar case is E. F. Mishchenko's). Its period follows from the passage of each fold (`passage.folds`): the
-slow variables drop later by Delta x = x_1 epsilon^(2/3) + q epsilon ln epsilon, and the fold takes the slow time
+69-104; the planar case is E. F. Mishchenko's). Its period follows from the passage of each fold
+(`passage.fold_passage`): the slow variables drop later by Delta x = x_1 epsilon^(2/3) + q epsilon ln epsilon, and the
+fold takes the slow time
 
     Omega_0 (ab)^(-1/3) epsilon^(2/3) + (b c/a^2 - d/(2a))/(3b) epsilon ln epsilon + O(epsilon),
 
@@ -25,12 +26,13 @@ from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
 from gsp.errors import NO_REASON, BranchError, GspError, HyperbolicityError, Reason, Status
-from gsp.integration.reduced_flow import ReducedFlow, restrict
+from gsp.integration.reduced_flow import ReducedFlow
+from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.singular.passage.failure import PassageError
-from gsp.singular.passage.folds import FoldPassage, fold_passage, omega0
+from gsp.singular.passage.fold_passage import FoldPassage, fold_passage, omega0
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point, check_epsilon, complete, named

@@ -13,10 +13,11 @@ from click.testing import CliRunner
 from gsp import integrate, load, models
 from gsp.algebra.ring import LocalisedRing
 from gsp.cli import cli
-from gsp.comparison import classical_methods, classical_table
+from gsp.comparison import classical_methods
+from gsp.comparison import method_table as table_module
 from gsp.comparison.classical_methods import FraserRoussel, csp, ildm, quasi_steady_state
-from gsp.comparison.classical_table import MethodTable, method_table
 from gsp.comparison.comparison import slope
+from gsp.comparison.method_table import MethodTable, method_table
 from gsp.comparison.references import reference_at
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
@@ -238,7 +239,7 @@ def toggle_switch() -> Scene:
 @pytest.mark.exhaustive
 def test_what_stays_short_of_its_tolerance_says_so_and_no_surface_is_made_twice(monkeypatch) -> None:
     # The region is wide: neither 153 points nor the 20,000 of the iterates resolve what the power 5/2 makes of it.
-    monkeypatch.setattr(classical_table, "MOST_POINTS", 153)
+    monkeypatch.setattr(table_module, "MOST_POINTS", 153)
     made: list[float] = []
     over = FraserRoussel.over
 
@@ -395,7 +396,7 @@ def test_the_command_tells_the_reference_and_what_was_cut_short_as_the_table_doe
     table = method_table(scene, epsilons=(0.02, 0.01), refinements=(0,), iterates=(1,), orders=(0,))
     endings = {("solved", 0.01): "stopped at 17 segments"}
     told = replace(table, endings=endings, omitted={"series 4": "it is too long"})
-    monkeypatch.setattr(classical_table, "method_table", lambda *arguments, **keywords: told)
+    monkeypatch.setattr(table_module, "method_table", lambda *arguments, **keywords: told)
     shown = json.loads(CliRunner().invoke(cli, ["methods", "michaelis_menten", "--json"]).stdout)
     assert [row["label"] for row in shown["rows"]] == [row.label for row in told.rows]
     assert shown["epsilons"] == list(told.epsilons)

@@ -10,7 +10,7 @@ import gsp
 from gsp.errors import DeclarationError, GspError
 from gsp.singular.singularities.canard_matching import match_canard
 from gsp.singular.singularities.canard_points import CanardError
-from gsp.singular.singularities.canards import CanardValue, canard_value
+from gsp.singular.singularities.canard_value import CanardValue, canard_value
 from gsp.singular.singularities.located_points import polish
 from tests.cases import thinned
 
