@@ -1,7 +1,6 @@
 """Where a function of one variable passes through zero, or is least, between two places: SciPy's bracketing methods.
 
-SciPy's optimisers are imported on first use; most runs need none of them. Every check of hyperbolicity looks for where
-a function of several variables is least, so that this search is our own.
+SciPy's optimisers are imported on first use; most runs need none of them.
 """
 
 from __future__ import annotations
@@ -18,10 +17,6 @@ ROUNDING = 2.0**-52
 MOST = 400
 # Below this share of the interval a minimum is level to rounding.
 LEVEL = 4e-9
-# SciPy's first simplex: the share by which a coordinate is moved, and how far one that is 0; and the difference of
-# values at which a search may end.
-WIDER, BESIDE = 1.05, 0.00025
-ALIKE = 1e-4
 
 
 class _Undefined(Exception):
@@ -29,10 +24,6 @@ class _Undefined(Exception):
 
 
 class _Below(Exception):
-    pass
-
-
-class _Spent(Exception):
     pass
 
 
@@ -134,63 +125,3 @@ def least(f: Callable[[float], float], a: float, b: float, *, below: float = -ma
     with contextlib.suppress(_Below):
         minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": LEVEL})
     return best
-
-
-def least_in_box(
-    f: Callable[[np.ndarray], float], start: np.ndarray, box: np.ndarray, *, apart: float, most: int
-) -> tuple[np.ndarray, float]:
-    """(place (n,), value) where `f` is least near `start` (n,) in `box` (n, 2), by the simplex of Nelder and Mead.
-
-    The search ends where places are within `apart` of the best and values within ALIKE, or after `most` evaluations. It
-    is that of `scipy.optimize.minimize` bit for bit, without the import (J. A. Nelder, R. Mead, The Computer Journal 7
-    (1965) 308-313).
-
-    >>> box = np.array([[0.5, 2.0], [0.5, 2.0]])
-    >>> place, value = least_in_box(lambda x: abs(x).sum(), np.ones(2), box, apart=1e-9, most=200)
-    >>> place.tolist(), value
-    ([0.5, 0.5], 1.0)
-    """
-    low, high = np.asarray(box, dtype=float).T
-    n = len(start)
-    places = np.tile(np.clip(start, low, high), (n + 1, 1))
-    for i in range(n):
-        places[i + 1, i] = WIDER * places[i + 1, i] if places[i + 1, i] != 0.0 else BESIDE
-    # What lies past an upper bound is turned inwards: clipped, the simplex could be flat.
-    places = np.clip(np.where(places > high, 2.0 * high - places, places), low, high)
-    values = np.full(n + 1, math.inf)
-    left = most
-
-    def at(place: np.ndarray) -> tuple[np.ndarray, float]:
-        nonlocal left
-        if left == 0:
-            raise _Spent
-        left -= 1
-        place = np.clip(place, low, high)
-        return place, float(f(place.copy()))
-
-    with contextlib.suppress(_Spent):
-        for i in range(n + 1):
-            _, values[i] = at(places[i])
-        while True:
-            order = np.argsort(values)
-            places, values = places[order], values[order]
-            # Between Python's numbers infinity less infinity is no warning.
-            alike = float(values[-1]) - float(values[0]) <= ALIKE
-            if alike and np.abs(places[1:] - places[0]).max() <= apart:
-                break
-            middle, worst = places[:-1].sum(axis=0) / n, places[-1]
-            new = at(2.0 * middle - worst)
-            if new[1] < values[0]:
-                farther = at(3.0 * middle - 2.0 * worst)
-                new = farther if farther[1] < new[1] else new
-            elif not new[1] < values[-2]:
-                outside = new[1] < values[-1]
-                nearer = at(1.5 * middle - 0.5 * worst if outside else 0.5 * middle + 0.5 * worst)
-                if not (nearer[1] <= new[1] if outside else nearer[1] < values[-1]):
-                    for i in range(1, n + 1):
-                        places[i], values[i] = at(places[0] + 0.5 * (places[i] - places[0]))
-                    continue
-                new = nearer
-            places[-1], values[-1] = new
-    best = int(np.argsort(values)[0])
-    return places[best], float(values[best])

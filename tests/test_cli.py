@@ -295,19 +295,6 @@ def test_a_command_ends_without_a_look_for_cycles() -> None:
     assert looked < 100 < 10_000 < of, found.stderr
 
 
-def test_a_check_with_one_fast_variable_imports_no_optimisers_and_no_linear_algebra_of_scipy() -> None:
-    text = (
-        "import sys\n"
-        "from gsp.cli import cli\n"
-        "cli(['check', 'chaplygin_sleigh'], standalone_mode=False)\n"
-        "print('imported:', [name for name in ('linalg', 'optimize', 'stats') if f'scipy.{name}' in sys.modules])\n"
-    )
-    found = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert found.stdout.endswith("imported: []\n"), found.stderr
-
-
 def test_a_command_looks_for_cycles_a_hundredth_as_often_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     before = gc.get_threshold()
     monkeypatch.setattr(sys, "argv", ["gsp", "--version"])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gsp.roots import least, least_in_box, root, roots
+from gsp.roots import least, root, roots
 
 
 @pytest.mark.parametrize(
@@ -86,37 +86,3 @@ def test_the_search_for_a_minimum_ends_at_the_first_value_below():
     place, value = least(lambda s: called.append(s) or (s - 0.3) ** 2 - 1.0, 0.0, 1.0, below=0.0)
     assert called == [place]
     assert value < 0.0
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 5])
-@pytest.mark.parametrize("most", [7, 60, 400])
-def test_the_simplex_search_is_scipys_bit_for_bit(n, most):
-    from scipy.optimize import minimize
-
-    random = np.random.default_rng(n)
-    for case in range(20):
-        low = random.normal(size=n)
-        box = np.stack([low, low + random.uniform(0.1, 3.0, size=n)], axis=1)
-        start = (
-            random.uniform(*box.T) if case % 4 else np.where(box.prod(axis=1) < 0.0, 0.0, box[:, case // 4 % 2])
-        )
-        turn, centre = random.normal(size=(n, n)), random.normal(size=n)
-
-        def f(x, turn=turn, centre=centre, case=case):
-            if case % 3 == 0 and x[0] > centre[0]:
-                return math.inf
-            return (
-                float(np.abs(turn @ (x - centre)).sum())
-                if case % 2
-                else float(((turn @ (x - centre)) ** 2).sum())
-            )
-
-        asked = []
-        place, value = least_in_box(
-            lambda x, f=f, asked=asked: (asked.append(x), f(x))[1], start, box, apart=1e-6, most=most
-        )
-        with np.errstate(invalid="ignore"):
-            wanted = minimize(
-                f, start, method="Nelder-Mead", bounds=box.tolist(), options={"maxfev": most, "xatol": 1e-6}
-            )
-        assert (len(asked), value, place.tolist()) == (wanted.nfev, wanted.fun, wanted.x.tolist())

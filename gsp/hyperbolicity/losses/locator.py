@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from gsp.critical.sheet_points import Allowance
 from gsp.hyperbolicity.losses.diagnosis import Found, fast_lengths
 from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.roots import STEPS, STEPS_OF_LARGE, gauss_newton
-from gsp.roots import least_in_box
 from gsp.systems.region import Interval
 
 # The worst samples, from which the gap is refined and losses are located.
@@ -259,9 +259,11 @@ class Locator:
         The distance is negative where the type is another than at the sample: then the change is located too.
         A search ends when it has taken `SEARCH_STEPS` along the sheet, which is noted.
         """
+        from scipy.optimize import minimize
+
         sampler, nx = self.sampler, len(self.sampler.system.x)
-        box = np.array([self.box[s.name] for s in sampler.system.x])
-        widths = box[:, 1] - box[:, 0]
+        bounds = [self.box[s.name] for s in sampler.system.x]
+        widths = np.array([high - low for low, high in bounds])
         best, searched, cut = float("inf"), [], False
         for z in worst:
             # One search for samples next to one another.
@@ -286,17 +288,25 @@ class Locator:
                     return float(((1 if count else -1) * np.real(sampler.followed(point[0], near))).min())
                 return float(signed_gap(sampler.eigenvalues(point), np.array([count]))[0])
 
-            apart = NEAR_OF_LARGE * float(widths.min()) if sampler.is_large else NEAR
-            x, gap = least_in_box(distance, z[:nx], box, apart=apart, most=60 * nx)
+            found: Any = minimize(
+                distance,
+                z[:nx],
+                method="Nelder-Mead",
+                bounds=bounds,
+                options={
+                    "maxfev": 60 * nx,
+                    "xatol": NEAR_OF_LARGE * float(widths.min()) if sampler.is_large else NEAR,
+                },
+            )
             cut = cut or allowance.spent
-            if not np.isfinite(gap):
+            if not np.isfinite(found.fun):
                 continue
-            if gap < 0:
-                y, _ = sampler.over(x[None, :], z[None, :])
-                self.changes(z[None, :], np.hstack([x[None, :], y]))
-            if gap <= ZERO_TOLERANCE * self.usual and not self.found:
-                self.touching(np.append(x, sampler.over(x[None, :], z[None, :])[0][0]))
-            best = min(best, max(gap, 0.0))
+            if found.fun < 0:
+                y, _ = sampler.over(found.x[None, :], z[None, :])
+                self.changes(z[None, :], np.hstack([found.x[None, :], y]))
+            if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
+                self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
+            best = min(best, max(float(found.fun), 0.0))
         if cut:
             self.notes.append(
                 f"searches for the least gap ended after {SEARCH_STEPS} steps along the sheet, most of them next to "
