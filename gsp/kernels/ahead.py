@@ -29,7 +29,7 @@ from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
 from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_explicit_room, read_room
 from gsp.kernels.radau import radau
-from gsp.kernels.slow_points import at_order, to_tolerance
+from gsp.kernels.slow_points import to_tolerance
 from gsp.kernels.taylor import taylor
 
 _REAL, _WHOLE = types.float64, types.int64
@@ -52,7 +52,6 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     (taylor, METHOD.args),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
     (flow_jet_with_tangents, JET.args),
-    (at_order, (*_POINTS, _WHOLE, _REALS, _WHOLES)),
     (to_tolerance, (*_POINTS, _REAL, _WHOLE, _WHOLES, _REALS, _WHOLES)),
     (
         condense,

@@ -34,8 +34,6 @@ RULES = Rules(30, 1e-15, 1e-8, stagnant=0.5, growth=2.0, setbacks=3, longest=1.0
 SHORTEST, LONGEST = 12.0, 60.0
 # Fractions of epsilon along which a segment that fails is approached.
 LADDER = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 0.7, 0.85, 1.0)
-# Order of the zero-derivative principle in the guess, which only has to be in Newton's reach.
-GUESS_ORDER = 2
 # Share of the tolerance that may come from where a segment begins, and how often it is lengthened for that.
 SHARE = 0.1
 EXTENSIONS = 2
@@ -279,7 +277,7 @@ class SegmentSolver:
         return status, reached, iterations
 
     def _refine_guess(self, problem: SegmentProblem, rows: np.ndarray, epsilon: float) -> None:
-        """Fast variables of the guess by the zero-derivative principle at a low order, wherever it converges.
+        """Fast variables of the guess by the zero-derivative principle, wherever it converges.
 
         At the ends of the elements that are used; the stages are corrected by what is linear between them.
         """
@@ -287,17 +285,17 @@ class SegmentSolver:
         z = problem.z[rows]
         used = np.arange(z.shape[1]) <= problem.counts[rows, None]
         change = np.zeros((*z.shape[:2], z.shape[2] - nx))
-        change[used] = self._improved(z[used], epsilon, order=GUESS_ORDER) - z[used][:, nx:]
+        change[used] = self._improved(z[used], epsilon) - z[used][:, nx:]
         c = SCHEME.c[:, None]
         problem.z[rows, :, nx:] += change
         problem.stages[rows, :, :, nx:] += (1 - c) * change[:, :-1, None] + c * change[:, 1:, None]
 
-    def _improved(self, z: np.ndarray, epsilon: float, *, order: int | None) -> np.ndarray:
+    def _improved(self, z: np.ndarray, epsilon: float) -> np.ndarray:
         nx = len(self.system.x)
         if self.tape is None:
             return z[:, nx:]
         y, _, error, codes, _ = climb(
-            self.tape, self.branch, z[:, :nx], z[:, nx:], epsilon, order=order, tolerance=SHARE * self.tolerance
+            self.tape, self.branch, z[:, :nx], z[:, nx:], epsilon, order=None, tolerance=SHARE * self.tolerance
         )
         # Newton's method may find another sheet: kept only when the way there is not longer than what is corrected.
         good = (codes == CONVERGED) & (error <= np.linalg.norm(y - z[:, nx:], axis=1) + 1e-9)
@@ -319,7 +317,7 @@ class SegmentSolver:
         def fixed() -> list[np.ndarray]:
             values = []
             for basis, place in zip(bases, (np.zeros(k, dtype=np.int64), counts)):
-                y = self._improved(z[index, place], epsilon, order=None)
+                y = self._improved(z[index, place], epsilon)
                 values.append(np.einsum("kij,kj->ki", basis, y))
             return values
 
