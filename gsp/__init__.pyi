@@ -53,10 +53,10 @@ from .integration.reduced_flow import ReducedFlow as ReducedFlow
 from .integration.restriction import restrict as restrict
 from .integration.trajectory import Trajectory as Trajectory
 from .integration.trajectory import integrate as integrate
+from .orbits.canard_orbits.canard_family import CanardFamily as CanardFamily
+from .orbits.canard_orbits.canard_family import follow_canard as follow_canard
 from .orbits.canard_orbits.folded_canards import CanardOrbits as CanardOrbits
 from .orbits.canard_orbits.folded_canards import folded_canards as folded_canards
-from .orbits.canard_orbits.following import CanardFamily as CanardFamily
-from .orbits.canard_orbits.following import follow_canard as follow_canard
 from .orbits.periodic.continuing import continue_orbits as continue_orbits
 from .orbits.periodic.family import OrbitFamily as OrbitFamily
 from .orbits.periodic.finding import periodic_orbit as periodic_orbit
@@ -78,7 +78,7 @@ from .singular.mixed_modes import mixed_mode as mixed_mode
 from .singular.passage.delay_measurement import measure_delay as measure_delay
 from .singular.passage.delayed_exit import DelayedExit as DelayedExit
 from .singular.passage.entry_exit import entry_exit as entry_exit
-from .singular.passage.extended import follow as follow
+from .singular.passage.extended_orbit import follow as follow
 from .singular.passage.fold_measurement import fit_omega0 as fit_omega0
 from .singular.passage.fold_measurement import fold_exit as fold_exit
 from .singular.passage.fold_passage import FoldPassage as FoldPassage
@@ -100,8 +100,8 @@ from .slow.solved_manifold import solve_manifold as solve_manifold
 from .slow_tubes.certify import certify as certify
 from .slow_tubes.reduction_error import ReductionBound as ReductionBound
 from .slow_tubes.reduction_error import bound_reduction as bound_reduction
-from .slow_tubes.slow_tubes import SlowTube as SlowTube
-from .slow_tubes.solved_tubes import SolvedTube as SolvedTube
+from .slow_tubes.slow_tube import SlowTube as SlowTube
+from .slow_tubes.solved_tube import SolvedTube as SolvedTube
 from .splitting.splitting import Splitting as Splitting
 from .splitting.splitting import split as split
 from .sweeps.sweep import Sweep as Sweep

@@ -10,8 +10,8 @@ from gsp.proofs.certificate import Certificate
 from gsp.proofs.certification import MOST_BOXES, certify_branch
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold
-from gsp.slow_tubes.slow_tubes import SlowTube, certify_tube
-from gsp.slow_tubes.solved_tubes import SolvedTube, certify_solved
+from gsp.slow_tubes.slow_tube import SlowTube, certify_tube
+from gsp.slow_tubes.solved_tube import SolvedTube, certify_solved
 from gsp.systems.arguments import check_noun
 
 

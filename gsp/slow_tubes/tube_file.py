@@ -25,7 +25,7 @@ from gsp.slow_tubes.isolation import Tally, norm
 from gsp.slow_tubes.tube_search import Cones, TubeSearch
 
 if TYPE_CHECKING:
-    from gsp.slow_tubes.slow_tubes import SlowTube
+    from gsp.slow_tubes.slow_tube import SlowTube
 
 # What is claimed, as shares of the widths and of epsilon: the checker encloses less sharply at the border.
 CLAIMS = ((1.0, 1.0), (1.01, 1.0), (1.05, 0.98), (1.1, 0.95), (1.25, 0.9), (1.5, 0.75), (1.5, 0.5))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.critical.minimally_augmented import bialternate
 from gsp.critical.normal_forms import (
     bogdanov_takens,
     bordered,
@@ -16,7 +17,6 @@ from gsp.critical.normal_forms import (
     null_vectors,
     quadratic_coefficient,
 )
-from gsp.critical.singularity import bialternate
 
 p, q, r = sp.symbols("p q r")
 T = sp.Matrix([[2, 1, 0], [-1, 1, 1], [0, 1, 3]])

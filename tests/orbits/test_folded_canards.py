@@ -8,9 +8,9 @@ import sympy as sp
 
 import gsp
 from gsp.orbits.canard_orbits.canard import CanardKind
+from gsp.orbits.canard_orbits.canard_family import FamilyEnd
 from gsp.orbits.canard_orbits.collocation import Collocation, Conditions, OrbitSegment
 from gsp.orbits.canard_orbits.folded_canards import CanardOrbitError
-from gsp.orbits.canard_orbits.following import FamilyEnd
 from gsp.orbits.canard_orbits.frame import frame_at
 from gsp.orbits.canard_orbits.sheet import SheetEnd
 from gsp.singular.singularities.desingularised import FoldedError

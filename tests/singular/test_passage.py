@@ -19,7 +19,7 @@ from gsp.singular.passage.delay_measurement import measure_delay
 from gsp.singular.passage.delayed_exit import ExitKind
 from gsp.singular.passage.drop import DropKind
 from gsp.singular.passage.entry_exit import entry_exit
-from gsp.singular.passage.extended import follow
+from gsp.singular.passage.extended_orbit import follow
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_measurement import fit_omega0, fold_exit
 from gsp.singular.passage.fold_passage import fold_passage, omega0

@@ -14,7 +14,7 @@ from gsp.slow_tubes import deviation
 from gsp.slow_tubes.reduction_error import bound_reduction
 from gsp.slow_tubes.validated_flow import solution_steps
 from tests.cases import sampled, thinned
-from tests.slow_tubes.test_slow_tubes import a, epsilon, michaelis_menten, s, saddle, series, sleigh, v, w, x, y
+from tests.slow_tubes.test_slow_tube import a, epsilon, michaelis_menten, s, saddle, series, sleigh, v, w, x, y
 
 
 def error_of(manifold, start, end, value):

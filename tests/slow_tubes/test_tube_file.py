@@ -20,7 +20,7 @@ from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
 from tests.cases import sampled
 from tests.proof_files import changed, counted_products, number, written
-from tests.slow_tubes.test_slow_tubes import (
+from tests.slow_tubes.test_slow_tube import (
     HALF_LINE,
     a,
     epsilon,

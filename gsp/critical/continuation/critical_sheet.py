@@ -23,8 +23,8 @@ from gsp.critical.layer_problem import (
     least_norm_newton,
     natural_scales,
 )
+from gsp.critical.minimally_augmented import identity, singular_near
 from gsp.critical.normal_forms import null_vectors
-from gsp.critical.singularity import identity, singular_near
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular

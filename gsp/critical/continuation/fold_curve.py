@@ -34,7 +34,7 @@ from gsp.critical.layer_problem import (
     least_norm_newton,
     natural_scales,
 )
-from gsp.critical.singularity import Singular, identity, singular_near
+from gsp.critical.minimally_augmented import Singular, identity, singular_near
 from gsp.errors import BranchError, DeclarationError
 from gsp.results.card import Card
 from gsp.results.tabular import Tabular

@@ -24,7 +24,7 @@ from gsp.critical.continuation.special_points import (
     polished,
 )
 from gsp.critical.layer_problem import LayerProblem
-from gsp.critical.singularity import bialternate, identity, singular_near
+from gsp.critical.minimally_augmented import bialternate, identity, singular_near
 
 # A test function below this is zero by rounding and has no sign.
 NO_SIGN = 1e-11

@@ -14,8 +14,8 @@ import numpy as np
 
 from gsp.critical.continuation.arclength import PointTracer
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
-from gsp.critical.singularity import MatrixMap, Singular, singular_near
 from gsp.results.card import Card
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.

@@ -10,11 +10,11 @@ import sympy as sp
 from gsp.collocation.gauss import gauss
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.orbits.periodic.bifurcations import located
 from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
 from gsp.orbits.periodic.family import FamilyStats, OrbitFamily, SpecialOrbit
 from gsp.orbits.periodic.finding import check_accuracy, orbit_of
 from gsp.orbits.periodic.hopf import HopfPoint
+from gsp.orbits.periodic.location import located
 from gsp.orbits.periodic.newton import scales_of, solve_cycle
 from gsp.orbits.periodic.orbit import PeriodicOrbit, check_name
 from gsp.orbits.periodic.settling import OrbitError

@@ -15,7 +15,7 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.roots import root
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
-from gsp.singular.passage.extended import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
+from gsp.singular.passage.extended_orbit import MOST_DIGITS, ExtendedOrbit, check_digits, exact_start, follow
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun, check_number
 from gsp.systems.declaration import exact

@@ -33,7 +33,7 @@ from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.continuation.special_points import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
-from gsp.critical.singularity import identity, singular_near
+from gsp.critical.minimally_augmented import identity, singular_near
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card

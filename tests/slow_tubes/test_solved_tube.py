@@ -21,7 +21,7 @@ from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.series_function import SeriesFunction
 from gsp.slow_tubes.solved_flow import SolvedFlow
 from tests.cases import thinned
-from tests.slow_tubes.test_slow_tubes import epsilon, michaelis_menten, s, saddle, x, y
+from tests.slow_tubes.test_slow_tube import epsilon, michaelis_menten, s, saddle, x, y
 
 z = sp.Symbol("z")
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gsp.orbits.periodic.bifurcations import _kind_between, located
 from gsp.orbits.periodic.family import CycleKind
+from gsp.orbits.periodic.location import _kind_between, located
 from gsp.orbits.periodic.orbit import NEUTRAL
 
 

@@ -16,7 +16,7 @@ from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.series import expand
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.isolation import Isolation, Tally, _proved
-from gsp.slow_tubes.slow_tubes import _Search
+from gsp.slow_tubes.slow_tube import _Search
 from gsp.slow_tubes.tube_search import TubeSearch
 from gsp.systems.system import SlowFastSystem
 from tests.cases import thinned
