@@ -61,7 +61,7 @@ def test_a_story_sets_only_what_there_is(name: str) -> None:
         assert {mark["axis"] for mark in step.get("marks", ())} <= quantities
 
 
-@pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh", "van_der_pol", "koper")))
+@pytest.mark.parametrize("name", sampled(stories(), always=("chaplygin_sleigh", "koper")))
 def test_every_step_draws_itself(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     count = page.run("return data.story.length")
@@ -267,7 +267,7 @@ def test_steps_are_told_with_the_tolerance_at_which_they_were_made(page, tmp_pat
 OPERATIONS, POINTS = 3_500_000, 4_000
 
 
-@pytest.mark.parametrize("name", sampled(stories(), always=("koper", "chaplygin_sleigh")))
+@pytest.mark.parametrize("name", sampled(stories(), always=("koper",)))
 def test_a_redraw_takes_few_operations_wherever_the_sliders_stand(name: str, page, tmp_path) -> None:
     page.open(gsp.write_demo(models.load(name), tmp_path / "demo.html"))
     page.measured()

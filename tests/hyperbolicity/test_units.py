@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, classify, solve_critical
+from tests.cases import crossed
 
 x, u, y, z, epsilon = sp.symbols("x u y z epsilon", real=True)
 ONE = sp.Integer(1)
@@ -24,8 +27,8 @@ SYSTEMS = {
         {"x": (-1.5, 1.5), "u": (-1, 1), "y": (-3, 3)},
     ),
 }
-UNITS = {"nano": (-9, -9), "apart": (4, -4)}
-FURTHER = {"micro": (-6, -6), "slow micro": (-6, 0), "mega": (6, 6)}
+USUAL = {"nano": (-9, -9), "apart": (4, -4)}
+UNITS = {**USUAL, "micro": (-6, -6), "slow micro": (-6, 0), "mega": (6, 6)}
 
 
 def losses(name: str, powers: tuple[int, int]) -> list[tuple[int, str, float]]:
@@ -53,14 +56,19 @@ def losses(name: str, powers: tuple[int, int]) -> list[tuple[int, str, float]]:
 
 
 @pytest.mark.parametrize(
-    "powers", [*UNITS.values(), *(pytest.param(powers, marks=pytest.mark.exhaustive) for powers in FURTHER.values())],
-    ids=[*UNITS, *FURTHER],
-)  # fmt: skip
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_losses_are_the_same_in_all_units(name: str, powers: tuple[int, int]) -> None:
+    ("name", "units"),
+    [
+        *crossed(SYSTEMS, USUAL),
+        *(
+            pytest.param(*case, marks=pytest.mark.exhaustive)
+            for case in product(SYSTEMS, list(UNITS)[len(USUAL) :])
+        ),
+    ],
+)
+def test_losses_are_the_same_in_all_units(name: str, units: str) -> None:
     expected = losses(name, (0, 0))
     assert len(expected) >= 2
-    assert losses(name, powers) == expected
+    assert losses(name, UNITS[units]) == expected
 
 
 def test_roots_in_small_bounds_are_those_in_large_ones() -> None:
