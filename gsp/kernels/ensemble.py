@@ -40,37 +40,13 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
     doubts = np.empty(grid.shape[0] if looks else 0, np.int64)
     if looks and (
         correct_grid(
-            program,
-            p,
-            rtol,
-            atol,
-            ends,
-            states[: new + 1],
-            dense,
-            grid,
-            before,
-            reached,
-            kept,
-            doubts,
-            counters,
+            program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, kept, doubts, counters
         )
         if check == CORRECTS
         else doubt_grid(
-            check,
-            program,
-            p,
-            rtol,
-            atol,
-            ends,
-            states[: new + 1],
-            dense,
-            grid,
-            before,
-            reached,
-            doubts,
-            counters,
+            check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts, counters
         )
-    ):
+    ):  # fmt: skip
         scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
         land(
             program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],

@@ -29,7 +29,8 @@ class SampledManifold(Card, Tabular):
     the residual of the invariance equation over the gap, at points that were not solved for, plus what is left of the
     ends of the orbit segments (infinite when there is no surface). `nodes` (k, n_slow) and `values` (k, n_fast) are the
     points that were solved, NaN where that failed, and `node_errors` (k,) their estimated errors. With a failure
-    among them, or normal rates that change their type on it, there is no surface and `evaluate` gives NaN.
+    among them, normal rates that change their type on it, or an estimate above 1 + |y|, there is no surface and
+    `evaluate` gives NaN.
     `status` and `message` say how it ended, where, and what to do.
     """
 

@@ -289,6 +289,8 @@ class _Work:
         elif estimate > SLACK * self.tolerance * scale:
             unresolved = Status.TOO_MANY_POINTS if self.short else Status.NOT_CONVERGED
             status = Status.HISTORY_ENDS if self.history_ends else unresolved
+            # What may be off by its own size says nothing of where the slow manifold is.
+            lost = estimate > scale
         rate = self.verdict.rates.r(self.epsilon)
         if rate < 1.0:
             self.notes.append(f"the normal rate does not dominate the tangential one (ratio {rate:.2g})")

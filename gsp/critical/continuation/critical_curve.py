@@ -14,6 +14,7 @@ from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
+from gsp.systems.flow import frozen
 from gsp.systems.region import Interval
 
 # The name that endings of continuations had before there was one vocabulary.
@@ -236,12 +237,6 @@ def curve_of(
         message=say(problem, len(points), ends, special, tracer.scales),
         **{name: frozen(value) if isinstance(value, np.ndarray) else value for name, value in own.items()},
     )
-
-
-def frozen(array: np.ndarray) -> np.ndarray:
-    """`array`, which can no longer be written to."""
-    array.setflags(write=False)
-    return array
 
 
 def say(

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.critical_curve import NamedPoints, Options, frozen
+from gsp.critical.continuation.critical_curve import NamedPoints, Options
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside
 from gsp.critical.continuation.fold_curve import FoldCurve, fold_curve, two_free
 from gsp.critical.continuation.simplices import Grid, Mesh, march
@@ -29,7 +29,7 @@ from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.systems.arguments import check_noun, check_progress, check_whole
-from gsp.systems.flow import Point
+from gsp.systems.flow import Point, frozen
 from gsp.systems.region import Interval
 from gsp.systems.system import SlowFastSystem
 
