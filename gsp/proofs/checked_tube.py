@@ -8,8 +8,11 @@ from typing import Any
 
 @dataclass(frozen=True)
 class CheckedTube:
-    """What a file proves: for every epsilon in (0, `epsilon`], over `region`, |y - h| <= `reach` epsilon^(n+1) on a
-    locally invariant Lipschitz graph, h being the series through order n.
+    """What a file proves: for every epsilon in (0, `epsilon`] there is a Lipschitz graph over `region` on which
+    |y - h| <= `reach` epsilon^(n+1), h being the series through order n.
+
+    `unique`: it is locally invariant, and no other such graph lies there. Else it is locally invariant off a `collar`
+    at the sides, and others may lie outside.
     """
 
     slow: tuple[str, ...]
@@ -25,6 +28,7 @@ class CheckedTube:
     stable: int
     unstable: int
     boundary: str
+    unique: bool
     collar: float
     boxes: int
 
@@ -48,6 +52,7 @@ class CheckedTube:
             "stable": self.stable,
             "unstable": self.unstable,
             "boundary": self.boundary,
+            "unique": self.unique,
             "collar": self.collar,
             "boxes": self.boxes,
         }
@@ -69,8 +74,14 @@ class CheckedTube:
             ),
             f"  {self.stable} stable and {self.unstable} unstable fast directions, "
             f"the slow flow at the sides: {self.boundary}",
-            "  one manifold lies in the tube, locally invariant"
-            if self.boundary == "overflowing"
-            else f"  invariant off a collar of width {self.collar!r} at the sides; every choice lies in the tube",
+            *(
+                ["  it is locally invariant and unique: no other one over the region lies in the tube"]
+                if self.unique
+                else [
+                    f"  it is locally invariant off a collar of width {self.collar!r} at the sides, in which the slow "
+                    "flow is cut off",
+                    "  in general it is not unique: each cut-off gives one, and others may lie outside the tube",
+                ]
+            ),
         ]
         return "\n".join(rows)

@@ -7,7 +7,10 @@ which, y being h_0 + ... + epsilon^n h_n + epsilon^(n+1) P z, it claims that eps
 - f, g, y and Gamma are defined and P is regular all over the tube, by enclosures over boxes;
 - the faces of the tube and the cones in it, over boxes of x and epsilon that are cut anew (theorems A and C of
   docs/slow-tubes.md; the notation is that of this page);
-- that |y_i - h_i| is at most what is claimed, and what the slow flow does at the sides.
+- that |y_i - h_i| is at most what is claimed, and what the slow flow does at the sides;
+- that the manifold is unique, where that is claimed: backward solutions stay over the region where all fast directions
+  are stable and the slow flow leaves through every side, forward ones where all are unstable and it enters;
+- else that the slow flow can be cut off in the collar, and that the collar leaves something of the region.
 """
 
 from __future__ import annotations
@@ -25,7 +28,9 @@ from gsp.proofs.intervals import Interval
 from gsp.proofs.programs import Program, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
 
-FORMAT = "gsp slow manifold 1"
+# The first version claimed that every locally invariant manifold lies in the tube, and uniqueness of saddles.
+KIND = "gsp slow manifold"
+FORMAT = f"{KIND} 2"
 # Bounds: the order of the series, boxes of one test and of all, and the least share of a side.
 MOST_ORDER, MOST_BOXES, ALL_BOXES, NARROWEST = 20, 50_000, 500_000, Fraction(1, 2**16)
 Box = tuple[tuple[Fraction, Fraction], ...]
@@ -39,7 +44,7 @@ def check(read: Any) -> CheckedTube:
 class _TubeProof:
     def __init__(self, read: Any) -> None:
         if not isinstance(read, dict) or read.get("format") != FORMAT:
-            raise Rejected(f'the file is no proof: its format is not "{FORMAT}"')
+            raise Rejected(f'the format of the file is not "{FORMAT}". Prove the tube and save it again')
         self.slow, self.parameters, self.fast = (
             untrusted.names(read[key]) for key in ("slow", "parameters", "fast")
         )
@@ -103,14 +108,23 @@ class _TubeProof:
         for low, high, slope, collar in self.cones:
             if low != end or not high > low or not slope > 0 or collar < 0:
                 raise Rejected("the steps of the cones follow one another, with positive slopes")
-            if self.boundary != "overflowing" and not collar > 0:
-                raise Rejected("cones have a collar where the slow flow does not leave through every side")
             end = high
-        self.collar = untrusted.number(read["collar"])
-        if self.collar < 0 or (self.boundary != "overflowing" and self.collar == 0):
-            raise Rejected("the collar has a width where the slow flow does not leave through every side")
+        self._read_collar(read)
         if end != self.epsilon:
             raise Rejected("the cones do not reach from 0 to epsilon")
+
+    def _read_collar(self, read: Any) -> None:
+        self.unique, self.collar = read["unique"], untrusted.number(read["collar"])
+        if type(self.unique) is not bool or self.collar < 0 or (self.unique and self.collar):
+            raise Rejected("a manifold is unique without a collar, or it has one")
+        stays = {"overflowing": -1, "inflowing": 1}.get(self.boundary)
+        if self.unique and any(sign != stays for sign in self.signs):
+            raise Rejected(
+                "a manifold is unique where all fast directions are stable and the slow flow is overflowing, or "
+                f"unstable and inflowing. The signs are {self.signs}, the slow flow is {self.boundary}"
+            )
+        if any(2 * self.collar >= high - low for low, high in self.region[: self.k]):
+            raise Rejected("the collar leaves nothing of the region")
 
     def _graph(self, i: int, basis: tuple[str, ...]) -> str:
         """y_i as an expression in (x, z, epsilon)."""
@@ -134,8 +148,12 @@ class _TubeProof:
                 return all(self._cone(box, slope, collar, side) for side in sides)
 
             self._everywhere(part, holds, f"the cones do not hold for epsilon up to {float(high):g}")
-        if self.boundary != "overflowing":
-            self._everywhere(whole, self._cuts_off, "the collar is narrower than the cones allow")
+            if not self.unique:
+
+                def cuts_off(box: Box, collar=collar) -> bool:
+                    return self._cuts_off(box, collar)
+
+                self._everywhere(part, cuts_off, "the collar is narrower than the cones allow")
         unstable = sum(len(block) for block, sign in zip(self.blocks, self.signs) if sign > 0)
         return CheckedTube(
             slow=self.slow,
@@ -151,6 +169,7 @@ class _TubeProof:
             stable=self.m - unstable,
             unstable=unstable,
             boundary=self.boundary,
+            unique=self.unique,
             collar=float(self.collar),
             boxes=self.boxes,
         )
@@ -330,12 +349,11 @@ class _TubeProof:
                 return False
         return True
 
-    def _cuts_off(self, box: Box) -> bool:
-        """|f| < collar of the cones times the width of the collar: f can be cut off in it."""
+    def _cuts_off(self, box: Box, collar: Fraction) -> bool:
+        """|grad chi| |f| <= collar with |grad chi| = 1/width of the collar."""
         arguments = self._arguments(box)
         rates = self.flow.values([*arguments[: self.n], *self.graph.values(arguments), arguments[-1]])
-        least = min(collar for _, _, _, collar in self.cones)
-        return norm(rates) < ia.of(least * self.collar)[0]
+        return norm(rates) <= ia.of(collar * self.collar)[0]
 
     def _sides(self, whole: Box) -> None:
         """What is claimed of the slow flow at the sides."""

@@ -15,6 +15,7 @@ def verify(path: Path) -> Checked | CheckedTube:
     be read.
     """
     read = read_json(path)
-    if isinstance(read, dict) and read.get("format") == tube_checker.FORMAT:
+    kind = read.get("format") if isinstance(read, dict) else None
+    if isinstance(kind, str) and kind.startswith(tube_checker.KIND):
         return tube_checker.check(read)
     return checker.checked(read)

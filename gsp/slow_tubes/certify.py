@@ -1,4 +1,4 @@
-"""`certify`: of a branch its normal hyperbolicity, of a series or a solved manifold a tube about the slow manifold."""
+"""`certify`: of a branch its normal hyperbolicity, of a series or a solved manifold a tube about a slow manifold."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def certify(
 ) -> Certificate | SlowTube | SolvedTube:
     """Prove or refute in ball arithmetic that `branch` is normally hyperbolic over `region`.
 
-    For a series, or a manifold that `solve_manifold` has solved for, it is proved that the slow manifold lies in a
+    For a series, or a manifold that `solve_manifold` has solved for, it is proved that a slow manifold lies in a
     tube about it; see `certify_tube` and `certify_solved`.
 
     `region` gives every slow variable an interval, and parameters too, which then stand for all their values; other

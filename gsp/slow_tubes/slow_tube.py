@@ -55,17 +55,19 @@ class TubeProof:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SlowTube(Tube):
-    """What is proved about the slow manifold near `series` over `region`, for every epsilon in (0, `epsilon_0`].
+    """What is proved of a slow manifold near `series` over `region`, for every epsilon in (0, `epsilon_0`].
 
-    - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it; `statement` says
-      what follows. `delta` bounds |y - h_n| at epsilon_0 (Euclidean), `widths` each fast variable's part of it,
-      `ratio` is delta over the largest first term left out, infinite where that is 0.
+    - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it, so that a slow
+      manifold lies in it; `statement` says what follows. `delta` bounds |y - h_n| at epsilon_0 (Euclidean), `widths`
+      each fast variable's part of it, `ratio` is delta over the largest first term left out, infinite where that is 0.
     - REFUTED: the series does not solve the invariance equation.
     - UNDECIDED: neither; `is_isolating` and `has_cones` say what was proved of the tube, if there is one.
 
     `boundary` is "overflowing" where the slow flow is proved to leave through every side of the region, "inflowing"
-    where it enters through every side, else "mixed". Unless it is overflowing, the manifold is invariant off a collar
-    of width `collar` at the sides, of the order epsilon_0 |f|/gap. `tried` boxes were looked at.
+    where it enters through every side, else "mixed". `is_unique` where it is overflowing and all fast directions are
+    stable, or inflowing and all are unstable: no other locally invariant manifold lies in the tube. Else the one that
+    is proved to exist is invariant off a collar of width `collar` at the sides, of the order epsilon_0 |f|/gap, and
+    others may lie outside the tube. `tried` boxes were looked at.
     """
 
     series: SeriesManifold
@@ -101,7 +103,7 @@ def certify_tube(
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
 ) -> SlowTube:
-    """Prove in ball arithmetic that the slow manifold lies in a tube about `series`, for all epsilon in (0, `epsilon`].
+    """Prove in ball arithmetic that a slow manifold lies in a tube about `series`, for all epsilon in (0, `epsilon`].
 
     Without an `epsilon`, the largest epsilon_0 is looked for at which a tube of at most `LARGEST_RATIO` times the first
     term left out is proved. `region` gives every slow variable an interval, and parameters too, which then stand for
@@ -163,7 +165,7 @@ class _Search:
             reason = "interrupted; nothing was proved by then"
         if self.best is None:
             return replace(nothing, reason=reason, tried=self.tally.tried)
-        return self._stated(nothing, self.best)
+        return self._stated(nothing, self.best.problem.narrowed(self.best))
 
     # -- what is looked for ------------------------------------------------------------------------
 

@@ -36,15 +36,16 @@ from gsp.systems.region import check_region
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SolvedTube(Tube):
-    """What is proved about the slow manifold near the interpolant of `manifold` over `region`, at its `epsilon`.
+    """What is proved of a slow manifold near the interpolant of `manifold` over `region`, at its `epsilon`.
 
-    - PROVED: the tube |y - p(x)| <= `delta` about the interpolant p is isolating, and the cone conditions hold in it;
-      `statement` says what follows. `widths` are the parts of delta of each fast variable.
+    - PROVED: the tube |y - p(x)| <= `delta` about the interpolant p is isolating, and the cone conditions hold in it,
+      so that a slow manifold lies in it; `statement` says what follows. `widths` are each fast variable's part of
+      delta.
     - UNDECIDED: `is_isolating` and `has_cones` say what was proved of the tube, if there is one.
 
     It holds for all epsilon within a rounding of the double, the decimal that it stands for among them. p has exactly
-    the coefficients in doubles that `manifold.surface` has; to evaluate it rounds once more. `boundary`, `collar` and
-    `tried` are those of `SlowTube`.
+    the coefficients in doubles that `manifold.surface` has; to evaluate it rounds once more. `boundary`, `is_unique`,
+    `collar` and `tried` are those of `SlowTube`.
     """
 
     manifold: SampledManifold
@@ -66,7 +67,7 @@ def certify_solved(
     epsilon: float | None = None,
     most_boxes: int = MOST_BOXES,
 ) -> SolvedTube:
-    """Prove in ball arithmetic that the slow manifold lies in a tube about the interpolant of `manifold`.
+    """Prove in ball arithmetic that a slow manifold lies in a tube about the interpolant of `manifold`.
 
     `region` lies in that of the manifold and may be smaller; intervals for fast variables in it choose a sheet only,
     and nothing hangs on them. `epsilon` is the manifold's or None. Each test of a tube may try `most_boxes` boxes. The
@@ -134,7 +135,7 @@ def _proved(
             result = replace(result, reason="interrupted; nothing was proved by then")
     if found is None:
         return replace(result, tried=tally.tried)
-    return result._with(found, manifold.branch.system.y, arb(1), tried=tally.tried)
+    return result._with(found.problem.narrowed(found), manifold.branch.system.y, arb(1), tried=tally.tried)
 
 
 def _bases(

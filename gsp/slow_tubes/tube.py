@@ -30,6 +30,7 @@ class Tube(Card):
     is_isolating: bool = False
     has_cones: bool = False
     boundary: str = "mixed"
+    is_unique: bool = False
     collar: float = math.nan
     signs: tuple[int, ...] = ()
     tried: int = 0
@@ -49,14 +50,14 @@ class Tube(Card):
             ]
         if not self.has_cones:
             return (*lines, "no Lipschitz manifold in it is proved")
-        graph = "the graph of a Lipschitz map over the whole region"
-        if self.boundary == "overflowing":
-            return (*lines, f"one manifold lies in the tube, {graph}; it is locally invariant and unique")
+        lines.append("a manifold lies in the tube, the graph of a Lipschitz map over the whole region")
+        if self.is_unique:
+            return (*lines, "it is locally invariant and unique: no other one over the region lies in the tube")
         return (
             *lines,
-            f"a manifold lies in the tube, {graph}; it is invariant relative to the region, "
-            f"off a collar of width {self.collar:.3g} at its sides",
-            "it is not unique, for the slow flow does not leave through every side: every choice lies in the tube",
+            f"it is locally invariant off a collar of width {self.collar:.3g} at the sides, in which the slow flow "
+            "is cut off",
+            "in general it is not unique: each cut-off gives one, and others may lie outside the tube",
         )
 
     def __repr__(self) -> str:
@@ -72,19 +73,22 @@ class Tube(Card):
     def _with(self, found: ProvedTube, fast: Sequence[sp.Symbol], power: arb, **own: Any) -> Self:
         """This tube with what was `found`, whose half-widths are `power` times those of the search."""
         search, proved = found.problem, bool(found.cones)
+        boundary = search.sides_of(found)
         scaled = [arb(width) for width in search.half_widths(found.widths)]
         return replace(
             self,
             verdict=ProofVerdict.PROVED if proved else ProofVerdict.UNDECIDED,
-            reason="the slow manifold is in the tube"
+            reason="a slow manifold is in the tube"
             if proved
-            else "the tube is isolating, but the cone conditions are not proved",
+            else "the tube is isolating, but the cone conditions are not proved"
+            + ("" if search.keeps(boundary) else " with a cut-off that leaves something of the region"),
             delta=balls.magnitude(norm(scaled) * power),
             widths={y.name: balls.magnitude(width * power) for y, width in zip(fast, scaled)},
             is_isolating=True,
             has_cones=proved,
-            boundary=search.sides_of(found),
-            collar=search.collar(found) if proved else math.nan,
+            boundary=boundary,
+            is_unique=found.is_kept,
+            collar=found.collar,
             signs=search.basis.signs,
             **own,
         )

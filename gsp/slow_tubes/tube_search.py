@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,18 +27,26 @@ SHARES = (1.005, 1.02, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 # Slopes of the cones as shares of the slope of the slaved z, and of the slope 1 in the unscaled variables.
 # The steep ones come first: they hang least on how rho bends, and take the fewest boxes.
 UNSCALED_SLOPES, SLOPES = (1.0, 0.5, 0.25), (16.0, 4.0, 2.0)
-# The slow flow may be cut off in a collar so wide that |grad chi| |f| <= COLLAR.
-COLLAR, STEEPEST_COLLAR = 1.0, 1024.0
+# A collar, where one is needed, takes this share of a side of the region at most, both ends together: something is
+# left, also where a file claims a tenth more, and half of the side in a search for the largest epsilon. It is then
+# made narrower, down to a share of that, the last time by more than FINEST.
+COLLAR, HALF, NARROWER, FINEST = 0.9, 0.5, 2.0**-10, 1.1
+# The boundary over which the orbits that stay by themselves do so: backward ones where all fast directions are stable,
+# forward ones where all are unstable.
+KEEPING: dict[tuple[int, ...], str] = {(-1,): "overflowing", (1,): "inflowing"}
 # A step to a larger epsilon may take so many boxes, or this many times what the first one took.
 STEP_BOXES, STEP_SHARE = 256, 2
 # Samples in the region that propose a width, those that rule a slope out, and boxes that bound a supremum to SUPREMUM
-# of itself.
-SAMPLES, CORNERS, SUPREMUM, SUPREMUM_BOXES = 81, 9, 0.005, 4_000
+# of itself, that of |f| to FASTEST.
+SAMPLES, CORNERS, SUPREMUM, FASTEST, SUPREMUM_BOXES = 81, 9, 0.005, 0.05, 4_000
 
 
 @dataclass(frozen=True, eq=False)
 class Cones:
-    """Cone conditions of one `slope` and `collar`, proved for epsilon from `low` to `high`."""
+    """Cone conditions of one `slope`, proved for epsilon from `low` to `high`.
+
+    The slow field f may be cut off by any factor chi from 0 to 1 with |grad chi| |f| <= `collar`.
+    """
 
     low: float
     high: float
@@ -60,6 +69,13 @@ class ProvedTube:
     cones: tuple[Cones, ...]
     # Boxes that its first step took.
     tried: int
+    # A bound of the width of the collar, for every epsilon; it is not looked for at once.
+    collar: float = math.nan
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the cones hold without a cut-off, because the orbits they are about stay over the region."""
+        return bool(self.cones) and all(cone.collar == 0.0 for cone in self.cones)
 
 
 class TubeSearch:
@@ -80,9 +96,9 @@ class TubeSearch:
         # The tube that was last proved isolating, and for which epsilon.
         self._isolating: tuple[tuple[float, ...], float, float] | None = None
 
-    def _isolation(self, epsilon: float, low: float | None = None, tally: Tally | None = None) -> Isolation:
-        least = self.first if low is None else low
-        return Isolation(self.invariance, self.basis, (*self.region, (least, epsilon)), tally or self.tally)
+    def over(self, low: float, high: float, tally: Tally | None = None) -> Isolation:
+        """The tests over the region for epsilon from `low` to `high`."""
+        return Isolation(self.invariance, self.basis, (*self.region, (low, high)), tally or self.tally)
 
     def _samples(self, epsilons: tuple[float, ...], samples: int = SAMPLES) -> list[np.ndarray]:
         count = max(2, round(samples ** (1.0 / len(self.region))))
@@ -92,7 +108,7 @@ class TubeSearch:
     @cached_property
     def _first_left_out(self) -> np.ndarray | None:
         """Widths (blocks,) of the tube that epsilon = 0 asks for: those of the first term left out."""
-        return self._isolation(0.0).shape(self._samples((0.0,)))
+        return self.over(0.0, 0.0).shape(self._samples((0.0,)))
 
     def within(self, epsilon: float, ratio: float, known: ProvedTube | None = None) -> ProvedTube | None:
         """A tube of `ratio` times the first term left out, with cones, for all epsilon up to `epsilon`.
@@ -104,9 +120,9 @@ class TubeSearch:
         if shape is None:
             return None
         widths = ratio * shape
-        without = known is not None and any(cone.collar == 0.0 for cone in known.cones)
-        if without and self._collar(epsilon, widths) > 0.0:
-            # That the slow flow leaves through every side is proved for a smaller epsilon only.
+        is_kept = (known is None or known.is_kept) and self.keeps(self.boundary(epsilon, widths))
+        if known is not None and known.is_kept and not is_kept:
+            # That the slow flow needs no cut-off is proved for a smaller epsilon only.
             known = None
         if known is None:
             tally, low, cones = self.tally, self.first, ()
@@ -114,9 +130,10 @@ class TubeSearch:
             most = min(self.tally.most, max(STEP_BOXES, STEP_SHARE * known.tried))
             tally, low, cones = Tally(most), known.epsilon, known.cones
         before = tally.tried
-        isolation = self._isolation(epsilon, low, tally)
+        isolation = self.over(low, epsilon, tally)
         first = 0 if known is None else known.cones[-1].place
-        found = self._cones(isolation, widths, first) if self._isolates(isolation, widths) else None
+        isolates = self._isolates(isolation, widths)
+        found = self._cones(isolation, widths, 0.0 if is_kept else HALF, first) if isolates else None
         tried = tally.tried - before
         if tally is not self.tally:
             self.tally.tried += tried
@@ -139,7 +156,7 @@ class TubeSearch:
 
     def least(self, epsilon: float, known: ProvedTube | None = None) -> ProvedTube | None:
         """The narrowest tube found up to `epsilon`, with cones if they can be had; `known` is one with them."""
-        isolation = self._isolation(epsilon)
+        isolation = self.over(self.first, epsilon)
         shape = isolation.shape(self._samples((self.first, 0.5 * (self.first + epsilon), epsilon)))
         if shape is None:
             return known
@@ -163,36 +180,48 @@ class TubeSearch:
             return replace(known, widths=widths)
         if known is not None and widths.max() > known.widths.max():
             return known
-        found = self._cones(isolation, widths)
+        is_kept = self.keeps(self.boundary(epsilon, widths))
+        found = self._cones(isolation, widths, 0.0 if is_kept else COLLAR)
         if known is not None and found is None:
             return known
         return ProvedTube(self, epsilon, widths, () if found is None else (found,), self.tally.tried)
 
-    def _collar(self, epsilon: float, widths: np.ndarray) -> float:
-        """How steeply the slow flow has to be cut off at the sides; 0 where it leaves through them all."""
-        return 0.0 if self.boundary(epsilon, widths) == "overflowing" else COLLAR
+    def keeps(self, boundary: str) -> bool:
+        """Whether the orbits that the cones are about stay over the region of themselves, with such a `boundary`."""
+        return KEEPING.get(tuple(sorted(set(self.basis.signs)))) == boundary
 
-    def _cones(self, isolation: Isolation, widths: np.ndarray, first: int = 0) -> Cones | None:
-        """Cones that hold, None where none do; of the slopes to try the `first` are passed over."""
+    def _cones(self, isolation: Isolation, widths: np.ndarray, share: float, first: int = 0) -> Cones | None:
+        """Cones that hold with a collar of a `share` of the region, None where none do; of the slopes to try the
+        `first` are passed over.
+        """
         low, epsilon = isolation.region[-1]
-        collar = self._collar(epsilon, widths)
+        collar = 0.0
+        if share > 0.0:
+            narrowest = min(high - low for low, high in self.region[: self.invariance.slow])
+            # Where nothing moves any cut-off does.
+            collar = max(2.0 * self.fastest(isolation, widths) / (share * narrowest), sys.float_info.min)
         slaved = isolation.steepness(self._samples((epsilon,)))
         unscaled = epsilon ** -(self.invariance.order + 1)
         slopes = [s * unscaled for s in UNSCALED_SLOPES] + [s * slaved for s in SLOPES if slaved > 0.0]
         slopes = slopes[min(first, len(slopes) - 1) :]
-        corners = [
-            Isolation(self.invariance, self.basis, tuple((float(v), float(v)) for v in point), Tally(1))
-            for point in self._samples((epsilon,), CORNERS)
-        ]
         for place, slope in enumerate(slopes, start=first):
-            # A slope that fails at a point is not tried on boxes.
-            if all(c.cones(widths, slope, collar) for c in corners) and isolation.cones(widths, slope, collar):
+            if self._hold(isolation, widths, slope, collar):
                 return Cones(low, epsilon, slope, collar, place)
         return None
 
+    def _hold(self, isolation: Isolation, widths: np.ndarray, slope: float, collar: float) -> bool:
+        """Whether cones hold; those that fail at a point are not tried on boxes."""
+        points = self._samples((isolation.region[-1][1],), CORNERS)
+        return all(
+            Isolation(self.invariance, self.basis, tuple((float(v), float(v)) for v in point), Tally(1)).cones(
+                widths, slope, collar
+            )
+            for point in points
+        ) and isolation.cones(widths, slope, collar)
+
     def boundary(self, epsilon: float, widths: np.ndarray) -> str:
         """What the slow flow is proved to do at the sides of the region."""
-        isolation = self._isolation(epsilon)
+        isolation = self.over(self.first, epsilon)
         ways = set()
         for axis in range(self.invariance.slow):
             for upper in (False, True):
@@ -203,35 +232,34 @@ class TubeSearch:
 
     def sides_of(self, tube: ProvedTube) -> str:
         """What the slow flow is proved to do at the sides, for all epsilon and over the whole tube."""
-        if tube.cones and tube.cones[-1].collar == 0.0:
+        if tube.is_kept:
             # It was proved with the last cones, from 0 on and over a tube that was no narrower.
-            return "overflowing"
+            return KEEPING[self.basis.signs[:1]]
         return self.boundary(tube.epsilon, tube.widths)
 
-    def collar(self, tube: ProvedTube) -> float:
-        """The width of a collar at the sides in which f may be cut off; 0 where it need not be."""
-        if self.sides_of(tube) == "overflowing":
-            return 0.0
-        most = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)))
+    def narrowed(self, tube: ProvedTube) -> ProvedTube:
+        """The tube with a collar as narrow as can be had; 0 where there need be none, nan without cones."""
+        if tube.is_kept or not tube.cones:
+            return replace(tube, collar=0.0 if tube.is_kept else math.nan)
+        tally = Tally(min(self.tally.most, max(STEP_BOXES, STEP_SHARE * tube.tried)))
+        cones, width = [], 0.0
         # From the largest epsilon on, where the rates are nearest to one another.
-        parts = [(self._isolation(c.high, c.low, most), c) for c in reversed(tube.cones)]
-        steep = COLLAR
-        while steep < STEEPEST_COLLAR and all(
-            part.cones(tube.widths, c.slope, 2.0 * steep) for part, c in parts
-        ):
-            steep *= 2.0
-        self.tally.tried += most.tried
-        isolation = self._isolation(tube.epsilon)
-        fastest = supremum(lambda box: norm(isolation.rates(box, tube.widths)), isolation.region)
-        return balls.magnitude(arb(fastest) / arb(steep))
+        for cone in reversed(tube.cones):
+            part = self.over(cone.low, cone.high, tally)
+            fastest, steep, factor = self.fastest(part, tube.widths), cone.collar, 2.0
+            while factor > FINEST and fastest > width * steep and steep * NARROWER < cone.collar:
+                if self._hold(part, tube.widths, cone.slope, factor * steep):
+                    steep *= factor
+                else:
+                    factor = math.sqrt(factor)
+            cones.insert(0, replace(cone, collar=steep))
+            width = max(width, balls.magnitude(arb(fastest) / arb(steep)))
+        self.tally.tried += tally.tried
+        return replace(tube, cones=tuple(cones), collar=width)
 
-    def rates(self, epsilon: float, widths: np.ndarray) -> list[arb]:
-        """Balls (slow,) whose largest moduli f is proved not to exceed in the tube."""
-        isolation = self._isolation(epsilon)
-        return [
-            arb(supremum(lambda box, k=k: isolation.rates(box, widths)[k], isolation.region))
-            for k in range(self.invariance.slow)
-        ]
+    def fastest(self, isolation: Isolation, widths: np.ndarray) -> float:
+        """A bound of |f| in the tube."""
+        return supremum(lambda box: norm(isolation.rates(box, widths)), isolation.region, FASTEST)
 
     def half_widths(self, widths: np.ndarray) -> list[float]:
         """Bounds (m,) of |P z| in the tube, for each fast variable."""
@@ -250,8 +278,8 @@ class TubeSearch:
         return [supremum(row(j), self.region) for j in range(m)]
 
 
-def supremum(function: Callable[[list[arb]], arb], region: Box) -> float:
-    """A bound of a function of balls over a box, within `SUPREMUM` of the largest value found or as near as
+def supremum(function: Callable[[list[arb]], arb], region: Box, share: float = SUPREMUM) -> float:
+    """A bound of a function of balls over a box, within a `share` of the largest value found or as near as
     `SUPREMUM_BOXES` boxes bring it.
     """
 
@@ -264,7 +292,7 @@ def supremum(function: Callable[[list[arb]], arb], region: Box) -> float:
     found = 0.0
     for count in range(1, SUPREMUM_BOXES):
         top, _, box = heap[0]
-        if -top <= (1.0 + SUPREMUM) * found or -top == 0.0:
+        if -top <= (1.0 + share) * found or -top == 0.0:
             break
         heapq.heappop(heap)
         axis = max(range(len(box)), key=lambda k: (box[k][1] - box[k][0]) / sides[k])

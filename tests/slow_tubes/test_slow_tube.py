@@ -64,23 +64,24 @@ def test_epsilon_a_tenth_and_the_largest_one_for_the_sleigh() -> None:
     assert largest.verdict is ProofVerdict.PROVED
     assert largest.epsilon_0 >= 0.15
     assert largest.ratio <= 2.1
-    assert largest.tried < 1000
+    assert largest.tried < 1700
 
 
 @pytest.mark.parametrize(
     ("order", "most"),
-    thinned([(1, 1300), (2, 3600), (3, 3400), (4, 6500)], 4),
+    thinned([(1, 1900), (2, 4200), (3, 7000), (4, 12000)], 4),
 )
 def test_michaelis_menten_holds_to_nine_tenths(order: int, most: int) -> None:
     tube = certify(michaelis_menten(order), region=HALF_LINE)
     assert tube.verdict is ProofVerdict.PROVED
     assert tube.epsilon_0 >= 0.9
     # What lies below an epsilon that was proved is not proved again on the way to the next: it took 12000. Nor are
-    # faces that were proved for a larger one, and a test ends when its budget cannot suffice: it took 7300.
+    # faces that were proved for a larger one, and a test ends when its budget cannot suffice. A third of it goes into
+    # the width of the collar.
     assert tube.tried < most
     assert tube.ratio <= 1.1
-    # At s = 1/10 the fast rate (s + 1)/epsilon + Dh f_c must exceed the slow one and the collar.
-    assert tube.epsilon_0 <= 1.25
+    # Half of the region is left.
+    assert 2 * tube.collar <= 0.5 * 4.9 * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("order", thinned([1, 2, 3, 4], 2))
@@ -117,7 +118,7 @@ def test_the_cones_of_the_steps_cover_every_epsilon() -> None:
         assert len({cone.slope for cone in tube.cones}) > 1
         # Narrower than the tube in which they were proved; there they hold as well.
         for cone in tube.cones:
-            part = tube.problem._isolation(cone.high, cone.low)
+            part = tube.problem.over(cone.low, cone.high)
             assert part.cones(tube.widths, cone.slope, cone.collar)
             assert part.faces(tube.widths)
 
@@ -166,9 +167,8 @@ def test_cones_proved_without_a_collar_are_not_taken_for_cones_with_one() -> Non
 
 
 def test_a_side_that_is_decided_by_luck_takes_no_collar_for_granted(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Whether the flow leaves through a side is proved within a budget of boxes: it may be proved for one step, and
-    # neither before it nor after.
-    boundary, said = TubeSearch.boundary, iter(["mixed", "overflowing", *["mixed"] * 40])
+    # Whether the flow leaves through a side is proved within a budget of boxes: it may be proved later only.
+    boundary, said = TubeSearch.boundary, iter(["mixed", *["overflowing"] * 40])
 
     def lucky(self, epsilon: float, widths: np.ndarray) -> str:
         assert boundary(self, epsilon, widths) == "overflowing"
@@ -180,8 +180,9 @@ def test_a_side_that_is_decided_by_luck_takes_no_collar_for_granted(monkeypatch:
         search = _Search(manifold, {"x": (-1.0, 1.0)}, 20_000)
         tube = search.result(None)
         assert search.best is not None
-        assert tube.boundary == "mixed"
         assert all(cone.collar > 0.0 for cone in search.best.cones)
+        assert tube.collar > 0.0
+        assert not tube.is_unique
 
 
 def test_a_tube_whose_cones_have_no_collar_is_overflowing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,7 +195,7 @@ def test_a_tube_whose_cones_have_no_collar_is_overflowing(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(TubeSearch, "least", unlucky)
     tube = certify(series({x: x / 8}, {y: -8 * y + x}, 1), region={"x": (-1, 1)})
-    assert (tube.boundary, tube.collar) == ("overflowing", 0.0)
+    assert (tube.boundary, tube.is_unique, tube.collar) == ("overflowing", True, 0.0)
 
 
 @pytest.mark.exhaustive
@@ -276,7 +277,7 @@ def test_what_is_proved_hangs_on_the_sides() -> None:
     assert out.collar == 0.0
     assert 1.0 / 20.0 < mixed.collar <= 1.0 / 8.0
     assert "for ever" in into.statement[0]
-    assert all("every choice lies in the tube" in tube.statement[-1] for tube in (into, mixed))
+    assert all("others may lie outside the tube" in tube.statement[-1] for tube in (into, mixed))
     assert "for every epsilon in (0, 0.05]" in str(mixed)
 
 

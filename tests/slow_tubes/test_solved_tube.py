@@ -86,7 +86,7 @@ def test_the_tube_holds_the_manifold_and_is_hardly_wider() -> None:
     # The residual holds the error of the slope too, which rounding makes larger than that of the value.
     assert error <= tube.delta <= 20.0 * error + 1e-15
     assert tube.epsilon == 0.125
-    assert "every choice lies in the tube" in tube.statement[-1]
+    assert "others may lie outside the tube" in tube.statement[-1]
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6, 1e-3])
@@ -111,7 +111,7 @@ def test_michaelis_menten_at_a_tenth_to_rounding() -> None:
     assert tube.verdict is ProofVerdict.PROVED
     assert tube.delta <= 1e-12
     assert tube.tried < 1000
-    # Both tubes hold every manifold that stays over the region: they meet.
+    # Where the flow enters the tubes meet, and what starts in both of them stays in both.
     series = michaelis_menten(4)
     other = certify(series, region={"s": (0.1, 5)}, epsilon=0.1)
     at = np.linspace(0.1, 5.0, 101)[:, None]

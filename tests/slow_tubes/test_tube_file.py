@@ -86,7 +86,9 @@ def test_what_was_proved_is_accepted(name: str, tmp_path: Path) -> None:
         assert tube.widths[name_] * (1 - 1e-9) <= reach * power <= 1.3 * tube.widths[name_]
     assert found.stable == sum(len(b) for b, sign in zip(tube._proof.basis.blocks, tube.signs) if sign < 0)
     assert found.boundary == tube.boundary
-    assert (found.collar == 0.0) is (found.boundary == "overflowing")
+    assert found.unique is tube.is_unique
+    assert (found.collar == 0.0) is found.unique
+    assert tube.collar <= found.collar <= 2 * tube.collar
     small = f"{found.small}^{tube.series.order + 1} on the graph"
     assert str(found).count(small) == len(found.fast)
     assert found.boxes < 6000
@@ -166,11 +168,24 @@ MUTATIONS: dict[str, Callable[[dict], object]] = {
     "a tube far too wide": number_at("widths", lambda v: 1e8 * v, 0),
     "a reach that is smaller": number_at("reach", lambda v: 0.999 * v, 0),
     "a reach of zero": number_at("reach", lambda v: 0.0, 0),
+    "called unique": changed(["unique"], True),
+    "called unique without a collar": lambda proof: proof.update(unique=True, collar=(0.0).hex()),
+    "called unique as a number": changed(["unique"], 0),
     "called overflowing": changed(["boundary"], "overflowing"),
+    "called overflowing and unique": lambda proof: proof.update(
+        unique=True, boundary="overflowing", collar=(0.0).hex()
+    ),
+    "called inflowing and unique": lambda proof: proof.update(
+        unique=True, boundary="inflowing", collar=(0.0).hex()
+    ),
     "called inflowing": changed(["boundary"], "inflowing"),
     "called something": changed(["boundary"], "unique"),
     "a collar too narrow": number_at("collar", lambda v: 0.8 * v),
     "no collar": changed(["collar"], (0.0).hex()),
+    "a negative collar": number_at("collar", lambda v: -v),
+    "a collar over the whole region": changed(["collar"], (2.5).hex()),
+    "a collar beyond the region": changed(["collar"], (1e308).hex()),
+    "a collar of no number": changed(["collar"], "inf"),
     "no cones": changed(["cones"], []),
     "cones that begin late": of_cone("low", (1e-9).hex()),
     "cones that end early": of_cone("high", (0.05).hex()),
@@ -263,8 +278,8 @@ def test_huge_expressions_are_refused_by_name(expression: str, words: str, proof
 def test_a_check_takes_few_operations(proof: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = counted_products(monkeypatch)
     found = checked(proof, tmp_path / "p.json")
-    assert found.boxes < 1500
-    assert calls[0] < 200 * found.boxes
+    assert found.boxes < 500
+    assert calls[0] < 100_000
 
 
 def test_only_proofs_are_saved(tmp_path: Path) -> None:
@@ -280,7 +295,7 @@ def test_the_command_line_verifies_it(proof: dict, tmp_path: Path) -> None:
     held = CliRunner().invoke(cli, ["verify", str(file)])
     assert held.exit_code == 0
     assert "the proof holds" in held.stdout
-    assert "every choice lies in the tube" in held.stdout
+    assert "others may lie outside the tube" in held.stdout
     read = json.loads(CliRunner().invoke(cli, ["verify", str(file), "--json"]).stdout)
     assert (read["holds"], read["epsilon"], read["order"]) == (True, 0.1, 1)
     file.write_text(json.dumps(proof | {"epsilon": (3.0).hex()}), encoding="utf-8")
