@@ -11,11 +11,13 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import isqrt
 
+import flint
 import numpy as np
 import sympy as sp
 
 from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import RULES
+from gsp.algebra.rational_matrices import rational_eigenvectors, rational_matrix
 
 
 class NotClosed(Exception):
@@ -49,9 +51,10 @@ class ExponentialPolynomial(Subtractable):
                 own[n] += c
         return ExponentialPolynomial(self.ring, terms)
 
-    def __mul__(self, other: ExponentialPolynomial | int | Fraction) -> ExponentialPolynomial:
+    def __mul__(self, other: ExponentialPolynomial | int | Fraction | sp.Rational) -> ExponentialPolynomial:
         if not isinstance(other, ExponentialPolynomial):
-            return ExponentialPolynomial(self.ring, {r: [c * other for c in p] for r, p in self.terms.items()})
+            number = _fraction(other)
+            return ExponentialPolynomial(self.ring, {r: [c * number for c in p] for r, p in self.terms.items()})
         terms: dict[Fraction, list[Fraction]] = {}
         for rate, p in self.terms.items():
             for other_rate, q in other.terms.items():
@@ -164,19 +167,16 @@ class ExponentialRing:
     """
 
     def __init__(self, matrix: sp.Matrix) -> None:
-        if not all(entry.is_Rational for entry in matrix):
+        exact = rational_matrix(matrix)
+        pairs = None if exact is None else rational_eigenvectors(exact)
+        if pairs is None:
             raise NotClosed
-        if matrix.is_diagonal():
-            vectors, diagonal = sp.eye(matrix.rows), matrix
-        else:
-            if not matrix.is_diagonalizable(reals_only=True):
-                raise NotClosed
-            vectors, diagonal = matrix.diagonalize()
-        if not all(entry.is_Rational for entry in (*diagonal, *vectors)):
-            raise NotClosed
-        self.rates = [_fraction(diagonal[i, i]) for i in range(matrix.rows)]
-        self._vectors = [[_fraction(e) for e in vectors.row(i)] for i in range(matrix.rows)]
-        self._inverse = [[_fraction(e) for e in vectors.inv().row(i)] for i in range(matrix.rows)]
+        n = matrix.rows
+        vectors = flint.fmpq_mat(n, n, [vector[i] for i in range(n) for _, vector in pairs])  # pyright: ignore[reportCallIssue]
+        self.rates = [_fraction(rate) for rate, _ in pairs]
+        self._vectors, self._inverse = (
+            [[_fraction(e) for e in row] for row in m.tolist()] for m in (vectors, vectors.inv())
+        )
         self.zero = ExponentialPolynomial(self, {})
         self.one = self.constant(1)
 
@@ -212,5 +212,6 @@ class ExponentialRing:
 def _fraction(value) -> Fraction:
     if isinstance(value, (int, Fraction)):
         return Fraction(value)
-    rational = sp.Rational(value)
-    return Fraction(int(rational.p), int(rational.q))
+    if not isinstance(value, flint.fmpq):
+        value = sp.Rational(value)
+    return Fraction(int(value.p), int(value.q))

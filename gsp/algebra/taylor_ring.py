@@ -220,9 +220,11 @@ class Taylor(Subtractable):
     def __neg__(self) -> Taylor:
         return Taylor(self.ring, -self.polynomial, self.length)
 
-    def __mul__(self, other: Taylor | int) -> Taylor:
+    def __mul__(self, other: Taylor | int | sp.Rational) -> Taylor:
         if isinstance(other, int):
             return Taylor(self.ring, self.polynomial * other, self.length)
+        if not isinstance(other, Taylor):
+            other = self.ring.constant(other)
         length = min(self.length, other.length)
         product = self.ring.scalars.multiply(self.polynomial, other.polynomial, length)
         return Taylor(self.ring, product, length)

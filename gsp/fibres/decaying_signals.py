@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+import sympy as sp
 
 from gsp.algebra.differences import Subtractable
 from gsp.algebra.functions import CONSTANTS
@@ -115,10 +116,12 @@ class Signal(Subtractable):
             return Signal(self.ring, outer, other.samples if self.samples is None else self.samples)
         return Signal(self.ring, outer, self.samples + other.samples)
 
-    def __mul__(self, other: Signal | int | float) -> Signal:
+    def __mul__(self, other: Signal | float | sp.Rational) -> Signal:
         if not isinstance(other, Signal):
-            samples = None if self.samples is None else self.samples * other
-            return Signal(self.ring, self.outer * other, samples)
+            # The rules of the functions multiply by SymPy's numbers, which would make arrays of objects.
+            number = float(other)
+            samples = None if self.samples is None else self.samples * number
+            return Signal(self.ring, self.outer * number, samples)
         outer = np.convolve(self.outer, other.outer)
         samples = None
         if self.samples is not None:

@@ -50,6 +50,7 @@ def test_numbers_scale_and_shift(case: str) -> None:
     a = element(case)
     p = a.to_sympy(tau)
     assert is_zero((a * F(2, 3)).to_sympy(tau) - p * sp.Rational(2, 3))
+    assert (a * sp.Rational(2, 3)).key == (a * F(2, 3)).key
     assert is_zero((3 * a).to_sympy(tau) - 3 * p)
     assert is_zero((-a).to_sympy(tau) + p)
     assert is_zero((a + 5).to_sympy(tau) - p - 5)
@@ -99,6 +100,35 @@ def test_a_linear_layer_is_solved(matrix: list) -> None:
 def test_layers_outside_the_class_are_refused(matrix: list) -> None:
     with pytest.raises(NotClosed):
         ExponentialRing(sp.Matrix(matrix))
+
+
+def full(n: int) -> sp.Matrix:
+    """A matrix (n, n) without zeros, of determinant 1."""
+    lower = sp.Matrix(
+        [[sp.Rational((j + 1) * int(j < i), i + 2) + int(i == j) for j in range(n)] for i in range(n)]
+    )
+    return lower * lower.T
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
+def test_full_matrices_are_taken_by_their_rational_spectrum_and_refused_without_one(
+    n: int, monkeypatch
+) -> None:
+    # Eigenvectors in radicals of a quartic take SymPy minutes.
+    for name in ("is_diagonalizable", "diagonalize", "eigenvects", "eigenvals"):
+        monkeypatch.setattr(sp.Matrix, name, None)
+    V = full(n)
+    # One of them twice: a basis of eigenvectors is there all the same.
+    spectrum = [sp.Rational(-k - 1, 3) for k in range(n - 1)] + [sp.Rational(-1, 3)]
+    A = V * sp.diag(*spectrum) * V.inv()
+    ring = ExponentialRing(A)
+    assert sorted(ring.rates) == sorted(F(str(rate)) for rate in spectrum)
+    Y = sp.Matrix([y.to_sympy(tau) for y in ring.fast([ring.zero] * n, [F(1, i + 2) for i in range(n)])])
+    assert all(is_zero(e) for e in Y.diff(tau) - A * Y)
+    assert list(Y.subs(tau, 0)) == [sp.Rational(1, i + 2) for i in range(n)]
+    for refused in (A + V * sp.diag(*[0] * (n - 2), sp.Matrix([[0, -7], [1, 0]])) * V.inv(), V + sp.eye(n) / 3):
+        with pytest.raises(NotClosed):
+            ExponentialRing(refused)
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,8 @@ def test_arithmetic_is_that_of_the_polynomials(kind: str) -> None:
     a, b = series(ring, 2, -1, HALF, 0, 3), series(ring, -3, 0, 0, 5)
     p, q = 2 - t + t**2 / 2 + 3 * t**4, -3 + 5 * t**3
     assert agree(shown(a + b), expected(p + q))
+    # The rules of |u| and of the larger of two multiply by 1/2.
+    assert agree(shown(a * HALF), expected(p / 2))
     assert agree(shown(a - b), expected(p - q))
     assert agree(shown(a * b), expected(p * q))
     assert agree(shown(b * a), expected(p * q))

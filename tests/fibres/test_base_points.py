@@ -350,3 +350,32 @@ def test_a_layer_that_two_points_show_to_be_nonlinear_is_not_simplified(monkeypa
     found = expand_inner(branch, {"x": 1, "y": 2}, order=1)
     assert not found.is_exact
     assert not asked
+
+
+@pytest.mark.parametrize(
+    ("switching", "side"),
+    [
+        (sp.Min(1, y / 10), y / 10),
+        (sp.Max(y / 4, -1), y / 4),
+        (-sp.Min(y / 2, 1, x + 3), -y / 2),
+        (sp.Max(0, y - 3) + sp.Min(y, 7) / 3, y / 3),
+        (sp.Abs(y + 2) / 3, (y + 2) / 3),
+        (sp.Heaviside(5 - y), sp.Integer(1)),
+    ],
+)
+def test_a_layer_on_one_side_of_a_switch_is_that_of_the_side(switching: sp.Expr, side: sp.Expr) -> None:
+    found, smooth = (
+        project(
+            expand(
+                solve_critical(SlowFastSystem({x: y / 4 - x}, {y: x - 2 * y + term}, epsilon)).branches[0],
+                order=2,
+            ),
+            {"x": 1, "y": Fraction(1, 5)},
+            epsilon=0.01,
+        )
+        for term in (switching, side)
+    )
+    assert dict(found) == pytest.approx(dict(smooth), rel=1e-9)
+    np.testing.assert_allclose(
+        found.coefficients["x"], np.array(smooth.coefficients["x"], dtype=float), rtol=1e-9
+    )
