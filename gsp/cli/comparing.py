@@ -159,13 +159,18 @@ def sweep(
         )
     else:
         arguments = {} if begun else read_plan_file(plan)
-        with compiling_told(), progress_bar("sweep", left=True) as show:
-            if begun:
-                found = resume(folder, workers=workers, client=dask, progress=show)
-            else:
-                found = do_sweep(
-                    **arguments, into=folder, workers=workers, client=dask, anew=anew, progress=show
-                )
+        try:
+            with compiling_told(), progress_bar("sweep", left=True) as show:
+                if begun:
+                    found = resume(folder, workers=workers, client=dask, progress=show)
+                else:
+                    found = do_sweep(
+                        **arguments, into=folder, workers=workers, client=dask, anew=anew, progress=show
+                    )
+        except KeyboardInterrupt:
+            if (folder / "plan.json").is_file():
+                wrote(folder)
+            raise
     if as_json:
         counts = {"points": found.size, "computed": found.computed, "failed": found.failed}
         print_json({"folder": str(folder), **counts, "failures": found.failures()})

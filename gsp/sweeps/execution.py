@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from gsp.errors import OutputError
-from gsp.sweeps.plan import Plan
 from gsp.sweeps.store import Store
 from gsp.sweeps.tasks import Record
 from gsp.sweeps.worker import compute_chunk, compute_point, fill, subject_of
@@ -24,6 +23,8 @@ from gsp.systems.arguments import shown
 
 # Seconds between two looks at what other processes have done.
 LOOK = 1.0
+# Seconds in which what is at work may end its chunk after Ctrl-C.
+GRACE = 5.0
 # A chunk that was at work whenever so many pools died is computed point by point, and a point that takes so many
 # processes with it has died.
 DEATHS = 3
@@ -40,16 +41,7 @@ def run_here(store: Store, progress: Progress | None) -> None:
 def run_in_processes(store: Store, workers: int, progress: Progress | None) -> None:
     """Compute what is left in `workers` processes of this machine; those that die are replaced."""
 
-    with _pool(1) as first:
-        try:
-            first.submit(os.getpid).result()
-        except BrokenProcessPool:
-            raise OutputError(
-                "processes for the work do not start.",
-                'A script that asks for them keeps its own work below if __name__ == "__main__":; or give '
-                "workers=1.",
-            ) from None
-    _hand_out(store, lambda: _pool(workers), 2 * workers, progress)
+    _hand_out(store, lambda: Processes(workers), 2 * workers, progress)
 
 
 def run_on_cluster(store: Store, client: Any, progress: Progress | None) -> None:
@@ -58,14 +50,46 @@ def run_on_cluster(store: Store, client: Any, progress: Progress | None) -> None
     _hand_out(store, lambda: client.get_executor(pure=False, retries=DEATHS), 2 * threads, progress)
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
-    )
+def one_process() -> Apart:
+    """A process of this machine; raises `OutputError` where none starts."""
+    apart = Apart(lambda: Processes(1))
+    try:
+        apart.compute(os.getpid)
+    except ProcessDied:
+        apart.end()
+        raise OutputError(
+            "processes for the work do not start.",
+            'A script that asks for them keeps its own work below if __name__ == "__main__":; or give workers=1.',
+        ) from None
+    return apart
 
 
-def _begin_worker() -> None:
-    """Ctrl-C is the parent's to answer, and a worker ends with its parent, however that ended."""
+def one_worker(client: Any) -> Apart:
+    """A worker of a Dask client, whichever is free."""
+    return Apart(lambda: client.get_executor(pure=False, retries=0))
+
+
+class Processes(ProcessPoolExecutor):
+    """`count` processes of this machine: Ctrl-C is their parent's to answer, and they end with it, however it ended."""
+
+    def __init__(self, count: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._numbers = context.SimpleQueue()
+        super().__init__(count, mp_context=context, initializer=_begin_worker, initargs=(self._numbers,))
+
+    def end(self) -> None:
+        """End them in the middle of their work, which may go on for ever."""
+        numbers = set()
+        while not self._numbers.empty():
+            numbers.add(self._numbers.get())
+        for child in multiprocessing.active_children():
+            if child.pid in numbers:
+                child.terminate()
+        self.shutdown(cancel_futures=True)
+
+
+def _begin_worker(numbers: Any) -> None:
+    numbers.put(os.getpid())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -149,10 +173,8 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
                         entered += 1
                     else:
                         busy.append(chunk)
-                except (BrokenProcessPool, CancelledError):
-                    broken.append(chunk)
                 except Exception as error:
-                    if type(error).__name__ != "KilledWorker":
+                    if not _is_death(error):
                         raise
                     broken.append(chunk)
             if broken:
@@ -160,7 +182,7 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
                 broken += at_work.values()
                 at_work.clear()
                 deaths.update(broken)
-                executor.shutdown(wait=False, cancel_futures=True)
+                executor.shutdown(wait=False)
                 executor = begin()
                 waiting.extendleft(sorted(broken, reverse=True))
             tally.tell(entered)
@@ -170,8 +192,11 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
                 if waiting and busy:
                     time.sleep(LOOK)
     except BaseException:
-        # What is at work ends its chunk first, a second at most as a rule.
-        executor.shutdown(wait=True, cancel_futures=True)
+        # What is at work ends its chunk first, a second as a rule, unless it takes many times that.
+        for future in at_work:
+            future.cancel()
+        wait(at_work, timeout=GRACE)
+        _end(executor)
         raise
     executor.shutdown()
     tally.tell(0, look=True)
@@ -182,27 +207,69 @@ def _point_by_point(store: Store, chunk: int) -> None:
     with store.ledger.claimed(chunk) as mine:
         if not mine:
             return
-        pools = [_pool(1)]
+        with Apart(lambda: Processes(1)) as apart:
 
-        def found(point: tuple[int, ...]) -> Record | str:
-            for _ in range(DEATHS):
-                try:
-                    asked = (str(store.folder.parent), store.folder.name, store.plan.coordinates(point))
-                    return pools[0].submit(_compute_apart, *asked).result()
-                except BrokenProcessPool:
-                    pools[0].shutdown(wait=False)
-                    pools[0] = _pool(1)
-            return f"the process that computed it died, {DEATHS} times"
+            def found(point: tuple[int, ...]) -> Record | str:
+                asked = (str(store.folder.parent), store.folder.name, store.plan.coordinates(point))
+                for _ in range(DEATHS):
+                    try:
+                        return apart.compute(_compute_apart, *asked)
+                    except ProcessDied:
+                        continue
+                return f"the process that computed it died, {DEATHS} times"
 
-        try:
             fill(store, chunk, found)
-        finally:
-            pools[0].shutdown(cancel_futures=True)
 
 
 def _compute_apart(folder: str, data: str, coordinates: dict[str, float]) -> Record:
-    plan: Plan = Store.open(Path(folder, data)).plan
+    plan = Store.open(Path(folder, data)).plan
     return compute_point(plan, subject_of(Path(folder), plan.model), coordinates)
+
+
+class ProcessDied(Exception):
+    """The process that computed a point ended before it had."""
+
+
+class Apart:
+    """One executor at a time that `begin` makes, each replaced when a call has taken its process with it."""
+
+    def __init__(self, begin: Callable[[], Executor]) -> None:
+        self._begin = begin
+        self._executor = begin()
+
+    def compute(self, function: Callable[..., Any], *arguments: object) -> Any:
+        """What `function` gives there; raises what it raises, and `ProcessDied`."""
+        try:
+            return self._executor.submit(function, *arguments).result()
+        except Exception as error:
+            if not _is_death(error):
+                raise
+            self._executor.shutdown(wait=False)
+            self._executor = self._begin()
+            raise ProcessDied(f"the process that computed it died ({type(error).__name__})") from None
+
+    def end(self) -> None:
+        """End it, in the middle of its work after Ctrl-C."""
+        _end(self._executor)
+
+    def __enter__(self) -> Apart:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+
+def _end(executor: Executor) -> None:
+    if isinstance(executor, Processes):
+        executor.end()
+    else:
+        # The workers of a cluster are not ours to end.
+        executor.shutdown(wait=False)
+
+
+def _is_death(error: Exception) -> bool:
+    """Whether a process or a worker of Dask, which need not be installed, has ended before its work."""
+    return isinstance(error, (BrokenProcessPool, CancelledError)) or type(error).__name__ == "KilledWorker"
 
 
 def connect(address: str) -> Any:

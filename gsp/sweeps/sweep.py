@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shutil
-import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
@@ -14,15 +13,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gsp.errors import DeclarationError, GspError, OutputError
+from gsp.errors import DeclarationError, GspError, OutputError, one_line
 from gsp.results.card import Card
-from gsp.sweeps.execution import connect, run_here, run_in_processes, run_on_cluster
+from gsp.sweeps.execution import (
+    Apart,
+    ProcessDied,
+    connect,
+    one_process,
+    one_worker,
+    run_here,
+    run_in_processes,
+    run_on_cluster,
+)
 from gsp.sweeps.fingerprint import PACKAGES, fingerprint_of
 from gsp.sweeps.ledger import is_gone, this_host, write_whole
 from gsp.sweeps.plan import Plan, Variable, block_of, check_axes
 from gsp.sweeps.store import STATUS, Store, zarr_or_remedy
-from gsp.sweeps.tasks import as_numbers, check_options, meaning_of, name_of, variables_of
-from gsp.sweeps.worker import Subject, compute_point, subject_of
+from gsp.sweeps.tasks import as_numbers, check_options, meaning_of, name_of
+from gsp.sweeps.worker import Subject, subject_of, timed_point
 from gsp.systems.arguments import check_flag, check_progress, check_whole, shown
 
 if TYPE_CHECKING:
@@ -147,8 +155,9 @@ def sweep(
     its scheduler. Any number of such calls, on any hosts that see the folder, share the work too. Results do not depend
     on who computes them.
 
-    A point whose task raises an error is kept with its message; it stops nothing. Ctrl-C leaves a whole store.
-    Raises `DeclarationError` for a call that is not well formed, `OutputError` for a folder that cannot be used.
+    A point whose task raises an error, or takes a worker's process with it, is kept with its message; it stops nothing.
+    Ctrl-C and a full disk leave a whole store. Raises `DeclarationError` for a call that is not well formed,
+    `OutputError` for a folder that cannot be used.
     """
     zarr_or_remedy()
     check_progress(progress)
@@ -170,18 +179,30 @@ def sweep(
         # Before anything is planned: an address may be wrong.
         connect(client).close()
     root = Path(into)
-    store = _prepared(name_of(task), check_axes(over), root, model, _plain(options), anew, points_per_chunk)
-    # Chunks that others enter between these looks are found by all.
-    if not Sweep(root).is_complete:
-        if client is not None:
-            with connect(client) if isinstance(client, str) else nullcontext(client) as workers_there:
-                run_on_cluster(store, workers_there, progress)
-        elif count == 1 or store.plan.chunks == 1:
-            run_here(store, progress)
-        else:
-            run_in_processes(store, min(count, store.plan.chunks), progress)
-        store.tidy()
-        _tidy(root)
+    asked = (name_of(task), check_axes(over), root, model, _plain(options), anew, points_per_chunk)
+    try:
+        with connect(client) if isinstance(client, str) else nullcontext(client) as there:
+            if there is not None:
+                store = _prepared(*asked, lambda: one_worker(there))
+            else:
+                store = _prepared(*asked, None if count == 1 else one_process)
+            # Chunks that others enter between these looks are found by all.
+            if not Sweep(root).is_complete:
+                if there is not None:
+                    run_on_cluster(store, there, progress)
+                elif count == 1:
+                    run_here(store, progress)
+                else:
+                    run_in_processes(store, min(count, store.plan.chunks), progress)
+                store.tidy()
+                _tidy(root)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the same call goes on with the sweep in {root}") from None
+    except OSError as error:
+        raise OutputError(
+            f"the work on the sweep in {root} stopped: {error.strerror or error}.",
+            "What is entered there is kept, and the same call goes on with it.",
+        ) from error
     return Sweep(root)
 
 
@@ -210,8 +231,12 @@ def _prepared(
     options: dict[str, object],
     anew: bool,
     points: int | None,
+    elsewhere: Callable[[], Apart] | None,
 ) -> Store:
-    """The store for this plan: the one that is there, or a new one beside those of other axes."""
+    """The store for this plan: the one that is there, or a new one beside those of other axes.
+
+    Points are computed to plan in a process that `elsewhere` begins, or in this one.
+    """
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -237,7 +262,13 @@ def _prepared(
             write_whole(root / name, content)
         about = {"task": task, "model": name, **{k: v for k, v in fingerprint.items() if k in PACKAGES}}
         building = root / f"{plan.name}.{this_host()}.{os.getpid()}.partial"
-        Store(building, _like_earlier(root, plan, points) or _measured(plan, subject, points)).create(about)
+        try:
+            ready = _like_earlier(root, plan, points) or _measured(plan, root, points, elsewhere)
+        except BaseException:
+            if content is not None and not (root / "plan.json").is_file():
+                (root / name).unlink(missing_ok=True)
+            raise
+        Store(building, ready).create(about)
         try:
             building.rename(folder)
         except OSError:
@@ -335,7 +366,7 @@ def _like_earlier(root: Path, plan: Plan, points: int | None) -> Plan | None:
     return None
 
 
-def _measured(plan: Plan, subject: Subject, points: int | None) -> Plan:
+def _measured(plan: Plan, root: Path, points: int | None, elsewhere: Callable[[], Apart] | None) -> Plan:
     """The plan with what a point records and, unless given, as many points a chunk as take about `CHUNK_SECONDS`."""
     record, spent = None, []
     known: dict[int, dict[str, object]] = {}
@@ -343,32 +374,29 @@ def _measured(plan: Plan, subject: Subject, points: int | None) -> Plan:
     # Spread over the grid, so that a corner where nothing works does not decide.
     tried = dict.fromkeys(round(k * (plan.size - 1) / (TRIED - 1)) for k in range(TRIED))
     variables = dict(plan.variables)
-    for number in tried:
-        point = plan.point(number)
-        begun = time.perf_counter()
-        try:
-            found = compute_point(plan, subject, plan.coordinates(point))
-            if not variables:
-                study = subject.at(plan.coordinates(point))[0] if subject.scene is not None else None
-                variables = variables_of(plan.task, found, study, plan.options)
-        except Exception as error:
-            first_error = first_error or error
-        else:
-            record = found
+    with nullcontext() if elsewhere is None else elsewhere() as apart:
+        for number in tried:
+            asked = (replace(plan, variables=variables), root, plan.coordinates(plan.point(number)))
+            try:
+                found, told, seconds = (
+                    timed_point(*asked) if apart is None else apart.compute(timed_point, *asked)
+                )
+            except Exception as error:
+                first_error = first_error or error
+                continue
+            record, variables = found, dict(told)
             known[number] = {name: _kept(name, found[name], v) for name, v in variables.items()}
-        spent.append(time.perf_counter() - begun)
-        # The first point pays for what is compiled and kept.
-        enough = points is not None or (len(spent) > 2 and sum(spent[1:]) > CHUNK_SECONDS)
-        if record is not None and enough:
-            break
-    subject.forget()
+            spent.append(seconds)
+            # The first point pays for what is compiled and kept.
+            if points is not None or (len(spent) > 2 and sum(spent[1:]) > CHUNK_SECONDS):
+                break
     if record is None:
         assert first_error is not None
         if isinstance(first_error, GspError):
             raise first_error
+        what = str(first_error) if isinstance(first_error, ProcessDied) else one_line(first_error)
         raise DeclarationError(
-            f"the task {plan.task} failed at all of {len(tried)} points that were tried; at the first with "
-            f"{type(first_error).__name__}: {first_error}"
+            f"the task {plan.task} failed at all of {len(tried)} points that were tried; at the first: {what}"
         ) from first_error
     a_point = sorted(spent[1:] or spent)[len(spent[1:]) // 2]
     each = points or max(1, round(CHUNK_SECONDS / max(a_point, 1e-9)))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from gsp.errors import DeclarationError, one_line
 from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
 from gsp.sweeps.store import STATUS, Store
-from gsp.sweeps.tasks import VERBS, Record, encoded, function_of, verb_of
+from gsp.sweeps.tasks import VERBS, Record, encoded, function_of, variables_of, verb_of
 from gsp.systems.arguments import check_positive
 
 if TYPE_CHECKING:
@@ -90,13 +91,18 @@ class Subject:
         self._last = None
 
 
-@cache
 def subject_of(folder: Path, model: str) -> Subject:
     """What the sweep in `folder` is about."""
+    path = folder / model
+    return _subject(folder, model, _stamp(path) if model and path.is_file() else None)
+
+
+@lru_cache(maxsize=8)
+def _subject(folder: Path, model: str, stamp: object) -> Subject:
     if not model:
         return Subject(None)
     path = folder / model
-    if path.is_file():
+    if stamp is not None:
         from gsp.readers import load
 
         return Subject(load(path))
@@ -116,6 +122,20 @@ def compute_point(plan: Plan, subject: Subject, coordinates: Mapping[str, float]
             return function(**coordinates, **plan.options)
         study, epsilon, tolerance = subject.at(coordinates)
         return function(replace(study.scene, epsilon=epsilon, tolerance=tolerance), **plan.options)
+
+
+def timed_point(
+    plan: Plan, folder: Path, coordinates: Mapping[str, float]
+) -> tuple[Record, Mapping[str, Variable], float]:
+    """The record at one point, what it says that the task records, and the seconds that it took."""
+    subject = subject_of(folder, plan.model)
+    begun = time.perf_counter()
+    record = compute_point(plan, subject, coordinates)
+    spent = time.perf_counter() - begun
+    if plan.variables:
+        return record, plan.variables, spent
+    study = subject.at(coordinates)[0] if subject.scene is not None else None
+    return record, variables_of(plan.task, record, study, plan.options), spent
 
 
 def compute_chunk(folder: str, data: str, chunk: int) -> bool:
@@ -178,12 +198,12 @@ def _looked_up(
     plan = store.plan
     if set(plan.axes) != set(coordinates) or dict(plan.variables) != dict(variables):
         return None
-    places = _places(store.folder)
+    places = _places(store)
     point = tuple(places[name].get(coordinates[name], -1) for name in plan.axes)
     if -1 in point:
         return None
     chunk = plan.chunk_of(point)
-    blocks = _block(store.folder, chunk)
+    blocks = _block(store, chunk)
     if blocks is None:
         return None
     inside = tuple(i % b for i, b in zip(point, plan.block))
@@ -200,18 +220,26 @@ def _earlier(root: Path, data: str) -> list[Path]:
     return sorted(path.parent for path in root.glob("data-*/plan.json") if path.parent.name != data)
 
 
-@cache
 def _store(folder: Path) -> Store:
-    return Store.open(folder)
-
-
-@cache
-def _places(folder: Path) -> dict[str, dict[float, int]]:
-    axes = _store(folder).plan.axes
-    return {name: {value: i for i, value in enumerate(values)} for name, values in axes.items()}
+    return _store_as_of(folder, _stamp(folder / "plan.json"))
 
 
 @lru_cache(maxsize=8)
-def _block(folder: Path, chunk: int) -> dict[str, Any] | None:
-    store = _store(folder)
+def _store_as_of(folder: Path, stamp: object) -> Store:
+    return Store.open(folder)
+
+
+def _stamp(path: Path) -> tuple[int, int, int]:
+    """What tells a file from another that stood there before: a worker outlives a sweep that is begun anew."""
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=8)
+def _places(store: Store) -> dict[str, dict[float, int]]:
+    return {name: {value: i for i, value in enumerate(values)} for name, values in store.plan.axes.items()}
+
+
+@lru_cache(maxsize=8)
+def _block(store: Store, chunk: int) -> dict[str, Any] | None:
     return None if store.ledger.entry(chunk) is None else store.read(chunk)

@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
+import resource
+import signal
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +17,13 @@ import pytest
 import gsp
 from gsp import models
 from gsp.errors import DeclarationError, GspError, OutputError
-from gsp.sweeps import execution, ledger
-from gsp.sweeps import sweep as sweep_module
+from gsp.scenes.settings import ask_again
+from gsp.sweeps import execution, ledger, worker
 from gsp.sweeps.store import Store
 from gsp.sweeps.sweep import Sweep, resume, sweep
 from gsp.sweeps.tasks import VERBS
 from tests.sweeps.kills import disturb, finish
-from tests.sweeps.work import contents, counted, deadly, of_scene, slow_wave, wave
+from tests.sweeps.work import contents, counted, deadly, hanging, long_record, of_scene, slow_wave, wave
 
 AXES = {"x": np.linspace(0.0, 3.0, 13), "k": (-2.0, 0.5, 7.0)}
 
@@ -156,6 +160,80 @@ def test_a_point_that_kills_its_process_has_died_and_the_others_have_not(tmp_pat
     )  # fmt: skip
     assert found.to_xarray().status.values.tolist() == [3 if x == 3 else 1 for x in range(40)]
     assert found.failures()[0]["message"] == "the process that computed it died, 3 times"
+
+
+def test_a_point_that_kills_its_process_while_it_is_timed_kills_no_client(tmp_path: Path) -> None:
+    # The points 0 and 3 are timed to plan, and all points stand in one chunk.
+    found = sweep(deadly, over={"x": range(3, 9)}, into=tmp_path, options={"home": 0}, workers=2)
+    assert found.plan.chunks == 1
+    assert found.to_xarray().status.values.tolist() == [3, 1, 1, 1, 1, 1]
+
+
+def test_a_task_that_kills_every_process_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DeclarationError, match=r"failed at all of 1 points.*the process that computed it died"):
+        sweep(deadly, over={"x": (3.0,)}, into=tmp_path, options={"home": 0}, workers=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("points_per_chunk", [None, 2])
+def test_ctrl_c_ends_a_point_that_hangs(
+    tmp_path: Path, points_per_chunk: int | None, interruptible: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Where the size of chunks is given the point hangs in a chunk, else while it is timed.
+    monkeypatch.setattr(execution, "GRACE", 0.1)
+    begun = tmp_path / "begun"
+    threading.Thread(target=_interrupt_after, args=(begun,), daemon=True).start()
+    into = tmp_path / "runs"
+    with pytest.raises(KeyboardInterrupt, match=f"goes on with the sweep in {into}"):
+        sweep(
+            hanging, over={"x": range(2)}, into=into, options={"begun": str(begun)}, workers=2,
+            points_per_chunk=points_per_chunk,
+        )  # fmt: skip
+
+
+def _interrupt_after(begun: Path) -> None:
+    while not begun.exists():
+        time.sleep(0.01)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_full_disk_is_named_and_the_same_call_goes_on(tmp_path: Path) -> None:
+    call = {"over": {"x": range(20)}, "into": tmp_path, "workers": 1, "points_per_chunk": 2}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        with pytest.raises(OutputError, match=r"the sweep in .* stopped: .*the same call goes on"):
+            sweep(long_record, **call, progress=_limit_files)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert 0 < Sweep(tmp_path).computed < 20
+    assert sweep(long_record, **call).is_complete
+
+
+def _limit_files(share: float) -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+
+
+def test_a_worker_sees_a_model_and_a_plan_that_took_the_place_of_others(tmp_path: Path) -> None:
+    # As the workers of a cluster do, which outlive a sweep that is begun anew.
+    scene = models.load("michaelis_menten")
+    call = {"over": {"epsilon": (0.01, 0.02)}, "into": tmp_path, "workers": 1, "anew": True}
+    found = []
+    for kappa in (0.5, 2.0):
+        changed = ask_again(scene, parameters={"kappa": kappa})
+        data = sweep(of_scene, model=changed, points_per_chunk=1, **call).to_xarray()
+        found += data.parameter.values.tolist()
+    assert found == [0.5, 0.5, 2.0, 2.0]
+
+
+def test_an_earlier_plan_with_other_variables_is_not_looked_up(tmp_path: Path) -> None:
+    store = Store.open(next(waves(tmp_path).folder.glob("data-*")))
+    coordinates = {"x": 0.25, "k": 7.0}
+    found = worker._looked_up(store, coordinates, store.plan.variables)
+    assert found is not None
+    assert found["root"] == 0.5
+    fewer = {"root": store.plan.variables["root"]}
+    assert worker._looked_up(store, coordinates, fewer) is None
+    assert worker._looked_up(store, {"x": 0.3, "k": 7.0}, store.plan.variables) is None
 
 
 def test_a_claim_is_respected_until_its_process_has_ended(tmp_path: Path) -> None:
@@ -394,7 +472,7 @@ def test_a_sweep_goes_on_from_its_folder(tmp_path: Path) -> None:
 def test_chunks_hold_about_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The clock of the plan goes a tenth of a second further at every look, so that a point takes that long.
     ticks = iter(range(10_000))
-    monkeypatch.setattr(sweep_module.time, "perf_counter", lambda: 0.1 * next(ticks))
+    monkeypatch.setattr(worker.time, "perf_counter", lambda: 0.1 * next(ticks))
     found = waves(tmp_path, points_per_chunk=None)
     assert found.plan.block == (3, 3)
 
@@ -405,7 +483,7 @@ def test_processes_that_cannot_start_are_named(tmp_path: Path, monkeypatch: pyte
         waves(tmp_path, workers=2)
 
 
-def _die() -> None:
+def _die(numbers: object) -> None:
     os._exit(1)
 
 

@@ -36,6 +36,19 @@ def deadly(x: float, home: int) -> dict[str, float]:
     return {"value": 2.0 * x}
 
 
+def hanging(x: float, begun: str) -> dict[str, float]:
+    """Never ends at x = 1, and says so; at x = 0 it does."""
+    while x == 1.0:
+        Path(begun).touch()
+        time.sleep(1.0)
+    return {"value": x}
+
+
+def long_record(x: float) -> dict[str, object]:
+    """More bytes than a short file holds, hardly to be compressed."""
+    return {"values": [math.sin(x + k * k) for k in range(500)]}
+
+
 def of_scene(scene) -> dict[str, float]:
     """What the scene was asked."""
     return {
