@@ -304,3 +304,37 @@ def test_a_command_looks_for_cycles_a_hundredth_as_often_as_python(monkeypatch: 
         assert gc.get_threshold()[0] >= 100 * 700
     finally:
         gc.set_threshold(*before)
+
+
+def test_a_model_name_longer_than_a_file_name_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(sys, "argv", ["gsp", "check", "a" * 300])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert capsys.readouterr().err.startswith('gsp: there is no scene "aaa')
+
+
+def test_wrong_options_are_shown_without_control_characters(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(sys, "argv", ["gsp", "check", "--\x1b[31m\ngsp: proved", "linear"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    told = capsys.readouterr().err
+    assert "\x1b" not in told
+    assert not any(line.startswith("gsp: proved") for line in told.splitlines())
+    assert "Usage:" in told
+    assert "Error: No such option" in told
+
+
+def test_ctrl_c_while_modules_are_imported_shows_no_traceback() -> None:
+    script = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'gsp.cli.program': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from gsp.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "gsp: interrupted; nothing was written\n")

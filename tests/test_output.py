@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 import warnings
@@ -66,6 +67,15 @@ def test_a_closed_pipe_ends_with_one_line():
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "not complete" in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["models"], ["split", "linear"]])
+def test_closed_standard_output_ends_with_one_line(arguments):
+    line = shlex.join([sys.executable, "-m", "gsp.cli", *arguments])
+    done = subprocess.run(f"{line} >&-", shell=True, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "standard output is closed" in done.stderr
 
 
 @full_disk

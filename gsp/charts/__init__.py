@@ -46,6 +46,7 @@ from gsp.orbits.periodic.family import OrbitFamily
 from gsp.orbits.periodic.orbit import PeriodicOrbit
 from gsp.singular.mixed_modes import MixedMode
 from gsp.singular.singular_orbit import SingularOrbit
+from gsp.systems.arguments import check_noun
 
 __all__ = [
     "applicable",
@@ -138,6 +139,7 @@ def draw(result: object, axes: Axes | None = None) -> Axes:
 
 def surroundings(analysis: Analysis) -> Axes:
     """The critical manifold around the scene's region, through its folds: a curve or a sheet."""
+    check_noun(analysis, Analysis, verb="charts.surroundings")
     found = analysis.surroundings
     if isinstance(found, CriticalSheet):
         return critical_sheet(found)

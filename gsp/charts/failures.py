@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
+from gsp.systems.arguments import check_noun
 
 # Light to dark as more orders are needed.
 ORDER_COLOURS = ("#FBE3C8", "#F2B27A", "#E07B39", "#B4501B", "#7A2E00", "#4A1C00")
@@ -59,6 +60,7 @@ def failures_by_tolerance(result: FailureMap, axes: Axes) -> None:
 
 def failure_map(result: FailureMap, *, stacked: bool = False) -> Axes:
     """Both maps with one legend, side by side or `stacked` in a column of a page; the Axes of the first one."""
+    check_noun(result, FailureMap, verb="charts.failure_map")
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 7.2) if stacked else (9.0, 4.6), layout="constrained")
         FigureCanvasAgg(figure)

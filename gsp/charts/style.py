@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Mapping
-from functools import partial, wraps
+from functools import cache, partial, wraps
+from inspect import signature
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, Concatenate, ParamSpec, cast
+from typing import Any, Concatenate, ParamSpec, cast, get_type_hints
 
 import matplotlib
 import numpy as np
@@ -23,6 +24,7 @@ from matplotlib.path import Path as Outline
 
 from gsp.errors import DeclarationError, OutputError
 from gsp.results.files import write_file
+from gsp.systems.arguments import check_noun, shown
 
 # Okabe and Ito's palette: told apart with any colour vision, and in grey by their order of lightness.
 BLUE, VERMILION, GREEN, PURPLE, SKY, AMBER = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
@@ -59,8 +61,21 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
     """Give a chart its style, and a figure of its own when it is called without Axes."""
 
     def decorate(draw: Callable[Concatenate[Any, Axes, P], None]):
+        @cache
+        def noun() -> type:
+            """What the first parameter takes, looked up when it is first drawn."""
+            return get_type_hints(draw)[next(iter(signature(draw).parameters))]
+
         @wraps(draw)
         def drawn(result, axes: Axes | None = None, /, *args: P.args, **kwargs: P.kwargs) -> Axes:
+            check_noun(result, noun(), verb=f"charts.{draw.__name__}")
+            if axes is not None and not isinstance(axes, Axes):
+                raise DeclarationError(
+                    "charts are drawn on matplotlib's Axes.",
+                    "Leave them out to have some made.",
+                    got=shown(axes),
+                    value=axes,
+                )
             with matplotlib.rc_context(STYLE):
                 if axes is None:
                     # Twice matplotlib's margin at the sides, where the last tick label ends.

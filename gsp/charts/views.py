@@ -12,6 +12,7 @@ from gsp.charts.sampling import along, dense_run, reading
 from gsp.charts.style import BLUE, GREY, at_epsilon, chart, legend, mathematics, name_axes, plain
 from gsp.scenes.scene import Scene
 from gsp.scenes.view import View, view_named
+from gsp.systems.arguments import check_noun
 
 
 class _Seen(NamedTuple):
@@ -31,6 +32,7 @@ def view(analysis: Analysis, name: str) -> Axes:
 
     Raises `UnknownNameError` for a name that is none of the scene's views.
     """
+    check_noun(analysis, Analysis, verb="charts.view")
     return _view(_Seen(analysis, view_named(analysis.scene.views, name)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from functools import wraps
@@ -120,7 +121,7 @@ def load_scene(model: str) -> Scene:
 
     path = Path(model)
     # No built-in name has a dot.
-    if path.suffix or len(path.parts) > 1 or path.is_file():
+    if path.suffix or len(path.parts) > 1 or os.path.isfile(path):
         from gsp.readers.loading import load_noted
 
         scene, notes = load_noted(path)

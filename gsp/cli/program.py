@@ -38,6 +38,8 @@ class Program(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
+            if sys.stdout is None:
+                raise OSError("standard output is closed")
             try:
                 return super().invoke(ctx)
             finally:
@@ -74,8 +76,20 @@ def _tell(message: Any, category: Any, filename: Any, lineno: Any, file: Any = N
         click.echo(f"gsp: {printable(one_line(message))}", err=True)
 
 
+def _show(error: click.ClickException) -> None:
+    """What Click shows of a wrong call, with names that the user gave made printable."""
+    ctx = getattr(error, "ctx", None)
+    if ctx is not None:
+        click.echo(
+            f"{ctx.get_usage()}\nTry '{ctx.command_path} {ctx.help_option_names[-1]}' for help.\n", err=True
+        )
+    click.echo(f"Error: {printable(one_line(error.format_message()))}", err=True)
+
+
 def _stop_writing() -> None:
     """Let Python flush what is left of the output to nowhere, where there is nobody to read it."""
+    if sys.stdout is None:
+        return
     try:
         sys.stdout.flush()
     except OSError:
@@ -106,7 +120,7 @@ def main() -> None:
         sys.exit(2)
     except click.ClickException as error:
         with suppress(OSError):
-            error.show()
+            _show(error)
         _stop_writing()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):

@@ -154,7 +154,13 @@ def _listed(events: Iterable[Event]) -> tuple[Event, ...]:
     remedy = 'Write events=(Event("x", direction=1),).'
     if isinstance(events, (str, bytes, sp.Basic)) or not isinstance(events, Iterable):
         raise DeclarationError("events is a sequence of Event.", remedy, got=shown(events), value=events)
-    given = tuple(events)
+    try:
+        given = tuple(events)
+    except TypeError:
+        # An array without axes.
+        raise DeclarationError(
+            "events is a sequence of Event.", remedy, got=shown(events), value=events
+        ) from None
     for event in given:
         if not isinstance(event, Event):
             raise DeclarationError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -292,7 +292,7 @@ def is_singular(matrix: np.ndarray) -> bool:
 
 
 def _symbols(symbols: Sequence[sp.Symbol], what: str) -> tuple[sp.Symbol, ...]:
-    if isinstance(symbols, (str, sp.Basic)):
+    if isinstance(symbols, (str, sp.Basic)) or not isinstance(symbols, Iterable):
         raise DeclarationError(f"{what} is a sequence of SymPy symbols.", got=f"{symbols!r}", value=symbols)
     for symbol in symbols:
         if not isinstance(symbol, sp.Symbol):

@@ -94,6 +94,7 @@ def lagrangian_system(name: str) -> LagrangianSystem:
     >>> lagrangian_system("falling_particle").lagrangian
     -g*m*z + m*(xdot**2 + ydot**2 + zdot**2)/2
     """
+    _check_name(name)
     if name in _FREE:
         return getattr(importlib.import_module(f"gsp.models.{_FREE[name]}"), name)()
     if name not in _MECHANICAL:
@@ -111,6 +112,7 @@ def friction_system(name: str) -> FrictionSystem:
     >>> friction_system("knife_edge").constraints
     (-xdot*sin(phi) + ydot*cos(phi),)
     """
+    _check_name(name)
     if name not in _MECHANICAL:
         raise GspError.none_of(
             _MECHANICAL, name, f'there is no system with friction "{name}".', "The systems are"
@@ -119,7 +121,13 @@ def friction_system(name: str) -> FrictionSystem:
     return getattr(module, f"{name}_with_friction")()
 
 
+def _check_name(name: object) -> None:
+    if not isinstance(name, str):
+        raise GspError("a name is a text.", got=f"{name!r:.200}", value=name)
+
+
 def _entry(name: str) -> tuple[str, str]:
+    _check_name(name)
     if name not in _SCENES:
         is_path = str(name).endswith(".toml") or "/" in str(name)
         hint = " A model file is read by gsp.load(path)." if is_path else nearest(str(name), _SCENES)

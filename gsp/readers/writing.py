@@ -161,7 +161,28 @@ def _quoted(text: str) -> str:
 
 
 class _Grammar(StrPrinter):
-    """SymPy's own text where it is that of the grammar, whose words differ for a few."""
+    """SymPy's own text where it is that of the grammar, whose words differ for a few and whose numbers are short."""
+
+    def _print_Integer(self, expr: sp.Integer) -> str:
+        return str(expr.p) if abs(expr.p) < 10**DIGITS else self._long(expr.p)
+
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        if max(abs(expr.p), expr.q) < 10**DIGITS:
+            return f"{expr.p}/{expr.q}"
+        return f"({self._print(sp.Integer(expr.p))}/{self._print(sp.Integer(expr.q))})"
+
+    def _long(self, number: int) -> str:
+        """A sum over powers of 10, in each of which stands a factor of at most `DIGITS` digits."""
+        terms, power, rest = [], 0, abs(number)
+        while rest % 10 == 0:
+            rest, power = rest // 10, power + 1
+        while rest:
+            rest, digits = divmod(rest, 10**DIGITS)
+            if digits:
+                terms.append(f"{digits}*10**{power}" if power else str(digits))
+            power += DIGITS
+        total = " + ".join(reversed(terms))
+        return f"(-({total}))" if number < 0 else f"({total})"
 
     def _print_Exp1(self, expr: sp.Expr) -> str:
         return "exp(1)"

@@ -294,7 +294,7 @@ def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
             "the model of a sweep is a built-in name, a model file or a Scene.", got=shown(model), value=model
         )
     path = Path(model)
-    if path.suffix or len(path.parts) > 1 or path.is_file():
+    if path.suffix or len(path.parts) > 1 or os.path.isfile(path):
         try:
             return path.read_bytes(), f"model{path.suffix}"
         except OSError as error:

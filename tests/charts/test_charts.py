@@ -11,6 +11,7 @@ import pytest
 import sympy as sp
 from matplotlib.figure import Figure
 
+import gsp
 from gsp import SlowFastSystem, analyse, charts, compare, models
 from gsp.charts.streamlines import streamlines
 from gsp.charts.style import LADDER, mathematics, plain
@@ -227,3 +228,36 @@ def test_a_scene_off_a_kink_is_that_of_the_smooth_field_on_its_side(kinked, smoo
     )
     for draw in charts.applicable(found).values():
         assert draw(found).has_data()
+
+
+# What the command line and the report ask of a scene, and files of figures.
+NOT_CHARTS = {
+    *(
+        "applicable",
+        "check_chart_name",
+        "drawn",
+        "has_constant_eigenvalues",
+        "heading_of",
+        "png",
+        "save",
+        "shape",
+    ),
+    "slow_ends",
+}
+
+
+@pytest.mark.parametrize("name", sorted(set(charts.__all__) - NOT_CHARTS))
+@pytest.mark.parametrize("noun", [None, 3, "koper", [1, 2], object()])
+def test_a_chart_of_a_wrong_noun_is_refused_by_name(name, noun):
+    arguments = {"view": ("course",)}.get(name, ())
+    keywords = {"spread": {"name": "x"}, "composite": {"name": "x"}, "fold_passage": {"exits": []}}.get(
+        name, {}
+    )
+    with pytest.raises(DeclarationError, match=f"(charts.)?{name} takes an? |no chart of a"):
+        getattr(charts, name)(noun, *arguments, **keywords)
+
+
+def test_a_chart_on_what_is_no_axes_is_refused():
+    run = gsp.integrate(models.load("linear").system, start={"x": 1, "y": 1}, span=(0, 1), epsilon=0.1)
+    with pytest.raises(DeclarationError, match="matplotlib's Axes"):
+        charts.trajectory(run, 3)

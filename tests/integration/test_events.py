@@ -335,3 +335,9 @@ def test_every_event_of_the_instant_that_ends_a_run_is_recorded(method, last, un
         assert np.array_equal(run.events[name].states[:, 0], run.y[:, -1])
     for name in ("wrong way", "never", "just behind"):
         assert run.events[name].times.size == 0
+
+
+def test_events_that_are_an_array_without_axes_are_refused():
+    scene = gsp.models.load("linear")
+    with pytest.raises(DeclarationError, match="events is a sequence of Event"):
+        integrate(scene.system, start=scene.start, span=(0, 1), epsilon=0.1, events=np.ma.masked)

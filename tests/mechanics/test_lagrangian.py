@@ -186,3 +186,11 @@ def test_what_is_no_lagrangian_system_is_refused_by_name(case: str) -> None:
     call, words = REFUSED[case]
     with pytest.raises(DeclarationError, match=words):
         call()
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "x"])
+def test_coordinates_that_are_no_sequence_are_refused(wrong):
+    x, xdot = sp.symbols("x xdot")
+    for arguments in ((xdot**2, wrong, [xdot]), (xdot**2, [x], wrong)):
+        with pytest.raises(DeclarationError, match="is a sequence of SymPy symbols"):
+            LagrangianSystem(*arguments)

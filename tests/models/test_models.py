@@ -20,6 +20,13 @@ def right_hand_side(flow: VectorField, epsilon: float):
     return lambda t, z: compiled(z)
 
 
+@pytest.mark.parametrize("name", [["linear"], None, 3, {"linear": 1}])
+@pytest.mark.parametrize("load", [models.load, models.title, models.lagrangian_system, models.friction_system])
+def test_a_name_that_is_no_text_is_refused(load, name):
+    with pytest.raises(GspError, match="a name is a text"):
+        load(name)
+
+
 @every_scene
 def test_a_scene_is_complete_and_equal_to_itself_loaded_again(name):
     scene = models.load(name)

@@ -73,6 +73,22 @@ def test_texts_return_as_they_are(text, tmp_path):
     assert same(decay(-sp.Symbol("y"), title=text), tmp_path).title == text
 
 
+@pytest.mark.parametrize("number", ["1e-300", "1e300", '"10^200"', '"3^200"', '"-1/7^80"', '"2^170/3^170"'])
+@pytest.mark.parametrize("place", ["k = {}", "k = 1"])
+def test_numbers_that_were_read_are_written(number, place, tmp_path):
+    rate = f"-k*x*({number})".replace('"', "") if place == "k = 1" else "-k*x"
+    path = tmp_path / "model.toml"
+    path.write_text(
+        f'[parameters]\n{place.format(number)}\n[slow]\nx = "{rate}"\n[fast]\ny = "x - y"\n[region]\nx = [-1, 1]\n'
+        "[start]\nx = 1\ny = 0\n[scene]\nspan = [0, 1]\nepsilon = 0.1\n"
+    )
+    scene = gsp.load(path)
+    gsp.save(scene, tmp_path / "again.toml")
+    again = gsp.load(tmp_path / "again.toml")
+    assert again.full_flow.equations == scene.full_flow.equations
+    assert list(again.system.parameters.values()) == list(scene.system.parameters.values())
+
+
 def test_symbols_with_assumptions_are_known_by_name(tmp_path):
     x, y, epsilon = sp.symbols("x y epsilon", positive=True)
     system = gsp.SlowFastSystem(slow={x: -x}, fast={y: sp.log(x) - y}, epsilon=epsilon)
