@@ -155,18 +155,11 @@ class _Run:
             while t < step.end:
                 length = min(longest, pace(t))
                 after = min(step.end, t + length)
-                middle, s_over = t + 0.5 * (after - t), step.over(t, after)
-                rates = self.rates(s_over)
-                # A rounded middle is as far from it as this.
-                around = balls.above(4 * arb(after - t) * arb(2.0**-52) + arb(after) * arb(2.0**-52))
+                # A ball: in doubles the middle would be rounded, and the solution there another one.
+                middle, s_over = (arb(t) + arb(after)) / 2, step.over(t, after)
                 moved = self.flow.step(
                     state,
-                    Span(
-                        arb(after) - arb(t),
-                        step.over(max(t, middle - around), min(after, middle + around)),
-                        s_over,
-                        rates,
-                    ),
+                    Span(arb(after) - arb(t), step.over(middle, middle), s_over, self.rates(s_over)),
                 )
                 if moved is None:
                     return self._result(rows, worst, end, "the logarithmic norm gives no bound from here on")

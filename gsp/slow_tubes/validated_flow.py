@@ -38,7 +38,7 @@ class Step:
     radius: arb
     box: tuple[arb, ...]
 
-    def over(self, low: float, high: float) -> list[arb]:
+    def over(self, low: float | arb, high: float | arb) -> list[arb]:
         """A box (n,) that holds the solution between two times of the step."""
         span = (arb(low) - arb(self.start)).union(arb(high) - arb(self.start))
         spread = balls.hull(-1.0, 1.0) * self.radius
