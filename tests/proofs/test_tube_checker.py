@@ -1,0 +1,220 @@
+"""The checker of tubes on proofs written by hand: what it accepts reaches as far as the theorem does, and no further.
+
+x' = s k x, epsilon y' = s (y - x) with y = x + epsilon z, in |x| <= 1: epsilon z' = s (z - k x). The face is crossed
+where d > k; with cones of slope L and a collar c, and p the slow rate -k towards s = -1 backwards,
+
+    (tau - 2 epsilon (p + c)) (2 - tau) > (k/L)^2 for tau halfway.
+"""
+
+import copy
+from typing import Any
+
+import pytest
+
+from gsp.proofs import tube_checker
+from gsp.proofs.programs import Rejected
+
+NEAR = 2.0**-20
+
+
+def proof(*, sign: int = -1, rate: str = "1", epsilon: float = 0.25, **more: Any) -> dict:
+    """s = `sign`, k = `rate`: with the rate 1 solutions of the slow field go as s says, with -1 against it."""
+    s, collar = ("" if sign > 0 else "-"), 4.0 / 3.0
+    width, steep = 1.0 + NEAR, (1.0 + NEAR) / 0.5
+    plain = {
+        "format": "gsp slow manifold 2",
+        "slow": ["x"],
+        "parameters": [],
+        "fast": ["y"],
+        "epsilon_name": "epsilon",
+        "rates": [f"{s}({rate})*z0"],
+        "equations": [f"{s}(z1 - z0)"],
+        "series": [["z0"]],
+        "basis": ["1"],
+        "remainder": [f"{s}(z1 - ({rate})*z0)"],
+        "region": [[(-1.0).hex(), (1.0).hex()]],
+        "epsilon": epsilon.hex(),
+        "blocks": [[0]],
+        "signs": [sign],
+        "widths": [width.hex()],
+        "reach": [(width * (1 + NEAR)).hex()],
+        "boundary": "mixed",
+        "unique": False,
+        # |f| <= 1.
+        "collar": ((1.0 + NEAR) / collar).hex(),
+        "cones": [
+            {"low": (0.0).hex(), "high": epsilon.hex(), "slope": (steep * 1.2).hex(), "collar": collar.hex()}
+        ],
+    }
+    return plain | more
+
+
+def cone(plain: dict, **more: float) -> dict:
+    """The proof with other cones."""
+    found = copy.deepcopy(plain)
+    found["cones"][0] |= {key: value.hex() for key, value in more.items()}
+    return found
+
+
+def holds(plain: dict) -> bool:
+    try:
+        tube_checker.check(plain)
+    except Rejected:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_face_is_crossed_as_far_as_it_is(sign: int) -> None:
+    # rho = x, up to 1.
+    assert holds(proof(sign=sign))
+    for share, said in ((1.0 - NEAR, False), (1.0, False), (1.0 + NEAR, True), (2.0, True)):
+        assert holds(proof(sign=sign, widths=[share.hex()], reach=[(3.0).hex()])) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("epsilon", [0.0625, 0.25])
+@pytest.mark.parametrize("collar", [1.25, 2.0])
+def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) -> None:
+    # (1 - epsilon (1 + c))^2 > 1/L^2.
+    least = 1.0 / (1.0 - epsilon * (1.0 + collar))
+    plain = proof(sign=sign, epsilon=epsilon, collar=(0.875).hex())
+    for share, said in ((1.0 - 1e-4, False), (1.0 + 1e-4, True)):
+        assert holds(cone(plain, slope=share * least, collar=collar)) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_without_a_collar_the_slow_rate_counts_with_its_sign(sign: int) -> None:
+    # Against the sign of the fast direction the slow rate only helps: (1 + 2 epsilon) > 1/L^2, from epsilon = 0 on.
+    boundary = "overflowing" if sign < 0 else "inflowing"
+    plain = proof(sign=sign, rate="-1", boundary=boundary, unique=True, collar=(0.0).hex())
+    for share, said in ((1.0 - 1e-4, False), (1.0 + 1e-4, True)):
+        assert holds(cone(plain, slope=share, collar=0.0)) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("rate", ["1", "-1"])
+@pytest.mark.parametrize("boundary", ["overflowing", "inflowing", "mixed"])
+def test_unique_is_what_stays_by_itself(sign: int, rate: str, boundary: str) -> None:
+    outwards = (sign > 0) == (rate == "1")
+    so = boundary == ("overflowing" if outwards else "inflowing")
+    plain = proof(sign=sign, rate=rate, epsilon=0.0625, boundary=boundary)
+    assert holds(plain) is (so or boundary == "mixed")
+    unique = cone(plain, collar=0.0) | {"unique": True, "collar": (0.0).hex()}
+    assert holds(unique) is (so and rate == "-1")
+    assert not holds(unique | {"collar": (0.125).hex()})
+    assert not holds(unique | {"unique": False})
+    if so:
+        found = tube_checker.check(plain)
+        assert (found.unique, found.boundary) == (False, boundary)
+
+
+def test_the_collar_is_as_wide_as_the_flow_is_fast() -> None:
+    # |f| = 1 at the sides, so that c w >= 1, and 2 w < 2.
+    plain = cone(proof(epsilon=0.0625), slope=16.0)
+    for collar, width, said in (
+        (2.0, 0.5 * (1 - NEAR), False), (2.0, 0.5, True), (2.0, 0.5 * (1 + NEAR), True), (1.25, 0.75, False),
+        (1.25, 0.875, True), (1.25, 1.0 - NEAR, True), (1.25, 1.0, False), (1.25, 1e300, False), (0.0, 0.5, False),
+        (1e300, 0.5, False), (-2.0, -0.5, False), (-2.0, 0.5, False),
+    ):  # fmt: skip
+        assert holds(cone(plain, collar=collar) | {"collar": width.hex()}) is said, (collar, width)
+
+
+def test_the_shortest_side_decides_and_intervals_of_parameters_have_no_collar() -> None:
+    # x' = -x, v' = -v, with a parameter a that counts for nothing.
+    plain = cone(proof(epsilon=0.0625), slope=16.0, collar=4.0)
+    plain |= {"slow": ["x", "v"], "parameters": ["a"], "rates": ["-z0", "-z1"], "equations": ["-z3 + z0"]}
+    plain |= {"remainder": ["-z3 + z0"], "collar": (0.375).hex()}
+    sides = {"x": 1.0, "v": 1.0, "a": 0.0}
+
+    def over(**more: float) -> dict:
+        return plain | {"region": [[(-v).hex(), v.hex()] for v in (sides | more).values()]}
+
+    assert holds(over())
+    assert holds(over(v=0.5))
+    assert not holds(over(v=0.375))
+    assert not holds(over(x=0.375))
+    assert holds(over(a=3.0))
+
+
+def test_every_step_of_epsilon_has_its_own_cones() -> None:
+    plain = proof(epsilon=0.25, collar=(0.875).hex())
+    low, high = ({"slope": (4.0).hex(), "collar": value.hex()} for value in (4.0, 1.25))
+    first = low | {"low": (0.0).hex(), "high": (0.0625).hex()}
+    second = high | {"low": (0.0625).hex(), "high": (0.25).hex()}
+    assert holds(plain | {"cones": [first, second]})
+    for cones in (
+        [second, first], [first], [second], [first, second | {"low": (0.125).hex()}], [first, first, second],
+        [first, second | {"high": (0.375).hex()}], [first | {"collar": (64.0).hex()}, second],
+        [first, second | {"collar": (16.0).hex()}], [first | {"collar": (1.0).hex()}, second],
+        [first, second | {"slope": (1.5).hex()}], [first | {"slope": (1.0).hex()}, second],
+    ):  # fmt: skip
+        assert not holds(plain | {"cones": cones}), cones
+
+
+def test_the_reach_is_that_of_the_basis() -> None:
+    # y = x + epsilon P z with P = 2: z is half as long.
+    plain = proof() | {"basis": ["2"], "remainder": ["-(z1 - z0/2)"], "widths": [(0.5 * (1 + NEAR)).hex()]}
+    plain = cone(plain, slope=16.0)
+    for share, said in ((1.0, False), (1.0 + NEAR, True), (1.0 + 2 * NEAR, True)):
+        assert holds(plain | {"reach": [share.hex()]}) is said
+
+
+# x' = -x, epsilon y_0' = -y_0 + k y_1 + x, epsilon y_1' = -y_1, k = 1/2.
+COUPLED = {
+    "fast": ["u", "v"],
+    "rates": ["-z0"],
+    "equations": ["-z1 + z2/2 + z0", "-z2"],
+    "series": [["z0", "0"]],
+    "basis": ["1", "0", "0", "1"],
+    "remainder": ["-z1 + z2/2 + z0", "-z2"],
+    "reach": [(9.0).hex(), (9.0).hex()],
+}
+
+
+def coupled(**more: Any) -> dict:
+    return cone(proof(epsilon=0.0625) | COUPLED | more, slope=16.0)
+
+
+@pytest.mark.parametrize("other", [0.25, 1.0])
+def test_other_blocks_are_taken_off_the_margin_of_a_face(other: float) -> None:
+    # d_0 > 1 + d_1/2.
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        widths = [(share * (1.0 + 0.5 * other)).hex(), other.hex()]
+        assert holds(coupled(blocks=[[0], [1]], signs=[-1, -1], widths=widths)) is said
+
+
+def test_a_block_of_two_falls_as_its_symmetric_part() -> None:
+    # (1 - k/2) d > 1, by Gershgorin's discs, which are sharp here.
+    for share, said in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):
+        assert holds(coupled(blocks=[[0, 1]], signs=[-1], widths=[(share / 0.75).hex()])) is said
+    # |y_0| and |y_1| reach as far as the block: its norm.
+    plain = coupled(blocks=[[0, 1]], signs=[-1], widths=[(2.0).hex()])
+    assert holds(plain | {"reach": [(2.0 + NEAR).hex()] * 2})
+    assert not holds(plain | {"reach": [(2.0 - NEAR).hex(), (9.0).hex()]})
+    assert not holds(plain | {"reach": [(9.0).hex(), (2.0 - NEAR).hex()]})
+
+
+@pytest.mark.parametrize(("fast", "signs"), [("z2", [-1, 1]), ("-z2", [-1, -1])])
+def test_signs_are_those_of_the_blocks(fast: str, signs: list[int]) -> None:
+    plain = coupled(equations=["-z1 + z0", fast], remainder=["-z1 + z0", fast], blocks=[[0], [1]])
+    plain |= {"widths": [(1.5).hex(), (1.0).hex()]}
+    for first in (-1, 1):
+        for second in (-1, 1):
+            assert holds(plain | {"signs": [first, second]}) is ([first, second] == signs)
+    assert not holds(cone(plain, collar=0.0) | {"signs": signs, "unique": True, "collar": (0.0).hex()})
+    found = tube_checker.check(plain | {"signs": signs})
+    assert (found.stable, found.unstable) == (signs.count(-1), signs.count(1))
+
+
+@pytest.mark.parametrize("unstable", [False, True])
+def test_the_other_directions_of_a_cone_count_by_half(unstable: bool) -> None:
+    # A saddle with z_0' = s (z_0 - x) and z_1' = -s (z_1 - q z_0): in the cone of z_1 z_0 counts by half, and a
+    # coupling q/sqrt(1/2) has to be less than the rates, 1 + 1 with tau between -2 and 2: what a coupling is worth.
+    s, t = ("", "-") if unstable else ("-", "")
+    for q, said in (("1/2", True), ("4", False)):
+        equations = [f"{s}(z1 - z0)", f"{t}(z2 - ({q})*z1 + ({q})*z0)"]
+        remainder = [f"{s}(z1) + z0" if not unstable else "z1 + z0", f"{t}(z2 - ({q})*z1)"]
+        plain = coupled(equations=equations, remainder=remainder, blocks=[[0], [1]])
+        plain |= {"signs": [1, -1] if unstable else [-1, 1], "widths": [(1.5).hex(), (8.0).hex()]}
+        assert holds(plain) is said
