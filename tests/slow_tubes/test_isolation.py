@@ -1,10 +1,20 @@
-"""Residuals over boxes: the smaller of two enclosures, both of which hold what the residual is."""
+"""The tests of a tube: what they prove reaches as far as the theorem does, and no further."""
 
 from types import SimpleNamespace
 
+import flint
 import pytest
+import sympy as sp
+from sympy import Rational as R
 
-from gsp.slow_tubes.isolation import Isolation
+from gsp.proofs import balls
+from gsp.slow_tubes.adapted_basis import AdaptedBasis
+from gsp.slow_tubes.invariance import Invariance
+from gsp.slow_tubes.isolation import Isolation, Tally
+from tests.slow_tubes.test_slow_tube import series, x, y
+
+z = sp.Symbol("z")
+NEAR = 2.0**-12
 
 
 @pytest.mark.parametrize(
@@ -22,3 +32,84 @@ def test_a_residual_is_enclosed_by_its_mean_value_form_where_that_is_smaller(box
     assert found.contains(0.25)
     assert found.contains(low * (1 - low))
     assert 2 * float(found.rad()) <= width * (1 + 1e-6)
+
+
+def line(sign: int, *, rate: int = 1, epsilon: float = 0.25, claimed: int | None = None) -> Isolation:
+    """x' = s k x, epsilon y' = s (y - x) about y = x, s = `sign` and k = `rate`: epsilon z' = s (z - k x)."""
+    manifold = series({x: sign * rate * x}, {y: sign * (y - x)}, 0)
+    basis = AdaptedBasis(sp.eye(1), ((0,),), (claimed or sign,))
+    return Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, epsilon)), Tally(100))
+
+
+@pytest.fixture(autouse=True)
+def precision():
+    with flint.ctx.workprec(balls.PRECISION):
+        yield
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_faces_are_crossed_as_far_as_they_are(sign: int) -> None:
+    # rho = x, up to 1.
+    for width, said in ((1.0 - NEAR, False), (1.0, False), (1.0 + NEAR, True)):
+        assert line(sign).faces([width]) is said
+    assert not line(sign, claimed=-sign).faces([2.0])
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("epsilon", [0.0625, 0.25])
+@pytest.mark.parametrize("collar", [0.0, 1.25])
+def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) -> None:
+    # (1 - epsilon (1 + c))^2 > 1/L^2.
+    least = 1.0 / (1.0 - epsilon * (1.0 + collar))
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert line(sign, epsilon=epsilon).cones([2.0], share * least, collar) is said
+    # Where the slow flow goes the other way it only helps, and with a collar counts for nothing at worst.
+    least = 1.0 / (1.0 - epsilon * collar)
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert line(sign, rate=-1, epsilon=epsilon).cones([2.0], share * least, collar) is said
+    assert not line(sign, claimed=-sign).cones([2.0], 1024.0, collar)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_sides_are_those_of_the_slow_flow(sign: int) -> None:
+    for rate in (-1, 1):
+        found = line(sign, rate=rate)
+        assert {found.side(0, upper, [2.0]) for upper in (False, True)} == {sign * rate}
+    manifold = series({x: 1 + y / 4}, {y: -y + x}, 0)
+    basis = AdaptedBasis(sp.eye(1), ((0,),), (-1,))
+    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 0.25)), Tally(100))
+    # f = 1 + (x + epsilon z)/4 is positive at x = -1 where |z| < 12.
+    for width, ways in ((11.75, (-1, 1)), (12.25, (0, 1)), (20.5, (0, 0))):
+        assert tuple(tests.side(0, upper, [width]) for upper in (False, True)) == ways
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_other_directions_of_a_cone_count_by_half(sign: int) -> None:
+    # As in the tests of the checker: 3/2 > q^2 is needed, where a whole z_0 would ask for 3.
+    for q, said in ((R(6, 5), True), (R(5, 4), False), (R(3, 2), False)):
+        manifold = series({x: -x}, {y: sign * (y - x), z: -sign * z + q * (y - x)}, 0)
+        basis = AdaptedBasis(sp.eye(2), ((0,), (1,)), (sign, -sign))
+        tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 2.0**-20)), Tally(200))
+        assert tests.cones([1.5, 8.0], 1024.0, 1.0) is said
+        # The margin of the second face is d_1 - q d_0.
+        for share, crossed in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+            assert tests.faces([1.5, share * 1.5 * float(q)]) is crossed
+
+
+def test_a_block_of_two_falls_as_its_symmetric_part() -> None:
+    # epsilon y' = -y + z/2 + x, epsilon z' = -z: (1 - 1/4) d > 1.
+    manifold = series({x: -x}, {y: -y + z / 2 + x, z: -z}, 0)
+    basis = AdaptedBasis(sp.eye(2), ((0, 1),), (-1,))
+    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 0.0625)), Tally(100))
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert tests.faces([share / 0.75]) is said
+
+
+def test_what_bends_in_the_tube_counts_in_the_cones() -> None:
+    # Gamma = (-z_0 + k x z_1, -z_1) with k = 1/4 and |z_1| <= 64: where the slow rates are small
+    # 1 - (64 k/L)^2 - k^2 > 0 is needed, L > 16.525; of balls that hold 0 it is proved a little later.
+    manifold = series({x: -x}, {y: -y + x * z / 4, z: -z}, 0)
+    basis = AdaptedBasis(sp.eye(2), ((0,), (1,)), (-1, -1))
+    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 2.0**-20)), Tally(100))
+    for slope, said in ((16.4, False), (32.0, True)):
+        assert tests.cones([64.0, 64.0], slope, 0.0) is said
