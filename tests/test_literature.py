@@ -37,6 +37,8 @@ COORDINATES = {
         {"PN": "p - P2"},
         ["P2"],
     ),
+    "battery": ({"soc": "soc", "v2": "v2"}, {}, ["v1"]),
+    "icealbedo": ({"To": "To"}, {}, ["Ta"]),
     "sirs": (
         {"p1": "s + i + r", "p2": "s*exp(2*r)"},
         {"s": "p2*exp(-2*r)", "i": "p1 - r - p2*exp(-2*r)"},
@@ -48,15 +50,18 @@ COORDINATES = {
 def expressions(name):
     """Rates of slow and fast variables by name, with parameters put in, from the text of the file."""
     document = tomllib.loads((FOLDER / f"{name}.toml").read_text(), parse_float=sp.Rational)
-    tables = ("parameters", "slow", "fast", "states")
+    tables = ("parameters", "definitions", "slow", "fast", "states")
     names = {"epsilon", *(key for table in tables for key in document.get(table, {}))}
-    symbols = {f"{key}_": sp.Symbol(key) for key in names}
+    symbols = {f"{key}_": sp.Symbol(key) for key in names} | {"min": sp.Min, "max": sp.Max}
 
     def read(text):
         words = re.sub(r"[A-Za-z]\w*", lambda m: f"{m[0]}_" if m[0] in names else m[0], str(text))
         return sp.sympify(words.replace("^", "**"), locals=symbols, rational=True)
 
     values = {sp.Symbol(key): read(value) for key, value in document.get("parameters", {}).items()}
+    defined = {sp.Symbol(key): read(value) for key, value in document.get("definitions", {}).items()}
+    for _ in defined:
+        values |= {s: value.subs(values) for s, value in defined.items()}
     rates = {
         table: {key: read(value).subs(values) for key, value in document.get(table, {}).items()}
         for table in ("slow", "fast", "states")
@@ -75,7 +80,11 @@ def slow_and_fast(name):
     back = {sp.Symbol(key): sp.sympify(text) for key, text in old.items()}
     definitions = {key: sp.sympify(text, locals={s.name: s for s in raw}) for key, text in new.items()}
     f = {
-        key: sp.cancel(sp.together(sum(e.diff(z) * rate for z, rate in raw.items()))).subs(back)
+        key: (
+            sp.cancel(sp.together(sum(e.diff(z) * rate for z, rate in raw.items())))
+            if back
+            else raw[sp.Symbol(key)]
+        ).subs(back)
         for key, e in definitions.items()
     }
     g = {key: sp.expand(sp.Symbol("epsilon") * raw[sp.Symbol(key)]).subs(back) for key in fast}
@@ -85,6 +94,10 @@ def slow_and_fast(name):
         g,
         {**{key: e.subs(values) for key, e in definitions.items()}, **{key: start[key] for key in fast}},
     )
+
+
+# Where the layer from the start lands, when Newton's method goes elsewhere from there.
+SHEETS = {"npz": {"P": 5.6}}
 
 
 def first_correction(name, share):
@@ -102,7 +115,8 @@ def first_correction(name, share):
             sum(mpmath.mpf(v) for v in region[s.name]) / 2 if s.name in region else value
             for s, value in zip(x, first)
         ]
-        root = mpmath.matrix([mpmath.mpf(str(sp.N(start[s.name], 40))) for s in y])
+        near = start | SHEETS.get(name, {})
+        root = mpmath.matrix([mpmath.mpf(str(sp.N(near[s.name], 40))) for s in y])
         # Followed in small steps: Newton's method must stay on the sheet of the start.
         for step in range(11):
             point = [a + (b - a) * share * step / 10 for a, b in zip(first, last)]

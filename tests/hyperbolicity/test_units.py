@@ -91,3 +91,35 @@ def test_sheets_of_two_fast_variables_in_small_bounds_are_told_apart() -> None:
         counts.append(np.sort((branch.roots([0.1], bounds=bounds) / float(unit)).ravel()))
     assert len(counts[0]) == 6
     assert counts[1] == pytest.approx(counts[0], rel=1e-10)
+
+
+@pytest.mark.parametrize("unit", [sp.Integer(1), sp.Rational(1, 10**6), sp.Integer(10**6)])
+@pytest.mark.parametrize("far", [1, 50, 3000])
+def test_a_root_of_what_never_vanishes_switches_nowhere_however_large_it_is_outside(
+    far: int, unit: sp.Expr
+) -> None:
+    # At x = -1 the exponential is exp(3000); over the region it is at most 1.
+    fast = {y: sp.sqrt(4 + sp.exp(-far * x / unit)) - y}
+    (branch,) = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=epsilon)).branches
+    verdict = classify(branch, region={"x": (0, float(unit))})
+    assert not verdict.losses
+    assert verdict.holds
+
+
+@pytest.mark.parametrize("powers", [(0, 0), (-6, 6), (6, -6), (-9, -9), (6, 6)])
+def test_a_kink_is_a_kink_and_a_jump_a_jump_in_whatever_units(powers: tuple[int, int]) -> None:
+    slow, fast = (sp.Integer(10) ** power for power in powers)
+    X, Y = x / slow, y / fast
+    for rate, jumps, kinks in (
+        (sp.Abs(X) - Y, False, True),
+        (X + sp.Max(0, 2 * X - Y / 3) - 2 * Y, False, True),
+        (sp.Heaviside(X) + X - Y, True, False),
+        (X * sp.Abs(X) + X - Y, False, False),
+        (sp.Abs(X - Y) + 2 * X - 2 * Y, False, True),
+    ):
+        system = SlowFastSystem(slow={x: slow}, fast={y: fast * rate}, epsilon=epsilon)
+        (branch, *_) = solve_critical(system).branches
+        box = {"x": (-float(slow), float(slow)), "y": (-10 * float(fast), 10 * float(fast))}
+        (loss,) = (loss for loss in classify(branch, region=box).losses if loss.kind.name == "NON_SMOOTH")
+        assert (loss.coefficients["jump"] > 0, loss.coefficients["kink"] > 0) == (jumps, kinks)
+        assert ("the whole branch lies" in loss.note) == (rate.has(sp.Abs(X - Y)))

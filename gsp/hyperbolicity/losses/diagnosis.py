@@ -99,6 +99,11 @@ class Diagnosis:
         self.samples = samples[chosen]
 
     @cached_property
+    def units(self) -> np.ndarray:
+        """The sizes (n,) that states are compared at: the region's widths, and how far the branch reaches beside it."""
+        return np.append(self.widths, fast_lengths(self.samples[:, self.nx :]))
+
+    @cached_property
     def _rates(self):
         epsilon = self.sampler.system.epsilon
         push = [laurent(g, epsilon, order=1).get(1, 0 * epsilon) for g in self.sampler.system.g]

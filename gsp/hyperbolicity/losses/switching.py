@@ -79,15 +79,19 @@ def _located(
 ) -> tuple[np.ndarray, bool]:
     sampler, nx = diagnosis.sampler, diagnosis.nx
     function = sampler.compiled([switch.surface])
+    lows = np.array([diagnosis.box[s.name][0] for s in sampler.system.x])
 
     def values(points: np.ndarray) -> np.ndarray:
         return function(points, sampler.p)[:, 0]
 
     sizes = values(z)
     largest = float(np.nanmax(np.abs(sizes), initial=0.0))
-    # Away from the branch the function is of this size; on it, it may vanish altogether.
-    moved = z + np.random.default_rng(0).standard_normal(z.shape) * np.append(
-        diagnosis.widths, np.ones(z.shape[1] - nx)
+    # Beside the branch, over the region, the function is of this size; on it, it may vanish altogether. Outside the
+    # region an exponential may be of any size.
+    numbers = np.random.default_rng(0)
+    over = lows + numbers.random((len(z), nx)) * diagnosis.widths
+    moved = np.hstack(
+        [over, z[:, nx:] + numbers.uniform(-1.0, 1.0, (len(z), z.shape[1] - nx)) * diagnosis.units[nx:]]
     )
     around = values(moved)
     typical = float(np.max(np.abs(around[np.isfinite(around)]), initial=0.0))
@@ -136,11 +140,13 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
     sampler = diagnosis.sampler
     z = points[len(points) // 2]
     slopes = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
-    normal = slopes((z + SIDE)[None, :], sampler.p)[0]
+    units = diagnosis.units
+    # Across the surface in the states' own sizes, so that the sides are the same in whatever units states are given.
+    normal = slopes((z + SIDE * units)[None, :], sampler.p)[0] * units
     length = float(np.linalg.norm(normal))
     jumps, endless = (0.0, 0.0), False
     if np.isfinite(length) and length > 0.0:
-        step = SIDE * (1.0 + np.linalg.norm(z)) * normal / length
+        step = SIDE * units * normal / length
         jumps = _jumps(diagnosis, z - step, z + step)
         endless = _grows(diagnosis, z, step)
     coefficients = {} if endless else {"jump": jumps[0], "kink": jumps[1]}
@@ -159,10 +165,11 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
         )
     elif jumps[1]:
         verdict = Verdict(
-            "the Jacobian jumps: the slow manifold is continuous with a kink, errors near it are of order epsilon at "
-            "every order of the series",
+            "the Jacobian jumps: the slow manifold is continuous with a kink; an orbit that crosses it is off by order "
+            "epsilon^2 beyond it, and in the fast variables by order epsilon next to it, at every order from the first "
+            "on",
             True,
-            "to leading order only; or expand on each side by itself",
+            "through order 1, as further ones gain no power of epsilon; or expand on each side by itself",
         )
     else:
         verdict = Verdict(
@@ -207,11 +214,13 @@ def _jumps(diagnosis: Diagnosis, before: np.ndarray, after: np.ndarray) -> tuple
     jacobians = diagnosis.sampler.jacobians(pair)
     if not (np.isfinite(rates).all() and np.isfinite(jacobians).all()):
         return (0.0, 0.0)
-    size = max(float(np.abs(jacobians).max()), 1e-300)
-    jump, kink = float(np.abs(rates[1] - rates[0]).max()), float(np.abs(jacobians[1] - jacobians[0]).max())
+    # Each rate by itself, as states in other units have rates and slopes of other sizes.
+    sized = jacobians * diagnosis.units
+    size = np.abs(sized).max(axis=(0, 2))
+    jump, kink = np.abs(rates[1] - rates[0]), np.abs(jacobians[1] - jacobians[0]).max(axis=1)
     # Over a distance SIDE a smooth field changes by SIDE times its Jacobian.
-    far = float(np.linalg.norm(after - before))
+    far = float(np.linalg.norm((after - before) / diagnosis.units))
     return (
-        jump if jump > 10.0 * size * far * np.sqrt(len(before)) else 0.0,
-        kink if kink > JUMP * size else 0.0,
+        float(np.max(jump, initial=0.0, where=jump > 10.0 * size * far * np.sqrt(len(before)))),
+        float(np.max(kink, initial=0.0, where=np.abs(sized[1] - sized[0]).max(axis=1) > JUMP * size)),
     )
