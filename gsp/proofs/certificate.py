@@ -17,11 +17,12 @@ from gsp.proofs import balls
 from gsp.proofs.covering import Covering
 from gsp.proofs.equations import Equations
 from gsp.proofs.refutation import Witness
+from gsp.proofs.sides import written
 from gsp.proofs.tangential import tangential_rate
 from gsp.proofs.tubes import Box
 from gsp.proofs.verdict import ProofVerdict
+from gsp.results.bounds import as_given, at_least, at_most, shown_sides
 from gsp.results.card import Card
-from gsp.systems.region import shown_region
 
 # Undecided boxes that JSON lists.
 SHOWN = 100
@@ -89,7 +90,7 @@ class Certificate(Card):
             return math.nan
         if not self.tangential < math.inf:
             return 0.0
-        slow = Fraction(self.epsilon) * Fraction(self.tangential)
+        slow = Fraction(written(self.epsilon, self.epsilon)[1]) * Fraction(self.tangential)
         return _rounded_down(Fraction(self.gap) / slow) if slow > 0 else math.inf
 
     @property
@@ -137,7 +138,7 @@ class Certificate(Card):
     @property
     def where(self) -> str:
         """The region as text."""
-        return shown_region(self.region)
+        return shown_sides(self.region)
 
     def __repr__(self) -> str:
         return f"Certificate({self.verdict.name}, {self.reason})"
@@ -146,19 +147,20 @@ class Certificate(Card):
         lines = [f"{self.verdict.value} on {self.where}", f"  {self.reason}"]
         if self.verdict is ProofVerdict.PROVED:
             lines.append(
-                f"  {self.kind}, gap at least {self.gap:.6g} in fast time; {len(self.boxes)} boxes, glued"
+                f"  {self.kind}, gap at least {at_least(self.gap)} in fast time; {len(self.boxes)} boxes, glued"
             )
             if self.epsilon is not None:
-                lines.append(f"  rate along the slow flow at most {self.tangential:.6g}")
+                lines.append(f"  rate along the slow flow at most {at_most(self.tangential)}")
                 lines.append(
-                    f"  normal against tangential rate at epsilon = {self.epsilon:g}: at least {self.rate_ratio:.6g}"
+                    f"  normal against tangential rate at epsilon = {as_given(self.epsilon)}: "
+                    f"at least {at_least(self.rate_ratio)}"
                 )
         if self.witness is not None:
             lines.append(f"  witness: {self.witness.statement}")
         if self.verdict is ProofVerdict.UNDECIDED:
             lines.append(
                 f"  {len(self.boxes)} boxes proved, {len(self.undecided)} left, "
-                f"{self.undecided_volume:.3g} of the volume; {self.tried} tried"
+                f"{at_most(self.undecided_volume, 3)} of the volume; {self.tried} tried"
             )
         return "\n".join(lines)
 

@@ -23,6 +23,7 @@ from gsp.proofs.refutation import Witness, refute
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box, middle_of
 from gsp.proofs.verdict import ProofVerdict
+from gsp.results.bounds import as_given, at_least
 from gsp.systems.arguments import check_progress, check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import ImageBox, Interval, check_region
@@ -163,8 +164,8 @@ def _decided(problem: _Problem, covering: Covering, certificate: Certificate) ->
             return replace(
                 proved,
                 verdict=ProofVerdict.UNDECIDED,
-                reason=f"normally hyperbolic throughout, but r >= 1 at epsilon = {epsilon:g} is not proved: "
-                f"only r >= {proved.rate_ratio:.3g}",
+                reason=f"normally hyperbolic throughout, but r >= 1 at epsilon = {as_given(epsilon)} is not proved: "
+                f"only r >= {at_least(proved.rate_ratio, 3)}",
             )
         return proved
     outside = None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gsp.results.bounds import at_least, at_most, shown_sides
+
 
 @dataclass(frozen=True)
 class CheckedTube:
@@ -59,17 +61,17 @@ class CheckedTube:
 
     def __str__(self) -> str:
         over, n = (*self.slow, *self.parameters), len(self.series) - 1
-        box = ", ".join(f"{name} in [{low!r}, {high!r}]" for name, (low, high) in zip(over, self.region))
+        box = shown_sides(dict(zip(over, self.region)))
         legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.variables))
         rows = [
             f"the proof holds: {self.boxes} boxes were checked",
-            f"  over {box}, for every {self.small} in (0, {self.epsilon!r}]",
+            f"  over {box}, for every {self.small} in (0, {at_least(self.epsilon)}]",
             f"  of {', '.join(f'{name}` = {rate}' for name, rate in zip(self.slow, self.rates))},",
             f"  {', '.join(f'{self.small} {name}` = {rate}' for name, rate in zip(self.fast, self.equations))}",
             f"  ({legend}; ` is the derivative by time)",
             *(f"  h_{k} = ({', '.join(row)})" for k, row in enumerate(self.series)),
             *(
-                f"  |{name} - h| <= {reach!r} {self.small}^{n + 1} on the graph of a Lipschitz map"
+                f"  |{name} - h| <= {at_most(reach)} {self.small}^{n + 1} on the graph of a Lipschitz map"
                 for name, reach in zip(self.fast, self.reach)
             ),
             f"  {self.stable} stable and {self.unstable} unstable fast directions, "
@@ -78,7 +80,7 @@ class CheckedTube:
                 ["  it is locally invariant and unique: no other one over the region lies in the tube"]
                 if self.unique
                 else [
-                    f"  it is locally invariant off a collar of width {self.collar!r} at the sides, in which the slow "
+                    f"  it is locally invariant off a collar of width {at_most(self.collar)} at the sides, in which the slow "
                     "flow is cut off",
                     "  in general it is not unique: each cut-off gives one, and others may lie outside the tube",
                 ]

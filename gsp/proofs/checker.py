@@ -19,6 +19,7 @@ from gsp.proofs import untrusted
 from gsp.proofs.interval_matrices import dot, is_positive, solved
 from gsp.proofs.intervals import Interval
 from gsp.proofs.programs import Program, Rejected
+from gsp.results.bounds import as_given, at_least, shown_sides
 
 FORMAT = "gsp normal hyperbolicity 1"
 # Parts of a tree.
@@ -56,14 +57,14 @@ class Checked:
         }
 
     def __str__(self) -> str:
-        box = ", ".join(f"{n} in [{low!r}, {high!r}]" for n, (low, high) in zip(self.names, self.region))
+        box = shown_sides(dict(zip(self.names, self.region)))
         legend = ", ".join(f"z{i} = {name}" for i, name in enumerate(self.names))
         rows = [
             f"the proof holds: {self.boxes} boxes were checked",
             f"  over {box}",
             f"  one smooth branch of {', '.join(f'{e} = 0' for e in self.equations)} ({legend})",
             f"  {self.stable} stable and {self.unstable} unstable eigenvalues, "
-            f"at least {self.gap!r} from the imaginary axis",
+            f"at least {at_least(self.gap)} from the imaginary axis",
         ]
         return "\n".join(rows)
 
@@ -277,7 +278,9 @@ class _Proof:
                 form[i][j] = total[0] >> 1, -(-total[1] >> 1)
             form[i][i] = ia.subtract(form[i][i], gap)
         if not is_positive(form):
-            raise Rejected(f"the spectrum of part {here} is not {float(self.gap):g} from the imaginary axis")
+            raise Rejected(
+                f"the spectrum of part {here} is not {as_given(float(self.gap))} from the imaginary axis"
+            )
 
     # -- the boxes together ------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""The sides of a box as doubles: what was given exactly is rounded outwards, or inwards."""
+"""Numbers as they were given, between doubles: the sides of a box, rounded outwards or inwards, and an epsilon."""
 
 from __future__ import annotations
 
@@ -25,6 +25,13 @@ def rounded(given: object, nearest: Side) -> tuple[Side, Side]:
     low, high = (_fraction(end) for end in (given if isinstance(given, (tuple, list)) else nearest))
     first, last = nearest
     return (_down(first, low), _up(last, high)), (_up(first, low), _down(last, high))
+
+
+def written(given: object, nearest: float) -> Side:
+    """The doubles about a number and what it was given as: a double stands for the decimal that is printed for it."""
+    exact = _fraction(given)
+    decimal = Fraction(repr(nearest)) if exact is None else exact
+    return _down(nearest, decimal), _up(nearest, decimal)
 
 
 def _down(nearest: float, exact: Fraction | None) -> float:

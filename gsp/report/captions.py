@@ -14,6 +14,7 @@ from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
+from gsp.results.bounds import at_least
 from gsp.singular.mixed_modes import MixedMode
 
 # What figures of views are called, before their names.
@@ -168,11 +169,15 @@ def _proof(analysis: Analysis, setter: Typesetter) -> Markup:
     found = analysis.hyperbolicity.certificate
     assert found is not None
     how = "height" if len(analysis.study.system.x) == 1 else "colour"
+    least = number(min(found.gaps), bound=at_least)
     text = Markup(
         "The {} boxes of the {}. Their {} is the distance from the imaginary axis, in fast time, that is proved of "
         "every eigenvalue over the box: {} at least."
     ).format(
-        len(found.boxes), "proof" if not found.undecided else "attempt at a proof", how, number(min(found.gaps))
+        len(found.boxes),
+        "proof" if not found.undecided else "attempt at a proof",
+        how,
+        least,
     )
     if found.undecided:
         text += Markup(" Over the {} hatched boxes nothing is proved.").format(len(found.undecided))

@@ -19,6 +19,7 @@ from gsp.report.claims import claims_of
 from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
 from gsp.report.reach import failures, reach
 from gsp.report.wording import fitted, number, span, words
+from gsp.results.bounds import at_least
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
 
@@ -192,8 +193,9 @@ class Page:
         certificate = found.certificate
         if certificate is None or not certificate.stable + certificate.unstable:
             return text
+        least = number(certificate.gap, 4, bound=at_least)
         boxes = "1 box" if len(certificate.boxes) == 1 else f"{len(certificate.boxes)} boxes"
-        return text + Markup(", proved to be at least {} in {}").format(number(certificate.gap, 4), boxes)
+        return text + Markup(", proved to be at least {} in {}").format(least, boxes)
 
     def is_proved(self) -> bool:
         """Whether the kind is proved over the region."""

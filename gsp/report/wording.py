@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from markupsafe import Markup, escape
 
 
-def number(value: float, digits: int = 3) -> Markup:
-    """A number as it is set in text: 0.0123, 1.2 times a power of ten, and a dash for nan."""
+def number(value: float, digits: int = 3, *, bound: Callable[[float, int], str] | None = None) -> Markup:
+    """A number as it is set in text: 0.0123, 1.2 times a power of ten, and a dash for nan; rounded as a `bound` is."""
     if math.isnan(value):
         return Markup("–")
     if math.isinf(value):
         return Markup("∞" if value > 0 else "−∞")
-    text = f"{value:.{digits}g}"
+    text = f"{value:.{digits}g}" if bound is None else bound(value, digits)
     if 0.0 < abs(value) < 1e-3 and "e" not in text:
-        head, power = f"{value:.{digits - 1}e}".split("e")
+        head, power = f"{float(text):.{digits - 1}e}".split("e")
         text = f"{float(head):g}e{power}"
     mantissa, _, exponent = text.replace("-", "−").partition("e")
     if not exponent:

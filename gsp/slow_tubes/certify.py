@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from typing import overload
 
 from gsp.critical.branch import Branch
+from gsp.errors import DeclarationError
 from gsp.proofs.certificate import Certificate
 from gsp.proofs.certification import MOST_BOXES, certify_branch
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold
 from gsp.slow_tubes.slow_tube import SlowTube, certify_tube
 from gsp.slow_tubes.solved_tube import SolvedTube, certify_solved
-from gsp.systems.arguments import check_noun
+from gsp.systems.arguments import check_noun, shown
 
 
 @overload
@@ -66,6 +67,13 @@ def certify(
     >>> certify(solve_critical(system).branches[0], region={"y": (0, 1)}).verdict.name
     'PROVED'
     """
+    if isinstance(branch, (SeriesManifold, SampledManifold)) and progress is not None:
+        raise DeclarationError(
+            "the proof of a tube reports no progress.",
+            "Leave progress out.",
+            got=shown(progress),
+            value=progress,
+        )
     if isinstance(branch, SeriesManifold):
         return certify_tube(branch, region=region, epsilon=epsilon, most_boxes=most_boxes)
     if isinstance(branch, SampledManifold):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import flint
 import numpy as np
@@ -22,6 +23,7 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.verdict import ProofVerdict
+from gsp.results.bounds import at_least, at_most
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
@@ -60,14 +62,14 @@ class ReductionBound(Card):
     bound: float
 
     def __repr__(self) -> str:
-        return f"ReductionBound({self.verdict.name}, {self.bound:.6g})"
+        return f"ReductionBound({self.verdict.name}, {at_most(self.bound)})"
 
     def __str__(self) -> str:
         if not len(self.times):
             return f"{self.verdict.value}\n  {self.reason}"
         return (
-            f"{self.verdict.value} for t in [0, {self.times[-1]:g}]\n  {self.reason}\n"
-            f"  |full - reduced| <= {self.bound:.6g} in the slow variables, <= {self.slow[-1]:.6g} at the end"
+            f"{self.verdict.value} for t in [0, {at_least(self.times[-1])}]\n  {self.reason}\n"
+            f"  |full - reduced| <= {at_most(self.bound)} in the slow variables, <= {at_most(self.slow[-1])} at the end"
         )
 
 
@@ -138,9 +140,11 @@ class _Run:
         values = {p: without_decimals(v) for p, v in system.parameters.items()}
         self.basis = _attracting(series, values, near)
         self.invariance = Invariance(series, values=values, basis=self.basis.matrix)
-        self.epsilon = arb(epsilon)
+        # The decimal that is printed.
+        small = Fraction(repr(epsilon))
+        self.epsilon = balls.exact(small)
         self.flow = DeviationFlow(self.invariance, self.epsilon)
-        at = {system.epsilon: sp.Rational(epsilon)}
+        at = {system.epsilon: sp.Rational(small)}
         self.field = [e.xreplace(at) for e in self.invariance.reduced_field]
         self.rates = BallFunction(self.invariance.x, self.field)
 

@@ -23,8 +23,9 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
-from gsp.proofs.sides import rounded_sides
+from gsp.proofs.sides import rounded_sides, written
 from gsp.proofs.verdict import ProofVerdict
+from gsp.results.bounds import at_least, at_most
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
 from gsp.slow_tubes.invariance import Invariance, NotInvariantError
@@ -87,12 +88,12 @@ class SlowTube(Tube):
     def __str__(self) -> str:
         small, n = self.series.branch.system.epsilon.name, self.series.order
         told = [
-            f"for every {small} in (0, {self.epsilon_0:.6g}], with h through order {n}",
-            f"|y - h| <= {self.delta:.6g} at {small} = {self.epsilon_0:.6g}, and in proportion to "
+            f"for every {small} in (0, {at_least(self.epsilon_0)}], with h through order {n}",
+            f"|y - h| <= {at_most(self.delta)} at {small} = {at_least(self.epsilon_0)}, and in proportion to "
             f"{small}^{n + 1} below",
         ]
         if self.ratio < math.inf:
-            told.append(f"that is {self.ratio:.4g} times the largest first term left out")
+            told.append(f"that is {at_most(self.ratio, 4)} times the largest first term left out")
         return self._card("", told)
 
 
@@ -121,7 +122,7 @@ def certify_tube(
         )
     most_boxes = check_whole(most_boxes, what="most_boxes", least=1)
     if epsilon is not None:
-        check_epsilon(epsilon)
+        epsilon = written(epsilon, check_epsilon(epsilon))[1]
     system = branch.system
     slow = [s.name for s in system.x]
     checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
@@ -150,7 +151,7 @@ class _Search:
             if epsilon is None:
                 self._largest(problems)
             else:
-                self._least(problems, float(balls.above(balls.exact(float(epsilon)))))
+                self._least(problems, epsilon)
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:

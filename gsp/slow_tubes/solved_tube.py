@@ -22,6 +22,7 @@ from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box
+from gsp.results.bounds import as_given, at_most
 from gsp.slow.chebyshev import ChebyshevSurface
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
@@ -56,8 +57,10 @@ class SolvedTube(Tube):
         return self.manifold.epsilon
 
     def __str__(self) -> str:
-        at = f" at {self.manifold.branch.system.epsilon.name} = {self.epsilon:g}"
-        return self._card(at, [f"|y - p| <= {self.delta:.6g}, p being the interpolant that was solved for"])
+        at = f" at {self.manifold.branch.system.epsilon.name} = {as_given(self.epsilon)}"
+        return self._card(
+            at, [f"|y - p| <= {at_most(self.delta)}, p being the interpolant that was solved for"]
+        )
 
 
 def certify_solved(

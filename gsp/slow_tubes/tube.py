@@ -12,10 +12,10 @@ from flint import arb
 
 from gsp.proofs import balls
 from gsp.proofs.verdict import ProofVerdict
+from gsp.results.bounds import at_most, shown_sides
 from gsp.results.card import Card
 from gsp.slow_tubes.isolation import norm
 from gsp.slow_tubes.tube_search import ProvedTube
-from gsp.systems.region import shown_region
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -55,7 +55,7 @@ class Tube(Card):
             return (*lines, "it is locally invariant and unique: no other one over the region lies in the tube")
         return (
             *lines,
-            f"it is locally invariant off a collar of width {self.collar:.3g} at the sides, in which the slow flow "
+            f"it is locally invariant off a collar of width {at_most(self.collar, 3)} at the sides, in which the slow flow "
             "is cut off",
             "in general it is not unique: each cut-off gives one, and others may lie outside the tube",
         )
@@ -65,7 +65,7 @@ class Tube(Card):
 
     def _card(self, at: str, told: Sequence[str]) -> str:
         """The verdict on the region and the reason; of an isolating tube what is `told`, and the statement."""
-        lines = [f"{self.verdict.value} on {shown_region(self.region)}{at}", f"  {self.reason}"]
+        lines = [f"{self.verdict.value} on {shown_sides(self.region)}{at}", f"  {self.reason}"]
         if self.is_isolating:
             lines += [f"  {line}" for line in (*told, *self.statement)]
         return "\n".join(lines)
