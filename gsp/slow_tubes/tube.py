@@ -55,8 +55,8 @@ class Tube(Card):
             return (*lines, "it is locally invariant and unique: no other one over the region lies in the tube")
         return (
             *lines,
-            f"it is locally invariant off a collar of width {at_most(self.collar, 3)} at the sides, in which the slow flow "
-            "is cut off",
+            f"it is locally invariant off a collar of width {at_most(self.collar, 3)} at the sides, "
+            "in which the slow flow is cut off",
             "in general it is not unique: each cut-off gives one, and others may lie outside the tube",
         )
 
