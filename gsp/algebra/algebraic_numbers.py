@@ -16,6 +16,7 @@ from sympy.polys.orderings import grevlex
 from sympy.polys.polyerrors import PolynomialError
 
 from gsp.algebra.polynomials import rational
+from gsp.algebra.precision import precision
 from gsp.errors import GspError
 
 # A system whose Bezout number is larger is left to numerical methods.
@@ -75,16 +76,12 @@ class NumberField:
             return 0
         bits = 64
         while True:
-            with_precision = flint.ctx.prec
-            flint.ctx.prec = bits
-            try:
+            with precision(bits):
                 value = self.ball(a, bits)
                 if value > 0:
                     return 1
                 if value < 0:
                     return -1
-            finally:
-                flint.ctx.prec = with_precision
             bits *= 2
 
     def expression(self, a: flint.fmpq_poly) -> sp.Expr:
@@ -117,7 +114,7 @@ class AlgebraicPoint:
 
     def numbers(self) -> dict[sp.Symbol, float]:
         """The coordinates as floats, the same for equal ones in whatever field they are given."""
-        with flint.ctx.workprec(BITS):
+        with precision(BITS):
             return {symbol: float(self.field.ball(value, BITS).mid()) for symbol, value in self.values.items()}
 
     def value(self, expression: sp.Expr) -> flint.fmpq_poly:

@@ -6,12 +6,13 @@ branch is checked at one point, by doubles, as the samples are. What is left is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import flint
 import numpy as np
 
+from gsp.algebra.precision import precision
 from gsp.critical.sampling import LARGE, Sampler
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
@@ -40,13 +41,15 @@ ASIDE = 1e-7
 class Exclusion:
     """Where between samples a loss is excluded: over the whole region but the boxes `left`, `share` of its volume.
 
-    `tried` boxes were looked at. `reason` says why nothing could be, when that is so.
+    `tried` boxes were looked at, and |Re lambda| is at least `gap` over those that are not left.
+    `reason` says why nothing could be, when that is so.
     """
 
     tried: int
     left: tuple[Mapping[str, Interval], ...]
     share: float
     reason: str = ""
+    gap: float = math.inf
     # Further points (k, n) of the branch, the samples that they were followed from, and (sample, x) without a point.
     points: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     origins: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
@@ -85,7 +88,7 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     g = [e.xreplace(dict(system.parameters)) for e in sampler.g]
     try:
         # Overflow is no bound, and what is no bound excludes nothing.
-        with flint.ctx.workprec(balls.PRECISION), np.errstate(all="ignore"):
+        with precision(balls.PRECISION), np.errstate(all="ignore"):
             equations = Equations(system.x, system.y, g)
             most = min(max(OPERATIONS // equations.operations, FEWEST), MOST)
             search = _Search(sampler, equations, whole, z)
@@ -96,7 +99,7 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
         return Exclusion(0, everything, 1.0, error.fact)
     left = tuple(dict(zip(names, part)) for part in search.left)
     share = min(sum(share_of(part, whole) for part in search.left), 1.0)
-    return Exclusion(search.tried, left, share, "", points, origins, ends)
+    return Exclusion(search.tried, left, share, "", search.gap, points, origins, ends)
 
 
 class _Search:
@@ -111,6 +114,7 @@ class _Search:
         self.places: list[np.ndarray] = []
         self.starts: list[np.ndarray] = []
         self.tried = 0
+        self.gap = math.inf
 
     def run(self, most: int) -> None:
         """Cover sheet after sheet until every sample lies on one, or the budget of `most` boxes ends."""
@@ -129,6 +133,8 @@ class _Search:
             if covering.interrupted:
                 raise KeyboardInterrupt
             self.tried += covering.tried
+            if covering.gap < self.gap:
+                self.gap = covering.gap
             pending &= ~self._taken(covering, pending)
         if pending.any():
             self.left.append(self.whole)

@@ -20,6 +20,7 @@ from gsp.hyperbolicity.exclusion import Exclusion, exclude
 from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
 from gsp.hyperbolicity.samples import Kind, is_worse, judged_samples, kind_of, sampled
+from gsp.results.bounds import at_least
 from gsp.results.card import Card
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from gsp.proofs.certificate import Certificate
 
 EQUILIBRIUM_TOLERANCE = 1e-9
+# Enclosures that bound the gap by less than this share of the sampled one leave room for one that samples missed.
+SHARP = 0.5
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,8 @@ class Rates:
 
 @dataclass(frozen=True, eq=False)
 class Hyperbolicity(Card):
-    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| in fast time), `rates`, `losses`,
+    """The verdict on `branch` over `region`: `kind`, `gap` (least |Re lambda| at the samples, in fast time),
+    `rates`, `losses`,
     and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
     neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says
     where between the samples a loss is not excluded; None when one was found at them.
@@ -98,6 +102,20 @@ class Hyperbolicity(Card):
         refuted = self.certificate is not None and self.certificate.verdict.name == "REFUTED"
         return not refuted and all(condition.holds for condition in self.conditions)
 
+    @property
+    def is_proved(self) -> bool:
+        """Whether the kind is proved over the region; `certificate.gap` is then the gap that is."""
+        return (
+            self.certificate is not None
+            and self.certificate.verdict.name == "PROVED"
+            and self.kind is not Kind.LOST
+        )
+
+    @property
+    def _shown_gap(self) -> str:
+        proved = self.certificate if self.is_proved else None
+        return f"{self.gap:.6g}" if proved is None else at_least(proved.gap)
+
     def with_proof(self, *, epsilon: float | None = None, most_boxes: int | None = None) -> Hyperbolicity:
         """The verdict with its `certificate`: what `certify` proves over the region with `most_boxes` boxes.
 
@@ -114,7 +132,7 @@ class Hyperbolicity(Card):
             evidence = f"refuted on {found.where}: {found.witness.statement}"
             return replace(self, kind=Kind.LOST, certificate=found, evidence=evidence)
         if found.verdict.name == "PROVED" and self.kind is not Kind.LOST:
-            evidence = f"proved on {found.where}"
+            evidence = f"proved on {found.where}; {self.gap:.6g} at the samples"
         else:
             evidence = f"{self.evidence}; {found.reason}"
         return replace(self, certificate=found, evidence=evidence)
@@ -137,11 +155,12 @@ class Hyperbolicity(Card):
         return values[0] if single else values
 
     def __repr__(self) -> str:
-        return f"Hyperbolicity({self.kind}, gap={self.gap:.6g}, {self.evidence})"
+        return f"Hyperbolicity({self.kind}, gap{'>' * self.is_proved}={self._shown_gap}, {self.evidence})"
 
     def __str__(self) -> str:
         newline = "\n"
-        lines = [f"{self.kind}, gap {self.gap:.6g} in fast time; {self.evidence}"]
+        least = "at least " * self.is_proved
+        lines = [f"{self.kind}, gap {least}{self._shown_gap} in fast time; {self.evidence}"]
         lines += [f"  {condition}" for condition in self.conditions]
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
@@ -189,8 +208,11 @@ def classify(
     z, kinds = samples.z, judged.kinds
     lost = judged.lost or len(kinds) != 1
     evidence = f"sampled at {len(z)} points"
-    if exclusion is not None and not lost and not exclusion.is_complete:
-        evidence += f"; {exclusion}"
+    if exclusion is not None and not lost:
+        if not exclusion.is_complete:
+            evidence += f"; {exclusion}"
+        elif exclusion.gap < SHARP * judged.gap:
+            evidence += f"; between them enclosures bound the gap by {at_least(exclusion.gap)} only"
     rates = Rates(judged.gap, sampler.tangential_rate(z))
     found = judged.found
     verdict = Hyperbolicity(

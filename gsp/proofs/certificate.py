@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-import flint
 import sympy as sp
 
+from gsp.algebra.precision import precision
 from gsp.critical.branch import Branch
 from gsp.proofs import balls
 from gsp.proofs.covering import Covering
@@ -74,7 +74,7 @@ class Certificate(Card):
         """A proved bound of growth and decay along the slow flow, in slow time; infinite where none is found."""
         if "tangential" not in self._rate:
             enough = 0.0 if self.epsilon is None else self.gap / self.epsilon
-            with flint.ctx.workprec(balls.PRECISION):
+            with precision(balls.PRECISION):
                 pieces = self._covering.pieces
                 self._rate["tangential"] = (
                     tangential_rate(self._equations, self._slow, pieces, enough=enough)

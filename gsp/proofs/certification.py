@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-import flint
 import numpy as np
 import sympy as sp
 from flint import arb
 
+from gsp.algebra.precision import precision
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.proofs import balls
@@ -59,7 +59,7 @@ def certify_branch(
     sides = [by_name[name] for name in names]
     box: Box = tuple(outer for outer, _ in sides)
     fast = {s.name: checked[s.name] for s in system.y if s.name in checked}
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         equations, slow = limit_equations(branch, names)
         start = point_over(branch, equations, box, fast)
         covering = _covered(equations, box, start, most_boxes, progress)

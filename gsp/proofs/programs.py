@@ -175,8 +175,8 @@ class _Reader:
     """Sums, products, powers with constant exponents, and functions of z0, z1, ...; nothing else is read."""
 
     def __init__(self, text: Any, program: Program) -> None:
-        if not isinstance(text, str) or len(text) > MOST_TEXT:
-            raise Rejected(f"an expression is text of at most {MOST_TEXT} characters")
+        if not isinstance(text, str) or len(text) > MOST_TEXT or not text.isprintable():
+            raise Rejected(f"an expression is one line of at most {MOST_TEXT} characters")
         self.program = program
         self.tokens: list[str] = []
         place = 0

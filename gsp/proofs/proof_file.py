@@ -13,10 +13,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import flint
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.precision import precision
 from gsp.errors import GspError
 from gsp.proofs import balls, checker
 from gsp.proofs.covering import Part, glue, refine
@@ -51,7 +51,7 @@ def _accepted(certificate: Certificate) -> dict:
     pass.
     """
     covering, equations = certificate._covering, certificate._equations
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         for share, room in zip(SHARES, ROOMS):
             written = as_json(certificate, share)
             try:

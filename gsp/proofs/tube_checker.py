@@ -49,6 +49,7 @@ class _TubeProof:
             untrusted.names(read[key]) for key in ("slow", "parameters", "fast")
         )
         (self.small,) = untrusted.names([read["epsilon_name"]])
+        untrusted.names([*self.slow, *self.parameters, *self.fast, self.small])
         self.k, self.n, self.m = len(self.slow), len(self.slow) + len(self.parameters), len(self.fast)
         if not (self.k > 0 and self.m > 0 and self.n + self.m < untrusted.MOST_VARIABLES):
             raise Rejected(f"there are slow and fast variables, fewer than {untrusted.MOST_VARIABLES}")
@@ -376,7 +377,7 @@ class _TubeProof:
 
 def _texts(rows: Any, length: int) -> tuple[str, ...]:
     if not isinstance(rows, list) or len(rows) != length or not all(isinstance(row, str) for row in rows):
-        raise Rejected(f"a list of {length} expressions is text. Got {str(rows)[:60]}")
+        raise Rejected(f"a list of {length} expressions is text. Got {str(rows)[:60]!r}")
     return tuple(rows)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import stat
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -20,10 +21,15 @@ MOST_BYTES, MOST_VARIABLES = 256_000_000, 64
 
 def read_json(path: Path) -> Any:
     """The plain values of a file; raises `Rejected` when it is no JSON or too large, OSError when it cannot be read."""
-    if path.stat().st_size > MOST_BYTES:
+    # Looked at before it is opened: opening a named pipe waits for ever, and a device has no end.
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise Rejected("this is no regular file")
+    with path.open("rb") as stream:
+        data = stream.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
         raise Rejected(f"the file is larger than {MOST_BYTES} bytes")
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        return json.loads(data.decode(), parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
         raise Rejected(f"the file is no JSON: {error}") from None
 
@@ -55,14 +61,18 @@ def count(value: Any, most: int) -> int:
 def numbers(texts: Any, length: int) -> list[Fraction]:
     """A row of hexadecimal doubles."""
     if not isinstance(texts, list) or len(texts) != length:
-        raise Rejected(f"a row has {length} numbers. Got {str(texts)[:60]}")
+        raise Rejected(f"a row has {length} numbers. Got {str(texts)[:60]!r}")
     return [number(text) for text in texts]
 
 
 def names(texts: Any) -> tuple[str, ...]:
-    """A list of names."""
+    """A list of names: each once, and no character in it that moves a terminal's cursor."""
     if not isinstance(texts, list) or not all(isinstance(name, str) and len(name) <= 200 for name in texts):
         raise Rejected("names are a list of text")
+    if not all(name and name.isprintable() for name in texts):
+        raise Rejected(f"names are printable. Got {str(texts)[:60]!r}")
+    if len(set(texts)) != len(texts):
+        raise Rejected(f"every name stands once. Got {str(texts)[:60]!r}")
     return tuple(texts)
 
 
@@ -83,4 +93,4 @@ def guarded(check: Callable[[], Found]) -> Found:
     except OutOfDomain as error:
         raise Rejected(f"an expression is not defined over a box: {error}") from None
     except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError, RecursionError) as error:
-        raise Rejected(f"the file is malformed: {type(error).__name__}, {error!s:.80}") from None
+        raise Rejected(f"the file is malformed: {type(error).__name__}, {str(error)[:80]!r}") from None

@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-import flint
 import numpy as np
 import sympy as sp
 from flint import arb, arb_mat
 
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
+from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
@@ -121,7 +121,7 @@ def bound_reduction(
             f"Name all of {', '.join(fast)}, or none.",
             got=dict(full),
         )
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         x = [balls.exact(float(full[name])) for name in slow]
         s = [balls.exact(float(reduced[name])) for name in slow]
         y = [balls.exact(float(full[name])) for name in fast] if fast[0] in full else None

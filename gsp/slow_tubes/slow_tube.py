@@ -11,13 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import flint
 import numpy as np
 import sympy as sp
 from flint import arb
 
 from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
+from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
@@ -127,7 +127,7 @@ def certify_tube(
     slow = [s.name for s in system.x]
     checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
     box = {name: outwards for name, (outwards, _) in rounded_sides(region, checked).items()}
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         return _Search(series, box, most_boxes).result(epsilon)
 
 

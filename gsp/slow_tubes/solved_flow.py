@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import flint
 import sympy as sp
 from flint import arb, arb_poly, fmpq, fmpz_poly
 
 from gsp.algebra.differentiation import jacobian
+from gsp.algebra.precision import precision
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import without_decimals
@@ -60,7 +60,7 @@ class SolvedFlow:
         self._slopes = BallFunction(arguments, [*f, *jacobian([*f, *g], arguments)])
         degree = surface.coefficients.shape[0] - 1
         self._precision = BITS + 3 * degree
-        with flint.ctx.workprec(self._precision):
+        with precision(self._precision):
             self._exact = SeriesFunction(arguments, [*f, *g])
             self._p = [_polynomial(surface, i) for i in range(self.m)]
             self._derivatives = [p.derivative() for p in self._p]
@@ -74,7 +74,7 @@ class SolvedFlow:
         h = balls.magnitude(x - arb(c))
         found = self._kept.get((c, h))
         if found is None:
-            with flint.ctx.workprec(self._precision):
+            with precision(self._precision):
                 at = [[*p(arb_poly([arb(c), 1])).coeffs(), *[arb(0)] * (ORDER + 2)] for p in self._p]
                 over = [_spread(q, h) for q in at]
             if len(self._kept) >= KEPT:
@@ -93,7 +93,7 @@ class SolvedFlow:
         """G (m,) at z = 0 over (x, epsilon)."""
         x, epsilon = arguments
         c, h, at, over = self._about(x)
-        with flint.ctx.workprec(self._precision):
+        with precision(self._precision):
             total = self._defects([arb(c), arb(1)], at, epsilon, ORDER)
             if h > 0.0:
                 rest = self._defects([x, arb(1)], over, epsilon, ORDER + 1)

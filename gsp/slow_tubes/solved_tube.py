@@ -10,12 +10,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import flint
 import numpy as np
 import sympy as sp
 from flint import arb
 
 from gsp.algebra.differentiation import jacobian
+from gsp.algebra.precision import precision
 from gsp.errors import DeclarationError
 from gsp.proofs import balls
 from gsp.proofs.certification import MOST_BOXES
@@ -111,7 +111,7 @@ def certify_solved(
                 "Shrink the region, or solve it over a larger one.",
                 got=f"[{low!r}, {high!r}]",
             )
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         return _proved(manifold, surface, box, most_boxes)
 
 

@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import flint
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.precision import precision
 from gsp.errors import GspError
 from gsp.proofs import balls, tube_checker
 from gsp.proofs.equations import without_decimals
@@ -52,7 +52,7 @@ def write(tube: SlowTube, path: Path) -> None:
             "Shrink the region or lower epsilon.",
             got=f"the verdict {tube.verdict.name}: {tube.reason}",
         )
-    with flint.ctx.workprec(balls.PRECISION):
+    with precision(balls.PRECISION):
         text = json.dumps(_accepted(tube), separators=(",", ":"), allow_nan=False)
     write_file((text + "\n").encode(), path)
 

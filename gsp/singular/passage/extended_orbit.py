@@ -16,11 +16,11 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
+from gsp.algebra.precision import precision
 from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.errors import DeclarationError, Status
 from gsp.integration.loop import check_span
 from gsp.singular.singularities.canard_series import program_of
-from gsp.singular.singularities.canard_value import precision
 from gsp.systems.arguments import check_noun, check_number, check_whole, shown
 from gsp.systems.declaration import exact
 from gsp.systems.flow import Point, check_epsilon, complete

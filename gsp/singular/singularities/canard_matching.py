@@ -18,10 +18,11 @@ import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.precision import precision
 from gsp.algebra.taylor_ring import Balls, Taylor, TaylorRing, midpoint_sum
 from gsp.singular.singularities.canard_points import CanardError
 from gsp.singular.singularities.canard_series import PlanarField, program_of
-from gsp.singular.singularities.canard_value import CanardValue, precision
+from gsp.singular.singularities.canard_value import CanardValue
 from gsp.systems.arguments import check_each, check_noun, check_number, check_whole
 from gsp.systems.declaration import exact
 from gsp.systems.flow import check_epsilon

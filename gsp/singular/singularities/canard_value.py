@@ -8,8 +8,7 @@ exp(-c/epsilon), and so is a_c.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import floor, log10
 
@@ -17,6 +16,7 @@ import flint
 import sympy as sp
 
 from gsp.algebra.algebraic_numbers import arb
+from gsp.algebra.precision import precision
 from gsp.algebra.taylor_ring import DIGITS, Algebraic, Balls, Inexact, Rationals, Scalar
 from gsp.results.card import Card
 from gsp.singular.singularities.canard_points import CanardError, CanardPoint, canard_point, planar_field
@@ -220,17 +220,6 @@ def _least(terms: list[flint.arb]) -> int:
     """Where `WINDOW` terms in a row are least."""
     sizes = [float(abs(t).mid()) for t in terms]
     return min(range(len(sizes) - WINDOW), key=lambda k: max(sizes[k : k + WINDOW]))
-
-
-@contextmanager
-def precision(bits: int) -> Iterator[None]:
-    """python-flint at `bits` bits for a while."""
-    before = flint.ctx.prec
-    flint.ctx.prec = bits
-    try:
-        yield
-    finally:
-        flint.ctx.prec = before
 
 
 def _series(coefficients: tuple[sp.Expr, ...], epsilon: sp.Symbol) -> str:
