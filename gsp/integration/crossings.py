@@ -3,7 +3,8 @@
 Every step is looked at in `SUBDIVISIONS` pieces of its dense output. A change of sign between neighbouring points
 is a crossing, and so are the two of a dip: where |g| has a minimum among the points, it is searched for a point of
 the other sign in between. The crossing is located on the dense output to rounding, and then by running the method
-again from the step's start to the crossing, so that time and state are as good as the steps are.
+again from the step's start to the crossing, so that time and state are as good as the steps are. Functions that are on
+their zeros together to rounding, on the dense output, are so in one instant, which is located once for all of them.
 """
 
 from __future__ import annotations
@@ -30,10 +31,8 @@ TINY = 1e-300
 REFINEMENTS = 8
 # Width of the difference quotient on the dense output that starts them, as a share of the step.
 SLOPE_WIDTH = 1e-3
-# Crossings of the dense output nearer than this share of what was looked at may be one instant; they are if they are
-# after refinement, to some units in the last place.
-SAME_STEP = 1e-6
-SAME_TIME = 64 * 2.0**-52
+# A function is on its zero within so many units of rounding: of its terms, and of the time and the step.
+ROUNDING = 16 * 2.0**-52
 # Steps between two looks when a run may end: what lies beyond its end is wasted.
 LOOK = 64
 
@@ -108,13 +107,22 @@ class Watched:
     """One watched function: which sign changes count, and the crossing of which number ends the run (0: none).
 
     `settle` makes a crossing of the dense output, given as the search, the column, its time and its piece, into
-    what is reported; None says that it was none.
+    what is reported; None says that it was none. `size(t, y)` is that of the function's terms, where it is known.
     """
 
     name: str
     direction: int
     limit: int
     settle: Settle
+    size: Callable[[float, np.ndarray], float] = lambda t, y: 0.0
+
+
+class Instant(NamedTuple):
+    """A time of the dense output in a step of this length, and what is met there: columns, each with its sense."""
+
+    t: float
+    step: float
+    met: dict[int, int]
 
 
 class Seen(NamedTuple):
@@ -204,35 +212,68 @@ class Search:
         for column in range(len(self.watched)):
             for a, b, sense in self._brackets(column, t, g[:, column], piece):
                 crossings.append((self._crossed(column, a, b, sense, piece), sense, column))
-        backward = bool(piece.times[-1] < piece.times[0])
-        wanted = [found for found in crossings if self.watched[found[2]].direction in (0, found[1])]
-        wanted.sort(reverse=backward)
-        for i, (at, _, column) in enumerate(wanted):
-            one = self.watched[column]
-            settled = one.settle(self, column, at, piece)
-            if settled is None:
-                continue
-            self.found[column].append(settled)
-            if one.limit and len(self.found[column]) >= one.limit:
-                self._record_with_end(settled, at, wanted[i + 1 :], piece)
-                rows = seen.rows + piece.step(at) if settled.row is None else settled.row
-                self._seen = seen._replace(rows=rows, end=settled)
+        crossings.sort(reverse=bool(piece.times[-1] < piece.times[0]))
+        for instant in self._instants(crossings, piece):
+            end = self._enter(instant, piece)
+            if end is not None:
+                rows = seen.rows + piece.step(instant.t) if end.row is None else end.row
+                self._seen = seen._replace(rows=rows, end=end)
                 return True
         self._pass(times, states)
         return False
 
-    def _record_with_end(
-        self, end: Settled, root: float, later: Sequence[tuple[float, int, int]], piece: Piece
-    ) -> None:
-        """Enter the user's events of the instant that a run ends in, at its end."""
-        near = SAME_STEP * abs(piece.times[-1] - piece.times[0])
-        for t, _, column in later:
+    def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: Piece) -> list[Instant]:
+        """The crossings (time, sense, column), in the order of the run, by their instants."""
+        instants: list[Instant] = []
+        for t, sense, column in crossings:
+            if instants and column not in instants[-1].met and self._is_met(column, t, instants[-1], piece):
+                instants[-1].met[column] = sense
+            else:
+                k = piece.step(t)
+                instants.append(Instant(t, abs(piece.times[k + 1] - piece.times[k]), {column: sense}))
+        end = float(piece.times[-1])
+        if instants and _same(instants[-1], end):
+            # Rounding may have left the crossing of one function to these steps, of another to those that follow.
+            forward = float(np.sign(end - piece.times[0]))
+            for column in set(range(len(self.watched))) - set(instants[-1].met):
+                sense = int(np.sign(self._slope(column, end, piece)[0]) * forward)
+                if sense == -self._signs[column] != 0 and self._is_met(column, end, instants[-1], piece):
+                    instants[-1].met[column] = sense
+                    self._signs[column] = sense
+        return instants
+
+    def _is_met(self, column: int, t: float, instant: Instant, piece: Piece) -> bool:
+        """Whether a function that passes through zero at `t` is on its zero at the instant already."""
+        if abs(t - instant.t) > instant.step:
+            return False
+        y = piece.at(np.array([instant.t]))[0]
+        slope, (_, value, _), _ = self._slope(column, instant.t, piece)
+        time = abs(instant.t) + instant.step
+        # Written so that what is not a number is not met.
+        return abs(value) <= ROUNDING * (self.watched[column].size(instant.t, y) + abs(slope) * time)
+
+    def _enter(self, instant: Instant, piece: Piece) -> Settled | None:
+        """Enter what is met at an instant, located once for all events; the crossing that ends the run, if one does.
+
+        Where a reduced flow ends is told first: there it ends, whatever else is met.
+        """
+        located = end = None
+        columns = [c for c, sense in instant.met.items() if self.watched[c].direction in (0, sense)]
+        for column in sorted(columns, key=lambda c: (self.watched[c].settle is settle_event, c)):
             one = self.watched[column]
-            if abs(t - root) > near or one.settle is not settle_event:
+            if located is None or one.settle is not settle_event:
+                settled = one.settle(self, column, instant.t, piece)
+            elif self._slope(column, instant.t, piece)[2]:
                 continue
-            settled = one.settle(self, column, t, piece)
-            if settled is not None and abs(settled.t - end.t) <= SAME_TIME * max(abs(end.t), near):
-                self.found[column].append(replace(end, note=settled.note))
+            else:
+                settled = replace(located, note=_note(one))
+            if settled is None:
+                continue
+            located = located or settled
+            self.found[column].append(settled)
+            if end is None and one.limit and len(self.found[column]) >= one.limit:
+                end = settled
+        return end
 
     def _pass(self, times: np.ndarray, states: np.ndarray) -> None:
         if self.can_end:
@@ -283,13 +324,7 @@ class Search:
         k = piece.step(t)
         start, y, end = float(piece.times[k]), piece.states[k], float(piece.times[k + 1])
         low, high = min(start, end), max(start, end)
-        width = SLOPE_WIDTH * (high - low)
-        a, b = max(low, t - width), min(high, t + width)
-        left, middle, right = (self._value(column, at, piece) for at in (a, t, b))
-        is_pole = abs(middle) > abs(left) and abs(middle) > abs(right)
-        if is_pole:
-            left, right = _reciprocal(left), _reciprocal(right)
-        slope = (right - left) / (b - a) if b > a else 0.0
+        slope, _, is_pole = self._slope(column, t, piece)
         best: tuple[float, Settled] | None = None
         last = (0.0, 0.0)
         for _ in range(REFINEMENTS):
@@ -315,6 +350,19 @@ class Search:
                 break
         assert best is not None
         return best[1]
+
+    def _slope(self, column: int, t: float, piece: Piece) -> tuple[float, list[float], bool]:
+        """On the dense output about `t`: the slope, or that of the reciprocal at a pole, three values, and which."""
+        k = piece.step(t)
+        low, high = sorted((float(piece.times[k]), float(piece.times[k + 1])))
+        width = SLOPE_WIDTH * (high - low)
+        a, b = max(low, t - width), min(high, t + width)
+        values = left, middle, right = [self._value(column, at, piece) for at in (a, t, b)]
+        # Beside an end of the step the other side alone tells.
+        is_pole = (a == low or abs(middle) > abs(left)) and (b == high or abs(middle) > abs(right))
+        if is_pole:
+            left, right = _reciprocal(left), _reciprocal(right)
+        return (right - left) / (b - a) if b > a else 0.0, values, is_pole
 
     def _evaluate(self, column: int, t: float, y: np.ndarray) -> float:
         return float(self.values(np.array([t]), y[np.newaxis])[0, column])
@@ -386,9 +434,17 @@ def _reciprocal(value: float) -> float:
     return 1.0 / value if value != 0.0 else np.inf
 
 
+def _same(instant: Instant, t: float) -> bool:
+    return abs(t - instant.t) <= ROUNDING * (abs(t) + instant.step)
+
+
+def _note(watched: Watched) -> str:
+    return f"event {watched.name}"
+
+
 def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled | None:
     """A user's event: the refined crossing; a change of sign through a pole is no zero."""
     settled = search.refined(column, t, piece)
     if settled.is_pole:
         return None
-    return replace(settled, note=f"event {search.watched[column].name}")
+    return replace(settled, note=_note(search.watched[column]))

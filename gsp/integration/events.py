@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -12,14 +13,11 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.errors import DeclarationError, Named
-from gsp.integration.crossings import Settled, Watched, settle_event
+from gsp.integration.crossings import ROUNDING, Settled, Watched, settle_event
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.card import Card
 from gsp.systems.arguments import check_one_of, check_text, check_whole, shown
 from gsp.systems.flow import Flow, frozen
-
-# A start counts as on the zero when g is within so many units of rounding of its terms.
-ROUNDING = 16 * 2.0**-52
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,10 @@ class CompiledEvents:
 
     def watched(self) -> list[Watched]:
         """What a search has to know about each."""
-        return [Watched(e.name, e.direction, int(e.terminal), settle_event) for e in self.events]
+        return [
+            Watched(e.name, e.direction, int(e.terminal), settle_event, partial(self._size, i))
+            for i, e in enumerate(self.events)
+        ]
 
     def met(self, found: Sequence[Sequence[Settled]]) -> Mapping[str, Crossings]:
         """Where each was met, by its name, of what a search has `found`."""
@@ -119,6 +120,9 @@ class CompiledEvents:
             states = np.array([one.y for one in crossings]).reshape(-1, self.states).T
             result[event.name] = Crossings(frozen(np.array([one.t for one in crossings])), frozen(states))
         return MappingProxyType(result)
+
+    def _size(self, i: int, t: float, y: np.ndarray) -> float:
+        return self._all(np.array([t]), y[np.newaxis])[0, 2 * len(self.events) + i]
 
     def _all(self, t: np.ndarray, states: np.ndarray) -> np.ndarray:
         return self.function(np.column_stack([states, t]), self.p)

@@ -341,3 +341,59 @@ def test_events_that_are_an_array_without_axes_are_refused():
     scene = gsp.models.load("linear")
     with pytest.raises(DeclarationError, match="events is a sequence of Event"):
         integrate(scene.system, start=scene.start, span=(0, 1), epsilon=0.1, events=np.ma.masked)
+
+
+@METHODS
+@pytest.mark.parametrize("at", [None, [1.0, 2.0, 3.0]])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_one_instant_is_met_whole_also_where_a_step_ends(method, at, sign):
+    field = VectorField({x: sp.Integer(sign), y: -y}, epsilon=None)
+    events = [
+        Event(x - 2, name="last", terminal=True),
+        Event(sp.exp(x) - sp.exp(sp.Integer(2)), name="exponential"),
+        Event((x - 2) ** 3 / 1000 + (x - 2) * (1 + y**2), name="cubic"),
+        Event(1 / (x - 2), name="pole"),
+    ]
+    start, span = {"x": 2 - 2 * sign, "y": 1}, (0, 4)
+    run = integrate(field, start=start, span=span, events=events, method=method, at=at)
+    assert run.status is Status.EVENT_REACHED
+    assert run.events["last"].times == pytest.approx([2.0], rel=1e-14)
+    for name in ("exponential", "cubic"):
+        assert run.events[name].times.tolist() == run.events["last"].times.tolist()
+        assert run.events[name].states.tolist() == run.events["last"].states.tolist()
+    assert run.events["pole"].times.size == 0
+
+
+@pytest.mark.parametrize("name", gsp.models.names())
+@pytest.mark.parametrize("backward", [False, True])
+def test_events_of_one_instant_are_one_instant_in_every_model(name, backward):
+    free = integrate(gsp.models.load(name), rtol=1e-6, atol=1e-9)
+    states, options = free.flow.states, {"epsilon": free.epsilon, "rtol": 1e-6, "atol": 1e-9}
+    first, last = free.t[0], free.t[-1]
+    middle = float(0.7 * last + 0.3 * first)
+    values = free.at(middle)
+    # What a run crosses for certain: the state that changes most, half way of its change to the middle.
+    begun = free.y[:, 0]
+    k = int(np.argmax(np.abs(values - begun) / (np.abs(begun) + np.abs(values) + 1e-300)))
+    level = sp.Float(0.5 * (begun[k] + values[k]))
+    g = states[k] - level
+    events = [
+        Event(g, name="plain"),
+        Event(-3 * g, name="turned"),
+        Event(g * (2 + sp.sin(states[0])), name="factor"),
+        Event(g**3 / (1 + level**2) + g, name="cubic"),
+    ]
+    start, span = (values, (middle, first)) if backward else (begun, (first, last))
+    # Backward a fast part grows, and may end the run.
+    run = integrate(
+        free.flow,
+        start=dict(zip((s.name for s in states), start)),
+        span=span,
+        events=events,
+        max_steps=20_000,
+        **options,
+    )
+    assert run.events["plain"].times.size or backward
+    for other in ("turned", "factor", "cubic"):
+        assert run.events[other].times.tolist() == run.events["plain"].times.tolist()
+        assert run.events[other].states.tolist() == run.events["plain"].states.tolist()
