@@ -124,6 +124,11 @@ def solver_of(method: Method, rtol: float) -> Solver:
     return _TAYLOR[taylor_order(rtol)] if method is Method.TAYLOR else _SOLVERS[method]
 
 
+def trusts(method: Method, rtol: float) -> bool:
+    """Whether the method's dense output is as good as its steps."""
+    return solver_of(method, rtol).check == grid.TRUSTS
+
+
 def taylor_order(rtol: float) -> int:
     """The order of a Taylor series at a tolerance."""
     for least, order in _TAYLOR_ORDERS:
