@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -199,6 +201,53 @@ def test_a_polynomial_graph_whose_eigenvalue_passes_through_zero():
     assert trajectory.status is Status.HYPERBOLICITY_LOST
     assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-10)
     assert trajectory["z"][-1] == pytest.approx(np.e, rel=1e-8)
+
+
+# (fast, slow): a factor of the fast rates vanishes at y = 2, and with it all rates of the fast fibre.
+AT_2 = 2 - y
+FIBRES = {
+    "line": ({x: AT_2 * (y - x)}, {y: ONE}),
+    "parabola": ({x: AT_2 * (y**2 - x)}, {y: ONE}),
+    "constant": ({x: AT_2 * (sp.Rational(1, 3) - x)}, {y: 1 + x**2 / 7}),
+    "driven by x": ({x: AT_2 * (sp.sqrt(3) * y - x)}, {y: 1 + x**2 / 7}),
+    "two slow": ({x: AT_2 * (y + z - x)}, {y: ONE, z: -z}),
+    "second fast": ({x: AT_2 * (y - x), w: x - w}, {y: ONE}),
+    "second fast first": ({w: x - w, x: AT_2 * (y + w - 2 * x)}, {y: ONE}),
+    "tanh": ({x: sp.tanh(AT_2) * (y - x)}, {y: 1 + y / 10}),
+    "implicit": ({x: AT_2 * (y - x - x**3)}, {y: ONE}),
+    "exponential": ({x: AT_2 * (1 + y - sp.exp(x))}, {y: ONE}),
+}
+
+
+@pytest.mark.parametrize("name", FIBRES)
+def test_a_fibre_of_equilibria_ends_the_reduction_as_classify_says(name):
+    fast, slow = FIBRES[name]
+    start = dict.fromkeys("xyzw", 0.0) | {"z": 1.0}
+    system = SlowFastSystem(slow=slow, fast=fast, epsilon=eps)
+    start = {s.name: start[s.name] for s in system.states}
+    trajectory = run(system, start, span=(0, 5))
+    assert trajectory.status is Status.HYPERBOLICITY_LOST
+    assert trajectory["y"][-1] == pytest.approx(2.0, abs=1e-7)
+    branch = gsp.solve_critical(system).nearest(start)
+    # The point that is named lies on the critical manifold.
+    named = dict(re.findall(r"\b([xyzw]) = ([-+.e0-9]+)(?=[,;])", trajectory.message.split("branch point")[1]))
+    at = {s.name: float(trajectory[s.name][-1]) for s in system.x}
+    height = branch.points(at, near=None if branch.is_explicit else [1.0])
+    assert [float(named[s.name]) for s in system.y] == pytest.approx(height, abs=2e-5)
+    loss = gsp.classify(branch, region={"y": (0.1, 3), **({"z": (0.1, 1)} if len(slow) > 1 else {})}).losses[0]
+    assert loss.point["y"] == pytest.approx(2.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "g", [y - x * y + x, y - z - x * y + x, 1 - y - sp.exp(-x), (y - x * y + x) * (3 - y)], ids=str
+)
+@pytest.mark.parametrize("unit", [1, 10**12])
+def test_a_run_ends_where_the_manifold_goes_to_infinity(g, unit):
+    system = SlowFastSystem(slow={y: ONE, z: -z}, fast={x: g.subs(x, x * unit)}, epsilon=eps)
+    trajectory = run(system, {"x": 0, "y": 0, "z": 1}, span=(0, 3), atol=1e-10 / unit)
+    assert trajectory.status is Status.NON_FINITE
+    assert trajectory.t[-1] == pytest.approx(1.0, abs=1e-9)
+    assert "the critical manifold goes to infinity at y = 1" in trajectory.message
 
 
 @pytest.mark.parametrize("drift", [-ONE, -1 - x], ids=["regular", "singular"])

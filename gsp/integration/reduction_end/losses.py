@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
-from gsp.integration.crossings import Search, Stepper, Watched, settle_event
+from gsp.integration.crossings import Piece, Search, Settled, Stepper, Watched, settle_event
 from gsp.integration.loop import advance
 from gsp.integration.methods import Method
 from gsp.integration.reduced_flow import ReducedFlow
@@ -20,28 +21,42 @@ HORIZON = 20.0
 TRANSVERSAL = 1e-3
 # The desingularised flow costs little; at these tolerances its errors stay far below TRANSVERSAL.
 INNER_RTOL, INNER_ATOL = 1e-12, 1e-15
-# An equilibrium of the desingularised flow is located by following it so much further, until det g_y has fallen
-# to this share.
+# An equilibrium of the desingularised flow is followed so much further, until det g_y has fallen to this share. M0 does
+# not attract: rounding grows as the inverse of the share, and what one linear step leaves falls as its square.
 LONG_HORIZON = 400.0
-TENDED = 1e-7
+TENDED = 1e-5
+# On the way to an equilibrium the fast variables may fall as a root of det g_y, as at a pitchfork, seldom faster.
+SLOWEST, FASTEST = 0.25, 4.0
+# What is left there is at most such a share of the way; where M0 has a pole it is as long as the way itself.
+SMALL_STEP = TENDED**SLOWEST
 # At a branch point of M0 the slow variables do not move what has the eigenvalue 0, A g_x = 0; at a folded
 # singularity A g_x f = 0 alone. |A g_x| is 0 below this share of its size on the way.
 BRANCH_POINT = 1e-3
 MAX_STEPS = 20_000
 
 
+class LossKind(Enum):
+    """What a zero of det g_y is: the desingularised flow crosses a fold, rests at others, or goes to infinity."""
+
+    FOLD = "a fold"
+    FOLDED_SINGULARITY = "a folded singularity"
+    BRANCH_POINT = "a branch point"
+    POLE = "a pole of the critical manifold"
+
+
 @dataclass(frozen=True)
 class Loss:
-    """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y).
-
-    `is_fold` where the desingularised flow crosses it; otherwise that flow has an equilibrium there.
-    """
+    """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y)."""
 
     t: float
     state: np.ndarray
     point: np.ndarray
-    is_fold: bool
-    is_branch_point: bool
+    kind: LossKind
+
+    @property
+    def is_fold(self) -> bool:
+        """Whether the desingularised flow crosses it."""
+        return self.kind is LossKind.FOLD
 
 
 def loss_ahead(
@@ -73,23 +88,60 @@ def loss_ahead(
         min(stepper.rtol, INNER_RTOL),
         min(stepper.atol, INNER_ATOL),
     )
-    search = Search(
-        lambda s, states: validity.crossing(states, stepper.p)[:, :1],
-        [Watched("det g_y", 0, 1, settle_event)],
-        np.array([np.sign(value)]),
-        inner,
-        0.0,
-        begun,
-    )
+
+    def above(s: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """det g_y, and what is left of it until it has all but tended to zero; both positive at first."""
+        left = np.sign(value) * validity.crossing(states, stepper.p)[:, :1]
+        return left - abs(value) * np.array([0.0, TENDED])
+
+    def settle_tended(search: Search, column: int, s: float, piece: Piece) -> Settled | None:
+        settled = settle_event(search, column, s, piece)
+        crosses = (
+            settled is not None
+            and abs(validity.crossing(settled.y, stepper.p)[1]) > TRANSVERSAL * abs(slope)
+        )  # fmt: skip
+        return None if crosses else settled
+
+    watched = [Watched("det g_y", 0, 1, settle_event), Watched("rest of det g_y", 0, 1, settle_tended)]
+    search = Search(above, watched, np.ones(2), inner, 0.0, begun)
     asked = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
-    record = advance(asked, inner.method)
-    end = record.states[-1] if search.end is None else search.end.y
-    reached = validity.crossing(end, stepper.p)
-    is_fold = search.end is not None and bool(abs(reached[1]) > TRANSVERSAL * abs(slope))
-    if not is_fold and not abs(reached[0]) <= TENDED * abs(value):
+    record = search.cut(advance(asked, inner.method))
+    if search.end is None:
         return None
-    point = end[: len(z)]
+    end = search.end.y
+    reached = validity.crossing(end, stepper.p)
+    kind = LossKind.FOLD
+    if abs(reached[0]) > 0.5 * TENDED * abs(value):
+        count = len(validity.slow)
+        fast = slice(count, count + len(validity.fast))
+        step = _rest(inner, end, -reached[1] / reached[0], fast)
+        end = end + step
+        is_long = np.abs(step) > SMALL_STEP * np.abs(record.states).max(axis=0) + stepper.atol
+        kind = LossKind.POLE if is_long.any() else LossKind.FOLDED_SINGULARITY
+    elif not abs(reached[1]) > TRANSVERSAL * abs(slope):
+        return None
     places = [validity.states.index(s) for s in flow.manifold.coordinates]
+    point = end[: len(z)]
     state = np.concatenate([point[places], end[len(z) : -1]])
-    pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
-    return Loss(float(end[-1]), state, point, is_fold, bool(pulled[1] <= BRANCH_POINT * pulled[0]))
+    if kind is LossKind.FOLDED_SINGULARITY:
+        # What has grown off an explicit branch is no part of it.
+        on_manifold = validity.point(state, stepper.p)
+        point = on_manifold if np.isfinite(on_manifold).all() else point
+        pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
+        if pulled[1] <= BRANCH_POINT * pulled[0]:
+            kind = LossKind.BRANCH_POINT
+    return Loss(float(end[-1]), state, point, kind)
+
+
+def _rest(inner: Stepper, end: np.ndarray, decay: float, fast: slice) -> np.ndarray:
+    """What is left of the way from `end` to an equilibrium where det g_y falls at the rate `decay`.
+
+    All but the `fast` variables move at multiples of det g_y; these have a rate of their own.
+    """
+    moved = inner.compiled.rates(end, inner.p)
+    step = moved / decay
+    bend = inner.compiled.rates(end + SLOWEST * step, inner.p) - moved
+    size = float(moved[fast] @ moved[fast])
+    if size > 0.0:
+        step[fast] /= np.clip(-float(moved[fast] @ bend[fast]) / (SLOWEST * size), SLOWEST, FASTEST)
+    return step
