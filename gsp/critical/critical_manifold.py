@@ -6,10 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.brevity import brief
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
@@ -35,14 +37,20 @@ TOUCHES = 1e-2
 class CriticalManifold(Card):
     """M0 of `system`: its `branches`, and in `unsolved` the equations of pieces that are no graph over x.
 
-    Pieces without real points over any open set of x (such as y^2 + 1 = 0) are in neither; they are listed in
-    `complex`.
+    Such a piece is an expression that vanishes on it, or a `Tuple` of several that all do: a surface where there should
+    be a line, or what lies over a part of x only. Pieces without real points over any open set of x (such as
+    y^2 + 1 = 0) are in neither; they are listed in `complex`.
     """
 
     system: SlowFastSystem
     branches: tuple[Branch, ...]
-    unsolved: tuple[sp.Expr, ...] = ()
+    unsolved: tuple[sp.Basic, ...] = ()
     complex: tuple[sp.Expr, ...] = ()
+
+    @property
+    def no_graph(self) -> str:
+        """The equations of the `unsolved` pieces in a line of text; empty where there are none."""
+        return _shown(self.unsolved)
 
     def nearest(self, point: Point, *, region: Mapping[str, object] | None = None) -> Branch:
         """The branch (on implicit branches the sheet) nearest to `point` in the fast direction.
@@ -82,19 +90,26 @@ class CriticalManifold(Card):
         """Raise `BranchError` when a piece that is no graph over x passes nearer to the point than every branch."""
         system = self.system
         for piece in self.unsolved:
-            height, *slopes = _values([piece, *(derivative(piece, s) for s in system.y)], system, x, y)
+            equations = _equations(piece)
+            slopes = [derivative(equation, s) for equation in equations for s in system.y]
+            values = _values([*equations, *slopes], system, x, y)
+            if not np.isfinite(values).all():
+                continue
+            height, matrix = values[: len(equations)], values[len(equations) :].reshape(len(equations), -1)
             # To first order, and in the fast directions, as the distance of a branch is meant.
-            length = float(np.linalg.norm(slopes))
-            if length > 0.0 and abs(height) / length < distance:
+            step = np.linalg.lstsq(matrix, -height)[0]
+            left = np.linalg.norm(height + matrix @ step)
+            if matrix.any() and left <= ON_FOLD * np.linalg.norm(height) and np.linalg.norm(step) < distance:
                 raise BranchError(
-                    f"the start is nearest to the piece {piece} = 0 of the critical manifold, which is no graph of "
-                    f"{', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
+                    f"the start is nearest to the piece {_shown([piece])} of the critical manifold, which is no graph "
+                    f"of {', '.join(map(str, system.y))} over the slow variables {', '.join(map(str, system.x))}; the "
                     f"nearest branch is {distance:.3g} away.",
                     _hidden_time_scale(system),
                 )
 
     def __repr__(self) -> str:
-        return f"CriticalManifold({', '.join(map(str, self.branches))})"
+        no_graph = f"; no graph: {self.no_graph}" if self.unsolved else ""
+        return f"CriticalManifold({', '.join(map(str, self.branches))}{no_graph})"
 
     __str__ = __repr__
 
@@ -184,8 +199,12 @@ def _hidden_time_scale(system: SlowFastSystem) -> str:
     )
 
 
-def _shown(equations: Sequence[sp.Expr]) -> str:
-    return ", ".join(f"{equation} = 0" for equation in equations)
+def _equations(piece: sp.Basic) -> tuple[Any, ...]:
+    return tuple(piece) if isinstance(piece, sp.Tuple) else (piece,)
+
+
+def _shown(pieces: Sequence[sp.Basic]) -> str:
+    return ", ".join(" and ".join(f"{brief(e)} = 0" for e in _equations(piece)) for piece in pieces)
 
 
 def _refuse_constants(system: SlowFastSystem) -> None:

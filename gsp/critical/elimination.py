@@ -51,7 +51,7 @@ class Pieces:
     """What an elimination found: (equations, graph or None) for each piece, and what is no real graph."""
 
     solved: list[tuple[tuple[sp.Expr, ...], Graph | None]] = field(default_factory=list)
-    unsolved: list[sp.Expr] = field(default_factory=list)
+    unsolved: list[sp.Basic] = field(default_factory=list)
     vanished: list[sp.Expr] = field(default_factory=list)
 
 
@@ -73,24 +73,32 @@ def pieces(system: SlowFastSystem) -> Pieces:
     return found
 
 
-def _note(known: list[sp.Expr], expression: sp.Expr) -> None:
+def _note(known: list, expression: sp.Basic) -> None:
     if expression not in known:
         known.append(expression)
 
 
+def _note_no_graph(equations: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) -> None:
+    """Keep a piece of the wrong dimension or over a part of x only, or what has no real point at all."""
+    equations = tuple(dict.fromkeys(e for e in equations if not _is_nothing(e)))
+    if any(e.is_number or _has_no_zero(e, system) for e in equations):
+        _note(found.vanished, sp.Add(*equations))
+    elif len(equations) == 1:
+        _note(found.unsolved, equations[0])
+    else:
+        _note(found.unsolved, sp.Tuple(*equations))
+
+
 def _components(g0: Sequence[sp.Expr], system: SlowFastSystem, found: Pieces) -> Iterator[list[sp.Expr]]:
     """Every choice of one irreducible factor from each equation that makes a piece of the right dimension."""
-    choices = []
-    for rate in g0:
-        everything = factors(rate, system.states)
-        for factor in everything:
-            if not factor.has(*system.y):
-                _note(found.unsolved, factor)
-        choices.append([f for f in everything if f.has(*system.y)])
+    every = [factors(rate, system.states) for rate in g0]
+    vertical = [[f for f in parts if not f.has(*system.y)] for parts in every]
+    choices = [[f for f in parts if f.has(*system.y)] for parts in every]
     # A factor shared by two equations makes both zero by itself: that piece is too large to be a graph over x.
     shared = [f for i, c in enumerate(choices) for f in c if any(f in d or -f in d for d in choices[:i])]
-    for factor in shared:
-        _note(found.unsolved, factor)
+    for factor in dict.fromkeys([*itertools.chain(*vertical), *shared]):
+        others = [g for g, parts in zip(g0, every) if factor not in parts and -factor not in parts]
+        _note_no_graph([factor, *others], system, found)
     choices = [[f for f in c if f not in shared and -f not in shared] for c in choices]
     if prod(map(len, choices)) > COMPONENT_LIMIT:
         yield list(g0)
@@ -105,7 +113,7 @@ def _eliminate(
     remaining = [y for y in system.y if y not in known]
     if not equations:
         if remaining:
-            _note(found.unsolved, sp.Add(*(y - value for y, value in known.items())))
+            _note_no_graph([y - value for y, value in known.items()], system, found)
             return
         graph = _back_substituted(known, system)
         yield tuple(y - graph[y] for y in system.y), graph
@@ -209,16 +217,20 @@ def _branching(
 ) -> Iterator[tuple[tuple[sp.Expr, ...], Graph | None]]:
     """Factor what a substitution has left, and go on with every factor."""
     choices = []
-    for equation in equations:
+    solved = [y - value for y, value in known.items()]
+    for place, equation in enumerate(equations):
         if _is_nothing(equation):
-            _note(found.unsolved, sp.Add(*(y - value for y, value in known.items())))
+            _note_no_graph([*equations, *solved], system, found)
             return
         if equation is sp.nan:
             return
-        parts = _factors(equation, system.y)
+        parts = _factors(equation, system.states)
+        rest = [e for i, e in enumerate(equations) if i != place]
+        for factor in parts:
+            if not factor.has(*system.y):
+                _note_no_graph([factor, *rest, *solved], system, found)
+        parts = [f for f in parts if f.has(*system.y)]
         if not parts:
-            if equation.has(*system.x):
-                _note(found.unsolved, equation)
             return
         choices.append(parts)
     for choice in itertools.product(*choices):

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.sampling import Sampler
 from gsp.errors import BranchError
 from gsp.hyperbolicity.exclusion import ASIDE, Exclusion
@@ -123,8 +124,10 @@ def _around_corners(
 def _nothing_inside(branch: Branch, box: Mapping[str, Interval]) -> BranchError:
     """What to say of a branch, or of its one sheet that is singled out, without a point in the region."""
     if branch.seed is None:
+        others = solve_critical(branch.system).no_graph
+        further = f" The critical manifold is more than graphs: there is {others} too." if others else ""
         return BranchError(
-            f"the branch {branch} has no real point in the region {shown_region(box)}.",
+            f"the branch {branch} has no real point in the region {shown_region(box)}.{further}",
             "Move the region, or take another branch.",
         )
     values = (*branch.seed[0], *branch.seed[1])

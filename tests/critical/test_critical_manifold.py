@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BranchError, DeclarationError
+from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
 
@@ -413,3 +414,68 @@ def test_a_point_where_the_slope_is_infinite_is_no_fold() -> None:
     # The sheet ends there like a square, with an infinite slope, and does not turn back.
     with pytest.raises(BranchError, match="no branch of the critical manifold is real near the start"):
         solve_critical(system).nearest({"x": 0, "y": 0})
+
+
+X, Y = sp.symbols("X Y")
+LINE_AND_POINT = {X: (X - Y) * (X - 3), Y: (X - Y) * (Y - 4)}
+
+
+def _rotated(fast: dict, cosine: sp.Rational, sine: sp.Rational) -> dict:
+    """The same field in coordinates turned by an angle; both are rational."""
+    there = {X: cosine * X - sine * Y, Y: sine * X + cosine * Y}
+    u, v = (fast[s].subs(there, simultaneous=True) for s in (X, Y))
+    return {X: sp.expand(cosine * u + sine * v), Y: sp.expand(cosine * v - sine * u)}
+
+
+@pytest.mark.parametrize(
+    ("fast", "piece"),
+    [
+        (LINE_AND_POINT, X - Y),
+        (_rotated(LINE_AND_POINT, sp.Rational(3, 5), sp.Rational(4, 5)), X + 7 * Y),
+        (_rotated(LINE_AND_POINT, sp.Rational(5, 13), sp.Rational(12, 13)), 7 * X + 17 * Y),
+        ({X: (Y - X) * (1 + X / 3) + eps * x, Y: (X - Y) * (1 - Y / 4) - eps * Y}, X - Y),
+        ({X: (X**2 + Y**2 - 1) * (X - x), Y: (X**2 + Y**2 - 1) * (Y - 2)}, X**2 + Y**2 - 1),
+        ({X: (X - sp.exp(Y)) * (X - x), Y: (X - sp.exp(Y)) * (Y - x)}, X - sp.exp(Y)),
+        ({X: (x - 1) * (X - 3), Y: (x - 1) * (Y - 4)}, x - 1),
+        ({**LINE_AND_POINT, z: z - X}, (X - Y, z - X)),
+        # At x = 0 the branch meets a line over this one point.
+        ({X: X * Y, Y: X * z + Y, z: z - X * x}, (x, Y, z)),
+    ],
+)
+def test_a_piece_of_the_wrong_dimension_is_kept_beside_the_branches(fast, piece) -> None:
+    manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps))
+    assert len(manifold.branches) == 1
+    (found,) = manifold.unsolved
+    expected = sp.Tuple(*piece) if isinstance(piece, tuple) else sp.Tuple(piece)
+    equations = found if isinstance(found, sp.Tuple) else sp.Tuple(found)
+    assert len(equations) == len(expected)
+    for one_of, other in zip(equations, expected):
+        assert sp.expand(one_of - other) == 0 or sp.expand(one_of + other) == 0
+        assert str(one_of) in manifold.no_graph
+        assert str(one_of) in repr(manifold)
+
+
+def test_a_common_factor_without_real_zeros_is_complex_and_no_piece() -> None:
+    circle = X**2 + Y**2 + 1
+    manifold = solve_critical(
+        SlowFastSystem(slow={x: -x}, fast={X: circle * (X - x), Y: circle * (Y - x)}, epsilon=eps)
+    )
+    assert manifold.unsolved == ()
+    assert manifold.complex == (circle,)
+
+
+def test_a_region_without_a_branch_names_the_piece_that_may_be_there() -> None:
+    manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=LINE_AND_POINT, epsilon=eps))
+    with pytest.raises(BranchError, match=r"there is X - Y = 0 too"):
+        classify(manifold.branches[0], region={"x": (0.1, 2), "X": (-1, 1), "Y": (-1, 1)})
+    with pytest.raises(BranchError, match=r"nearest to the piece X - Y = 0"):
+        manifold.nearest({"x": 1, "X": 0.3, "Y": 0.2})
+
+
+def test_how_far_a_piece_of_several_equations_is_counts_all_of_them() -> None:
+    fast = {**LINE_AND_POINT, z: z - X}
+    manifold = solve_critical(SlowFastSystem(slow={x: -x}, fast=fast, epsilon=eps))
+    # 0.14 from X = Y, 0.76 from the branch and 0.83 from the line.
+    assert manifold.nearest({"x": 1, "X": 3.4, "Y": 3.6, "z": 2.5}) == manifold.branches[0]
+    with pytest.raises(BranchError, match=r"nearest to the piece X - Y = 0 and -X \+ z = 0"):
+        manifold.nearest({"x": 1, "X": 1.0, "Y": 1.1, "z": 1.0})
