@@ -73,8 +73,15 @@ def _coefficient_rows(polynomials: Sequence[sp.Expr], states: Sequence[sp.Symbol
     functions = {p for e in polynomials for p in e.atoms(Application, sp.Pow) if p.has(*states)}
     # Functions of the states count as further unknowns, independent of the states themselves.
     stand_in = {p: sp.Dummy() for p in functions if not (p.is_Pow and p.exp.is_Integer and p.exp > 0)}
-    gens = (*states, *stand_in.values())
-    return [dict(sp.Poly(e.xreplace(stand_in), *gens).terms()) if e != 0 else {} for e in polynomials]
+    places = {z: i for i, z in enumerate((*states, *stand_in.values()))}
+    rows = []
+    for polynomial in polynomials:
+        stood = polynomial.xreplace(stand_in)
+        gens = sorted(stood.free_symbols & places.keys(), key=places.__getitem__)
+        terms = sp.Poly(stood, *gens).terms() if gens else [((), stood)]
+        # Monomials by what stands in them: one in a thousand states has few factors.
+        rows.append({tuple((places[z], k) for z, k in zip(gens, m) if k): c for m, c in terms if c != 0})
+    return rows
 
 
 def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import sympy as sp
+from sympy.polys.matrices import DomainMatrix
+from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from gsp.algebra.factorisation import coefficients, factored, lowest_terms, numerator
 
@@ -20,13 +22,21 @@ def solve_for(unknown: Sequence[sp.Symbol], equations: Mapping[sp.Symbol, sp.Exp
     remaining = [expression - value for value, expression in equations.items()]
     if not unknown:
         return {}
-    matrix = sp.Matrix(remaining).jacobian(list(unknown))
-    if not matrix.has(*unknown):
-        offset = sp.Matrix(remaining).subs(dict.fromkeys(unknown, 0))
-        if numerator(matrix.det(method="berkowitz")) == 0:
+    places = {z: j for j, z in enumerate(unknown)}
+    slopes = {
+        (i, places[z]): sp.diff(e, z) for i, e in enumerate(remaining) for z in e.free_symbols & places.keys()
+    }
+    if not any(slope.free_symbols & places.keys() for slope in slopes.values()):
+        matrix = DomainMatrix.from_Matrix(sp.SparseMatrix(len(remaining), len(unknown), slopes)).to_field()
+        offset = [-e.xreplace(dict.fromkeys(unknown, sp.S.Zero)) for e in remaining]
+        try:
+            inverse = matrix.inv().to_Matrix()
+        except DMNonInvertibleMatrixError:
             return None
-        solution = matrix.LUsolve(-offset)
-        return {z: factored(value) for z, value in zip(unknown, solution)}
+        rows: list[list[sp.Expr]] = [[] for _ in unknown]
+        for (i, j), entry in inverse.todok().items():
+            rows[i].append(entry * offset[j])
+        return {z: factored(sp.Add(*row)) for z, row in zip(unknown, rows)}
     solved: dict[sp.Symbol, sp.Expr] = {}
     while remaining:
         step = _isolate(remaining, [z for z in unknown if z not in solved])

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
+from gsp.algebra.elimination_over_rationals import at_point, generic_point, independent_columns
 from gsp.algebra.factorisation import factored, lowest_terms
 from gsp.algebra.first_integrals import common_factor
 from gsp.algebra.laurent import laurent, pole_order
@@ -68,6 +69,12 @@ def layer_rank(layer: list[sp.Expr], field: VectorField) -> int:
     _refuse_constants(layer, field)
     states = field.states
     matrix = jacobian(layer, states)
+    constant = at_point(matrix, dict(field.parameters)) if not matrix.has(*states) else None
+    origin = dict.fromkeys(states, sp.S.Zero)
+    if constant is not None and all(component.xreplace(origin) == 0 for component in layer):
+        rank = constant.rank()
+        if (constant * constant).rank() == rank:
+            return rank
     compiled = [compile_over(field, tuple(outputs), arguments=states) for outputs in (layer, matrix)]
     p = compile_flow(field).constants
     random = np.random.default_rng(0)
@@ -216,24 +223,64 @@ def factorised(layer, field: VectorField, rank: int) -> tuple[sp.ImmutableMatrix
         if f.has(*states):
             return sp.ImmutableMatrix((L / f).applyfunc(lowest_terms)), sp.ImmutableMatrix([f])
     DL = jacobian(L, states)
-    values = {
-        s: sp.Rational(sp.prime(i + 3), sp.prime(i + 6)) for i, s in enumerate((*states, *field.parameters))
-    }
-    for rows in itertools.combinations(range(len(states)), rank):
-        for columns in itertools.combinations(range(len(states)), rank):
-            block = DL.extract(list(rows), list(columns))
-            if block.applyfunc(lambda e: substituted(e, values)).det() != 0:
-                # DL = N Df on {f = 0}, so N follows from any invertible block.
-                N = DL.extract(list(range(len(states))), list(columns)) * inverse(block)
-                return sp.ImmutableMatrix(N.applyfunc(reduced)), sp.ImmutableMatrix([layer[i] for i in rows])
-    raise SplittingError(f"the fast part {shown(field, layer)} has no {rank} independent components.")
+    places = _block(DL, rank, generic_point((*states, *field.parameters)))
+    if places is None:
+        raise SplittingError(f"the fast part {shown(field, layer)} has no {rank} independent components.")
+    rows, columns = places
+    # DL = N Df on {f = 0}, so N follows from any invertible block.
+    N = DL.extract(list(range(len(states))), columns) * inverse(DL.extract(rows, columns))
+    return sp.ImmutableMatrix(N.applyfunc(reduced)), sp.ImmutableMatrix([layer[i] for i in rows])
+
+
+def _block(
+    matrix: sp.Matrix, rank: int, point: dict[sp.Symbol, sp.Rational]
+) -> tuple[list[int], list[int]] | None:
+    """The first rows and columns (`rank` each) that make an invertible block; None where there are none."""
+    values = at_point(matrix, point)
+    if values is not None:
+        rows = independent_columns(values.transpose(), range(matrix.rows))[:rank]
+        chosen = at_point(matrix.extract(rows, list(range(matrix.cols))), point) if len(rows) == rank else None
+        return None if chosen is None else (rows, independent_columns(chosen, range(matrix.cols)))
+    for rows in itertools.combinations(range(matrix.rows), rank):
+        for columns in itertools.combinations(range(matrix.cols), rank):
+            block = matrix.extract(list(rows), list(columns))
+            if block.applyfunc(lambda e: substituted(e, point)).det() != 0:
+                return list(rows), list(columns)
+    return None
 
 
 def inverse(matrix: sp.Matrix) -> sp.Matrix:
-    """The inverse by cofactors, expanded by rows: nothing is simplified, which can take minutes."""
+    """The inverse by cofactors of the parts that stand apart: nothing is simplified, which can take minutes."""
+    found = sp.zeros(matrix.rows, matrix.cols)
+    for rows, columns in _parts(matrix):
+        cofactors, determinant = _cofactors(matrix.extract(rows, columns))
+        for (i, j), cofactor in cofactors.todok().items():
+            found[columns[i], rows[j]] = cofactor / determinant
+    return found
+
+
+def _cofactors(matrix: sp.Matrix) -> tuple[sp.Matrix, sp.Expr]:
     n = matrix.rows
     cofactors = sp.Matrix(n, n, lambda i, j: (-1) ** (i + j) * _determinant(matrix.minor_submatrix(j, i)))
-    return cofactors / sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+    return cofactors, sp.Add(*[matrix[0, j] * cofactors[j, 0] for j in range(n)])
+
+
+def _parts(matrix: sp.Matrix) -> list[tuple[list[int], list[int]]]:
+    """Rows and columns of the connected parts of an invertible matrix: no entry outside of them differs from 0."""
+    label = list(range(matrix.rows + matrix.cols))
+
+    def first(k: int) -> int:
+        while label[k] != k:
+            k = label[k]
+        return k
+
+    for i, j in matrix.todok():
+        label[first(matrix.rows + j)] = first(i)
+    parts: dict[int, tuple[list[int], list[int]]] = {}
+    for k in range(len(label)):
+        side, place = divmod(k, matrix.rows)
+        parts.setdefault(first(k), ([], []))[side].append(place)
+    return list(parts.values())
 
 
 def _determinant(matrix: sp.Matrix) -> sp.Expr:
@@ -257,7 +304,14 @@ def reduced(expression: sp.Expr) -> sp.Expr:
 
 def jacobian(column: Iterable[sp.Expr], states: Sequence[sp.Symbol]) -> sp.Matrix:
     """Derivatives of the entries of `column` (rows) by `states` (columns)."""
-    return sp.Matrix([[derivative(entry, z) for z in states] for entry in column])
+    entries = list(column)
+    places = {z: j for j, z in enumerate(states)}
+    slopes = {
+        (i, places[z]): derivative(entry, z)
+        for i, entry in enumerate(entries)
+        for z in sorted(entry.free_symbols & places.keys(), key=places.__getitem__)
+    }
+    return sp.Matrix(sp.SparseMatrix(len(entries), len(states), slopes))
 
 
 def tidy(expression: sp.Expr) -> sp.Expr:

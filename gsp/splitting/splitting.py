@@ -9,6 +9,7 @@ coordinate-free: the leading-order reduced field is Pi G with Pi = 1 - N (Df N)^
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
+from gsp.algebra.elimination_over_rationals import at_point, generic_point, independent_columns
 from gsp.algebra.factorisation import factored
 from gsp.algebra.first_integrals import first_integrals
 from gsp.algebra.inversion import solve_for
@@ -37,6 +39,9 @@ from gsp.splitting.fast_part import (
 )
 from gsp.systems.arguments import check_noun
 from gsp.systems.system import SlowFastSystem, VectorField
+
+# More sets of fast variables are not compared where first integrals are nonlinear: one is chosen by elimination.
+MOST_CHOICES = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +234,18 @@ def _slow_time(field: VectorField) -> tuple[VectorField, bool]:
 def _fast_choices(integrals, layer, field: VectorField, rank: int):
     """Sets of raw states to serve as fast coordinates, best first: those the layer problem depends on."""
     states = field.states
-    gradient = sp.Matrix([[sp.diff(phi, z) for z in states] for phi in integrals])
+    gradient = jacobian(integrals, states)
     own = {phi for phi in integrals if phi in states}
+    used = set().union(*(component.free_symbols for component in layer))
+    values = at_point(gradient, {**generic_point(states), **field.parameters})
+    if values is not None and (not gradient.has(*states) or math.comb(len(states), rank) > MOST_CHOICES):
+        # What is eliminated is a basis of the columns: first what had better not be fast.
+        order = sorted(
+            range(len(states)), key=lambda i: (states[i] not in own, states[i] in used, layer[i] != 0, -i)
+        )
+        eliminated = independent_columns(values, order)
+        yield tuple(z for i, z in enumerate(states) if i not in set(eliminated))
+        return
     candidates = []
     for chosen in itertools.combinations(range(len(states)), rank):
         if any(states[i] in own for i in chosen):
@@ -263,7 +278,7 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
     inverse = {z: solved.get(z, z) for z in states}
     slow = {}
     for symbol, phi in coordinates.items():
-        raw = sp.Add(*[sp.diff(phi, z) * rate for z, rate in zip(states, drift)])
+        raw = sp.Add(*[sp.diff(phi, z) * rate for z, rate in zip(states, drift) if z in phi.free_symbols])
         slow[symbol] = tidy(tidy(raw).xreplace(solved))
     place = {z: i for i, z in enumerate(states)}
     fast_rates = {}
@@ -284,8 +299,9 @@ def _standard_form(field, layer, drift, integrals, fast, rescaled) -> Splitting 
         observables=observables,
     )
     N, f = factorised(layer, field, len(fast))
-    gradient = sp.Matrix([[sp.diff(coordinates[s], z) for z in unknown] for s in equations])
-    determinant = factored(gradient.det(method="berkowitz")) if unknown else sp.Integer(1)
+    gradient = jacobian([coordinates[s] for s in equations], unknown)
+    # A number is no condition.
+    determinant = factored(gradient.det(method="berkowitz")) if gradient.free_symbols else sp.Integer(1)
     return Splitting(
         field=field,
         system=system,

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from gsp.algebra.laurent import laurent
 from gsp.errors import DeclarationError, SplittingError
+from gsp.splitting import splitting as splitting_module
 from gsp.splitting.splitting import Splitting, _vanishing_factors, split
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -428,3 +429,44 @@ def test_the_search_for_an_equilibrium_far_away_overflows_nothing() -> None:
     rate = 3 * x / (x + 1) * (1 - y) / (a + 1 - y) - 3 * y / (2 * (a + y))
     with np.errstate(over="raise"):
         split(field({x: -x, y: rate / eps, z: y - z}, a=0.005))
+
+
+def _fast_pairs(count: int) -> VectorField:
+    """As many pairs of species in fast exchange, coupled slowly in a ring."""
+    first, second = sp.symbols(f"a1:{count + 1}"), sp.symbols(f"b1:{count + 1}")
+    rates = {}
+    for i in range(count):
+        flux = second[i] - first[i] * sp.Rational(i + 2, 3)
+        rates[first[i]] = flux / eps - first[i] * second[(i + 1) % count] / 7
+        rates[second[i]] = -flux / eps + first[i - 1] - second[i]
+    return field(rates)
+
+
+@pytest.mark.parametrize("count", [3, 12])
+def test_columns_are_chosen_by_elimination_and_not_one_minor_after_another(count: int, monkeypatch) -> None:
+    asked = []
+    determinant = sp.Matrix.det
+    monkeypatch.setattr(sp.Matrix, "det", lambda self, **more: asked.append(1) or determinant(self, **more))
+    chosen = splitting_module.independent_columns
+    eliminations = []
+    monkeypatch.setattr(
+        splitting_module, "independent_columns", lambda *given: eliminations.append(1) or chosen(*given)
+    )
+    result = split(_fast_pairs(count))
+    assert asked == []
+    assert eliminations == [1]
+    assert len(result.system.x) == len(result.system.y) == count
+    assert_recombines(result)
+    for i in range(1, count + 1):
+        assert sp.Symbol(f"a{i}") + sp.Symbol(f"b{i}") in result.coordinates.values()
+    assert result.layer.rows == count
+    jacobian = sp.Matrix(result.layer).jacobian(result.field.states)
+    assert result.fast_jacobian == (jacobian * result.N).as_immutable()
+    assert sp.simplify(sp.Matrix(result.N) * sp.Matrix(result.layer) * 1 - _layer(result)) == sp.zeros(
+        2 * count, 1
+    )
+
+
+def _layer(result: Splitting) -> sp.Matrix:
+    """What carries 1/epsilon."""
+    return sp.Matrix([laurent(rate, eps, order=-1).get(-1, 0) for rate in result.field.rates])
