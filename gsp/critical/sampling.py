@@ -13,6 +13,7 @@ from gsp.algebra.differentiation import entries, slopes, without_overflow
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.critical.sheet_points import Allowance, solve_each
+from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over, finite_rows
@@ -320,20 +321,29 @@ class Sampler:
         graph = self.branch.graph or {}
         return self.compiled(entries([graph[y] for y in self.system.y], self.system.x))
 
-    def tangential_rate(self, z: np.ndarray) -> float:
-        """Largest |eigenvalue| of the symmetric part of f_x - f_y g_y^-1 g_x."""
-        rates = self.tangential_rates(z)
-        usable = np.isfinite(rates)
-        return float(rates[usable].max()) if usable.any() else float("inf")
-
-    def tangential_rates(self, z: np.ndarray) -> np.ndarray:
-        """The same at each of `z` (m, n): (m,), infinite where g_y is singular or not finite."""
+    def slow_jacobians(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(A, usable): f_x - f_y g_y^-1 g_x (k, n_slow, n_slow) at those of `z` (m, n) where it is finite."""
         nx = len(self.system.x)
         J, slope, usable = self._slopes(z)
+        own, by_way = J[:, :nx, :nx], J[:, :nx, nx:] @ slope
+        A = own - by_way
+        # What cancels is 0: which slow variables drive which is told by the entries.
+        terms = np.abs(own) + np.abs(J[:, :nx, nx:]) @ np.abs(slope)
+        A[np.abs(A) <= ROUNDING * terms] = 0.0
+        finite = finite_rows(A)
+        usable[usable] = finite
+        return A[finite], usable
+
+    def tangential_rate(self, z: np.ndarray) -> float:
+        """Largest rate at which neighbours on the branch part or approach, in the metric in which that is least."""
+        A, usable = self.slow_jacobians(z)
+        return float(least_metric(A).rates(A).max()) if usable.any() else float("inf")
+
+    def tangential_rates(self, z: np.ndarray) -> np.ndarray:
+        """The same at each of `z` (m, n) by itself: (m,), infinite where g_y is singular or not finite."""
+        A, usable = self.slow_jacobians(z)
         rates = np.full(len(z), np.inf)
-        if usable.any():
-            A = J[:, :nx, :nx] - J[:, :nx, nx:] @ slope
-            rates[usable] = np.abs(np.linalg.eigvalsh((A + A.transpose(0, 2, 1)) / 2)).max(axis=1)
+        rates[usable] = frozen_rates(A)
         return rates
 
     def jacobian_variation(self, z: np.ndarray) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
+from gsp.hyperbolicity.domination import Shortfall, dominated, shortfall
 from gsp.hyperbolicity.exclusion import Exclusion, exclude
 from gsp.hyperbolicity.losses.kinds import Loss, LossKind
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
@@ -57,8 +58,9 @@ class Condition:
 class Rates:
     """Normal rate in fast time against the tangential rate in slow time.
 
-    `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay along the slow flow on M0
-    (largest |eigenvalue| of the symmetric part of its Jacobian).
+    `normal` is the least |Re lambda| of g_y; `tangential` bounds the growth and decay of differences along the slow
+    flow on M0 (Eldering 2013, definition 1.1), in the constant metric over the region in which that bound is least.
+    Units and linear changes of the slow variables do not change it; see `gsp.critical.slow_metric`.
     """
 
     normal: float
@@ -78,7 +80,9 @@ class Hyperbolicity(Card):
     `rates`, `losses`,
     and the `conditions` one by one. `samples` points (x, y) were examined; `evidence` says how. `looked_at` are
     neutral saddles and the like, which are no losses, and `notes` what else was seen and does no harm. `exclusion` says
-    where between the samples a loss is not excluded; None when one was found at them.
+    where between the samples a loss is not excluded; None when one was found at them. `shortfall` says where and in
+    which direction the normal rate does not dominate the tangential one; None where it does, on a lost branch, and
+    without an epsilon.
     `certificate` is what is proved, when that was asked for: a REFUTED one makes the kind "lost".
     """
 
@@ -95,6 +99,7 @@ class Hyperbolicity(Card):
     notes: tuple[str, ...] = ()
     exclusion: Exclusion | None = None
     certificate: Certificate | None = None
+    shortfall: Shortfall | None = None
 
     @property
     def holds(self) -> bool:
@@ -141,11 +146,14 @@ class Hyperbolicity(Card):
     def sub_region(self) -> SubRegion | None:
         """The largest part of the region found, cut along one slow axis, over which the conditions hold.
 
-        Cuts are tried at the losses and judged by `classify`; None without a loss, and when no part holds.
+        Cuts are tried at the losses, else where the tangential rate is too large, and judged by `classify`; None where
+        there is neither, and when no part holds.
         """
-        return (
-            largest_sub_region(self.branch, self.region, self.losses, judge=classify) if self.losses else None
-        )
+        if self.losses:
+            return largest_sub_region(self.branch, self.region, self.losses, judge=classify)
+        if self.shortfall is None:
+            return None
+        return dominated(self.branch, self.region, self.shortfall, judge=classify)
 
     def eigenvalues(self, x, *, near=None) -> np.ndarray:
         """Eigenvalues of g_y at the branch's points over `x`: complex (m, n_fast), or (n_fast,) for one."""
@@ -164,6 +172,8 @@ class Hyperbolicity(Card):
         lines += [f"  {condition}" for condition in self.conditions]
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]
+        if self.shortfall is not None:
+            lines.append(f"  falls short: {self.shortfall}")
         lines += [f"  note: {note}" for note in self.notes]
         if self.certificate is not None:
             lines.append(f"  {str(self.certificate).replace(newline, newline + '  ')}")
@@ -230,6 +240,9 @@ def classify(
         looked_at=found.looked_at,
         notes=judged.notes,
         exclusion=exclusion,
+        shortfall=None
+        if epsilon is None or lost or rates.r(epsilon) >= 1.0
+        else shortfall(sampler, z, box, gap=judged.gap, epsilon=epsilon),
     )
     return verdict.with_proof(epsilon=epsilon) if prove else verdict
 

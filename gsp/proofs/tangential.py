@@ -1,7 +1,8 @@
 """The rate at which neighbouring orbits of the slow flow part or approach, bounded over the proved tubes.
 
-On the branch x' = f(x, h_0(x), 0) with the Jacobian A = D_x f + D_y f Dh_0, Dh_0 = -(D_y g)^-1 D_x g. The modulus of
-every eigenvalue of (A + A^T)/2 is bounded over balls.
+On the branch x' = f(x, h_0(x), 0) with the Jacobian A = D_x f + D_y f Dh_0, Dh_0 = -(D_y g)^-1 D_x g. In a metric T^T T
+the rate is the largest modulus of an eigenvalue of the symmetric part of T A T^-1, which is bounded over balls. Any
+regular T serves a proof; it is chosen in doubles as `gsp.critical.slow_metric` has it, so that units do not matter.
 """
 
 from __future__ import annotations
@@ -9,11 +10,14 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 
+import numpy as np
 import sympy as sp
 from flint import arb, arb_mat
 
 from gsp.algebra.differentiation import jacobian
+from gsp.critical.slow_metric import least_metric
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.covering import Piece
@@ -22,6 +26,8 @@ from gsp.proofs.spectrum import largest_modulus
 from gsp.proofs.tubes import Box, Tube
 
 HALVINGS = 2000
+# Points at which the metric is chosen.
+PLACES = 64
 
 
 def tangential_rate(
@@ -33,6 +39,7 @@ def tangential_rate(
     in all or until no bound is above `enough`.
     """
     rates = _Rates(equations, slow)
+    rates.measure(pieces, least=enough if enough < math.inf else 0.0)
     waiting = [(-rates.over(piece.tube, piece.tube.box), i, piece.tube.box) for i, piece in enumerate(pieces)]
     heapq.heapify(waiting)
     for _ in range(HALVINGS):
@@ -59,9 +66,28 @@ class _Rates:
         self.own = len(slow)
         states = [*equations.x[: self.own], *equations.y]
         self.derivatives = BallFunction(equations.arguments, list(jacobian(slow, states)))
+        self.metric = self.inverse = arb_mat(np.eye(self.own).tolist())
 
-    def over(self, tube: Tube, box: Box) -> float:
-        """The bound over a part of a tube's box; infinite where there is none."""
+    def measure(self, pieces: Sequence[Piece], *, least: float) -> None:
+        """Take the metric in which the rates at some points of the pieces are least."""
+        unit = np.random.default_rng(0).random((max(PLACES // len(pieces), 1), self.equations.n))
+        found = []
+        for piece in pieces[:: max(len(pieces) // PLACES, 1)]:
+            low, high = np.array(piece.tube.box).T
+            for point in low + unit * (high - low):
+                a = self.matrix(piece.tube, tuple((v, v) for v in map(float, point)))
+                if a is not None:
+                    # What is 0 to rounding is 0.
+                    entries = [0.0 if entry.contains(0) else float(entry.mid()) for entry in a.entries()]
+                    found.append(np.reshape(entries, (self.own, self.own)))
+        A = np.array([a for a in found if np.isfinite(a).all()])
+        if len(A):
+            T = arb_mat(least_metric(A).written(A, least=least).tolist())
+            with suppress(ZeroDivisionError):
+                self.inverse, self.metric = T.inv(), T
+
+    def matrix(self, tube: Tube, box: Box) -> arb_mat | None:
+        """A over a part of a tube's box; None where D_y g may be singular."""
         n, m, own = self.equations.n, self.equations.m, self.own
         x = [balls.hull(low, high) for low, high in box]
         y = tube.over(x)
@@ -69,13 +95,22 @@ class _Rates:
         try:
             graph = arb_mat(m, m, by_y).solve(arb_mat(m, n, by_x))
         except ZeroDivisionError:
-            return math.inf
+            return None
         f = arb_mat(own, own + m, self.derivatives([*x, *y]))
-        a = [
-            [f[i, k] - _total(f[i, own + j] * graph[j, k] for j in range(m)) for k in range(own)]
-            for i in range(own)
-        ]
-        return largest_modulus([[(a[i][k] + a[k][i]) / 2 for k in range(own)] for i in range(own)])
+        return arb_mat(
+            [
+                [f[i, k] - _total(f[i, own + j] * graph[j, k] for j in range(m)) for k in range(own)]
+                for i in range(own)
+            ]
+        )
+
+    def over(self, tube: Tube, box: Box) -> float:
+        """The bound over a part of a tube's box; infinite where there is none."""
+        a = self.matrix(tube, box)
+        if a is None:
+            return math.inf
+        b = self.metric * a * self.inverse
+        return largest_modulus([[(b[i, k] + b[k, i]) / 2 for k in range(self.own)] for i in range(self.own)])
 
 
 def _total(terms: Iterable[arb]) -> arb:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -136,14 +138,20 @@ def test_tangents_and_rates_along_the_sheet_are_those_of_the_implicit_function()
         Y = at(slope, point)
         assert own.tangents(POINTS)[i] == pytest.approx(np.vstack([np.eye(2), Y]))
         A = at(along, point)
-        expected = np.abs(np.linalg.eigvalsh((A + A.T) / 2)).max()
+        expected = np.abs(np.linalg.eigvals(A).real).max()
         assert own.tangential_rates(POINTS)[i] == pytest.approx(expected)
         for k, slow in enumerate((u, v)):
             total = at(fast.diff(slow), point) + sum(
                 Y[j, k] * at(fast.diff(s), point) for j, s in enumerate((x, y))
             )
             largest.append(np.abs(total).max())
-    assert own.tangential_rate(POINTS) == own.tangential_rates(POINTS).max()
+    # No metric serves all points as well as its own serves each, and none is worse than the best one.
+    in_units = max(np.abs(np.linalg.eigvalsh((A + A.T) / 2)).max() for A in map(partial(at, along), POINTS))
+    assert (
+        own.tangential_rates(POINTS).max()
+        <= own.tangential_rate(POINTS) * (1 + 1e-12)
+        <= in_units * (1 + 1e-12)
+    )
     assert own.jacobian_variation(POINTS) == pytest.approx(max(largest))
     # Each entry of g_y changes as a whole: its parts are added before the largest is taken.
     cancels = sampler({u: -u}, {x: -x + 3 * u * y - 3 * y**2 / 2 + 3 * u - 3 * u**2 / 2, y: u - y})

@@ -311,6 +311,15 @@ def test_the_normal_rate_has_to_dominate_where_epsilon_is_given() -> None:
     assert "r >= 1" in undecided.reason
 
 
+@pytest.mark.parametrize("unit", [1, 1000, sp.Rational(1, 10**6)])
+def test_the_rate_along_a_damped_oscillation_is_its_damping_in_any_units(unit) -> None:
+    u = sp.Symbol("u")
+    slow = {x: unit * u - x / 2, u: -x / unit - u / 2}
+    found = certify(branch({y: x - y}, slow=slow), region={"x": (-unit, unit), "u": (-1, 1)}, epsilon=1)
+    assert found.verdict is PROVED
+    assert 0.5 <= found.tangential <= 0.5 * (1 + 1e-6)
+
+
 # -- budgets, interrupts, bad input ---------------------------------------------
 
 

@@ -1,0 +1,185 @@
+"""The metric of the slow variables in which the reduced flow parts and draws together neighbours least.
+
+Between orbits of x' = f_0(x) a difference e obeys e' = A e with A = D f_0, and in the metric |e|^2 = e'Pe its rate of
+growth or decay is at most |S_P(A)|, the largest |eigenvalue| of the symmetric part of T A T^-1, P = T'T (Dahlquist's
+logarithmic norm). Over a region one constant P bounds the growth along every orbit that stays: max_x |S_P(A(x))|. Its
+least value over all P is the tangential rate here. It is the same for every linear change of the slow variables, so in
+all units, and for a constant A it is the largest |Re lambda|, as it has to be: [[0, c], [0, 0]] is one flow in many
+units, c times anything.
+
+Common quadratic Lyapunov functions: Boyd, El Ghaoui, Feron, Balakrishnan, Linear matrix inequalities in system and
+control theory, SIAM 1994, section 5.1; balancing: Osborne, J. ACM 7 (1960) 338.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+# Rates below so many roundings of what they are made of are 0.
+ROUNDING = 64 * float(np.finfo(float).eps)
+
+# In a metric that is written down, parts of the slow variables that are driven by others and do not drive them back are
+# measured in units in which the drive is this share of the rates; the least rate itself has it 0.
+DRIVE = 1e-6
+# Sharpness of the smooth maximum, in steps; a rate this near the least possible is it.
+SHARP = (30.0, 300.0, 3000.0)
+NEAR = 1e-4
+# Above so many variables coupled to one another only their units are chosen; steps of descent for each sharpness.
+MOST_COUPLED, STEPS = 12, 60
+SWEEPS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SlowMetric:
+    """Blocks `T` (n, n) of the metric, one for each of `parts`, the variables that drive one another; each part is
+    measured in units next to which those that drive it are 0, in the `order` in which they do.
+    """
+
+    T: np.ndarray
+    parts: tuple[np.ndarray, ...]
+    order: tuple[int, ...]
+
+    def seen(self, A: np.ndarray) -> np.ndarray:
+        """T A T^-1 (m, n, n) for `A` (m, n, n)."""
+        return self.T @ _undriven(A, self.parts) @ np.linalg.inv(self.T)
+
+    def rates(self, A: np.ndarray) -> np.ndarray:
+        """Largest rate (m,) of growth or decay of differences under each of `A` (m, n, n); 0 as far as doubles go."""
+        B = self.seen(A)
+        rates = np.abs(np.linalg.eigvalsh(_symmetric(B))).max(axis=1)
+        return np.where(rates > ROUNDING * B.shape[1] * np.abs(B).max(axis=(1, 2)), rates, 0.0)
+
+    def extreme(self, A: np.ndarray) -> tuple[int, float, np.ndarray]:
+        """(i, rate, direction (n,)): the largest rate is that of A[i], below 0 where differences along it decay."""
+        i = int(self.rates(A).argmax())
+        values, vectors = np.linalg.eigh(_symmetric(self.seen(A[i : i + 1]))[0])
+        k = int(np.abs(values).argmax())
+        return i, float(values[k]), np.linalg.solve(self.T, vectors[:, k])
+
+    def written(self, A: np.ndarray, *, least: float) -> np.ndarray:
+        """T (n, n) with the units of the parts in it, in which no drive matters next to rates of `least`."""
+        aim = DRIVE * max(least, float(self.rates(A).max()))
+        T, scale = self.T, np.ones(len(self.T))
+        if not aim > 0.0:
+            return T
+        for place, k in enumerate(self.order[1:], 1):
+            part = self.parts[k]
+            before = np.concatenate([self.parts[j] for j in self.order[:place]])
+            back = np.linalg.inv(scale[before, None] * T[np.ix_(before, before)])
+            drive = float(np.abs(T[np.ix_(part, part)] @ A[:, part][:, :, before] @ back).max())
+            scale[part] = aim / drive if drive > 0.0 else 1.0
+        return scale[:, None] * T
+
+
+def frozen_rates(A: np.ndarray) -> np.ndarray:
+    """The least rates (m,) of each of `A` (m, n, n) in a metric of its own: the largest |Re lambda|."""
+    return np.abs(np.real(np.linalg.eigvals(A))).max(axis=1)
+
+
+def least_metric(A: np.ndarray) -> SlowMetric:
+    """The metric in which the largest rate over all of `A` (m, n, n), finite, is least, or nearly."""
+    n = A.shape[1]
+    order, parts = _driven_last(A)
+    T = np.eye(n)
+    for part in parts:
+        if len(part) > 1:
+            T[np.ix_(part, part)] = _coupled(A[:, part][:, :, part])
+    return SlowMetric(T, tuple(parts), tuple(order))
+
+
+def _symmetric(B: np.ndarray) -> np.ndarray:
+    return (B + B.transpose(0, 2, 1)) / 2
+
+
+def _rate_in(A: np.ndarray, T: np.ndarray) -> float:
+    return float(np.abs(np.linalg.eigvalsh(_symmetric(T @ A @ np.linalg.inv(T)))).max())
+
+
+def _driven_last(A: np.ndarray) -> tuple[list[int], list[np.ndarray]]:
+    """(order, parts): variables that drive one another, and an order in which no part drives an earlier one."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    # Entry (i, k): variable k drives i.
+    drives = (A != 0.0).any(axis=0)
+    count, label = connected_components(csr_array(drives), connection="strong")
+    parts = [np.flatnonzero(label == k) for k in range(count)]
+    waiting = {k: set(label[drives[part].any(axis=0)]) - {k} for k, part in enumerate(parts)}
+    order: list[int] = []
+    while waiting:
+        ready = [k for k, drivers in waiting.items() if not drivers - set(order)]
+        order += ready
+        for k in ready:
+            del waiting[k]
+    return order, parts
+
+
+def _undriven(A: np.ndarray, parts: Sequence[np.ndarray]) -> np.ndarray:
+    """`A` without what drives one part from another."""
+    kept = np.zeros_like(A)
+    for part in parts:
+        kept[:, part[:, None], part] = A[:, part[:, None], part]
+    return kept
+
+
+def _coupled(A: np.ndarray) -> np.ndarray:
+    """T (n, n) for variables that all drive one another."""
+    T = np.diag(_balanced(np.sqrt((A**2).mean(axis=0))))
+    enough = (1.0 + NEAR) * float(frozen_rates(A).max())
+    for sharp in SHARP if len(T) <= MOST_COUPLED else ():
+        if _rate_in(A, T) <= enough:
+            break
+        T = _descended(A, T, sharp)
+    return T
+
+
+def _balanced(sizes: np.ndarray) -> np.ndarray:
+    """Units d (n,) in which sum (d_i sizes_ik/d_k)^2 is least: rows and columns are as large."""
+    squares, d = sizes**2, np.ones(len(sizes))
+    np.fill_diagonal(squares, 0.0)
+    for _ in range(SWEEPS):
+        worst = 0.0
+        for i in range(len(d)):
+            ratio = (squares[:, i].sum() / squares[i].sum()) ** 0.25
+            d[i] *= ratio
+            squares[i] *= ratio**2
+            squares[:, i] /= ratio**2
+            worst = max(worst, abs(np.log(ratio)))
+        if worst < NEAR:
+            break
+    return d
+
+
+def _descended(A: np.ndarray, T: np.ndarray, sharp: float) -> np.ndarray:
+    """T moved down the slope of a smooth maximum of the rates; T itself where that is no better."""
+    from scipy.optimize import minimize
+
+    n, start = len(T), T
+    B = T @ A @ np.linalg.inv(T)
+    unit = _rate_in(A, T)
+
+    def value(w: np.ndarray) -> tuple[float, np.ndarray]:
+        W = w.reshape(n, n)
+        try:
+            inverse = np.linalg.inv(W)
+        except np.linalg.LinAlgError:
+            return np.inf, np.zeros(n * n)
+        C = W @ B @ inverse
+        if not np.isfinite(C).all():
+            return np.inf, np.zeros(n * n)
+        rates, along = np.linalg.eigh((C + C.transpose(0, 2, 1)) / (2.0 * unit))
+        both = np.concatenate([rates, -rates], axis=1)
+        top = float(both.max())
+        shares = np.exp(sharp * (both - top))
+        total = float(shares.sum())
+        weights = (shares[:, :n] - shares[:, n:]) / (total * unit)
+        G = (along * weights[:, None, :]) @ along.transpose(0, 2, 1)
+        slope = (inverse @ (C @ G - G @ C).sum(axis=0)).T
+        return top + float(np.log(total)) / sharp, slope.ravel()
+
+    found = minimize(value, np.eye(n).ravel(), jac=True, method="L-BFGS-B", options={"maxiter": STEPS}).x
+    T = found.reshape(n, n) @ start
+    return T if np.isfinite(T).all() and _rate_in(A, T) < unit else start

@@ -1,0 +1,202 @@
+"""Scenes in other units and in other orders, and what is said of a scene: verdicts without their numbers.
+
+`python -m tests.rescaling SCENE...` prints what differs, for the named scenes or all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from gsp import load, models
+from gsp.analysis.analysis import analyse
+from gsp.analysis.fold_surroundings import not_followed, surroundings
+from gsp.choice.choice import choose
+from gsp.critical.continuation.critical_curve import CriticalCurve
+from gsp.errors import GspError
+from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, classify
+from gsp.scenes.scene import Scene
+from gsp.scenes.study import study_of
+from gsp.slow.series import expand
+from gsp.systems.system import SlowFastSystem, VectorField
+from tests.literature import FOLDER, systems
+
+VERBS = ("check", "folds", "expand", "choose", "report")
+
+
+def scenes() -> list[str]:
+    """Names of every scene of the repository."""
+    return [*models.names(), *systems()]
+
+
+def scene(name: str) -> Scene:
+    """The scene of that name, built in or from tests/systems."""
+    return models.load(name) if name in models.names() else load(FOLDER / f"{name}.toml")
+
+
+def rescaled(scene: Scene, powers: Mapping[str, int]) -> Scene:
+    """The scene with each named state in units in which its numbers are 10**power times what they were."""
+    system = scene.system
+    units = {s: sp.Integer(10) ** powers.get(s.name, 0) for s in system.states}
+    inner = {s: s / unit for s, unit in units.items() if unit != 1}
+
+    def values(of: Mapping) -> dict:
+        return {s: units.get(s, 1) * sp.sympify(e).xreplace(inner) for s, e in of.items()}
+
+    words = {
+        "epsilon": system.epsilon,
+        "parameters": system.parameters,
+        "observables": values(system.observables),
+    }
+    new = (
+        SlowFastSystem(slow=values(system.slow), fast=values(system.fast), **words)
+        if isinstance(system, SlowFastSystem)
+        else VectorField(values(system.equations), **words)
+    )
+
+    def number(name: str, value: float) -> float:
+        power = powers.get(name, 0)
+        # The nearest double: a product with 1e-6 would be rounded twice.
+        return value * 10.0**power if power >= 0 else value / 10.0**-power
+
+    return replace(
+        scene,
+        system=new,
+        region={n: (number(n, a), number(n, b)) for n, (a, b) in scene.region.items()},
+        start={n: number(n, v) for n, v in scene.start.items()},
+        starts={},
+        claims={},
+        views={},
+        reconstruction=values(scene.reconstruction),
+    )
+
+
+def reordered(scene: Scene, seed: int) -> Scene:
+    """The scene with its states, equations and parameters declared in another order."""
+    shuffle = random.Random(seed)
+
+    def mixed(of: Mapping) -> dict:
+        items = list(of.items())[::-1]
+        shuffle.shuffle(items)
+        return dict(items)
+
+    system = scene.system
+    words = {
+        "epsilon": system.epsilon,
+        "parameters": mixed(system.parameters),
+        "observables": dict(system.observables),
+    }
+    new = (
+        SlowFastSystem(slow=mixed(system.slow), fast=mixed(system.fast), **words)
+        if isinstance(system, SlowFastSystem)
+        else VectorField(mixed(system.equations), **words)
+    )
+    return replace(scene, system=new, region=mixed(scene.region), start=mixed(scene.start), claims={})
+
+
+def in_other_units(scene: Scene, *, singly: bool = False) -> Iterator[dict[str, int]]:
+    """Powers of ten for each state: all alike, apart, and with `singly` one state at a time."""
+    names = [s.name for s in scene.system.states]
+    for power in (-6, 6):
+        yield dict.fromkeys(names, power)
+        yield {name: power if k % 2 else -power for k, name in enumerate(names)}
+        if singly:
+            yield from ({name: power} for name in names)
+
+
+def _check(scene: Scene) -> object:
+    study = study_of(scene)
+    return _told(classify(study.branch, region=study.region, epsilon=scene.epsilon))
+
+
+def _told(found: Hyperbolicity) -> object:
+    return (
+        found.kind.name,
+        sorted(loss.kind.name for loss in found.losses),
+        sorted(loss.kind.name for loss in found.looked_at),
+        [(condition.name, condition.holds) for condition in found.conditions],
+        found.exclusion is not None and found.exclusion.is_complete,
+    )
+
+
+def _folds(scene: Scene) -> object:
+    study = study_of(scene)
+    if not_followed(study) is not None:
+        return "not followed"
+    found = surroundings(study)
+    curves = [found] if isinstance(found, CriticalCurve) else [*found.folds]
+    return sorted(sorted(point.kind.name for point in curve.special) for curve in curves)
+
+
+def _expand(scene: Scene) -> object:
+    return expand(study_of(scene).branch, order=2, symbolic=False).order
+
+
+def _choose(scene: Scene) -> object:
+    return _chosen(choose(scene))
+
+
+def _chosen(found) -> object:
+    # Whether it pays is told by a clock.
+    return [(c.label, c.valid, c.failure and c.failure.name) for c in found.candidates if c.order is not None]
+
+
+def _report(scene: Scene) -> object:
+    found = analyse(scene, order=2)
+    boundary = found.boundary if "boundary" not in found.lost else None
+    return (
+        sorted(found.lost),
+        None if "hyperbolicity" in found.lost else _told(found.hyperbolicity),
+        None if "choice" in found.lost else _chosen(found.choice),
+        boundary
+        and (
+            [(fold.passage is not None, fold.canard is not None) for fold in boundary.folds],
+            sorted(str(point.kind) for point in boundary.folded),
+            boundary.orbit is not None,
+            boundary.period is not None,
+        ),
+        found.base is not None,
+    )
+
+
+def verdict(scene: Scene, verb: str) -> object:
+    """What `verb` says of the scene: kinds of losses, Yes and No, what holds, statuses; a refusal by its kind."""
+    verbs = {"check": _check, "folds": _folds, "expand": _expand, "choose": _choose, "report": _report}
+    try:
+        return verbs[verb](scene)
+    except GspError as error:
+        return type(error).__name__
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.rescaling")
+    parser.add_argument("names", nargs="*", metavar="scene")
+    parser.add_argument("--verb", action="append", choices=VERBS)
+    parser.add_argument("--singly", action="store_true", help="each state by itself too")
+    parser.add_argument("--orders", action="store_true", help="other orders of declaration, not units")
+    options = parser.parse_args(arguments)
+    for name in options.names or scenes():
+        plain = scene(name)
+        others = (
+            {f"order {k}": reordered(plain, k) for k in range(2)}
+            if options.orders
+            else {str(p): rescaled(plain, p) for p in in_other_units(plain, singly=options.singly)}
+        )
+        for verb in options.verb or VERBS:
+            expected = verdict(plain, verb)
+            for what, other in others.items():
+                try:
+                    got = verdict(other, verb)
+                except Exception as error:
+                    got = f"{type(error).__name__}: {error}"
+                if got != expected:
+                    print(f"{verb} {name} {what}\n  was {expected}\n  now {got}", flush=True)
+            print(f"{verb} {name} looked at", flush=True)
+
+
+if __name__ == "__main__":
+    main()
