@@ -233,6 +233,16 @@ def test_choose_prints_the_card_and_json() -> None:
     assert {row["kind"] for row in found["candidates"]} == {"reduced", "solved", "full"}
 
 
+def test_folds_outside_the_region_are_called_so() -> None:
+    # The built-in region is x in (1.1, 2.2), y in (-0.6, 1.2), and the fold at (1, -2/3).
+    assert "outside the region: fold at y = -0.66" in run("folds", "van_der_pol").output
+    wider = ("folds", "van_der_pol", "--region", "x=0.9:2.2", "--region", "y=-0.7:1.2")
+    assert "outside the region" not in run(*wider).output
+    (fold,) = [p for p in json.loads(run(*wider, "--json").stdout)["special"] if p["point"]["x"] > 0]
+    assert fold["in_region"]
+    assert not any(p["in_region"] for p in json.loads(run("folds", "van_der_pol", "--json").stdout)["special"])
+
+
 def test_two_curves_of_folds_are_told_apart() -> None:
     text = run("folds", "koper").output
     assert "x = -1 throughout" in text

@@ -106,8 +106,8 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
 def folds(scene: Scene, as_json: bool) -> None:
     """Follow the critical manifold of MODEL through its folds.
 
-    In a box that is wider than the region by one and a half of its widths on every side. At a fold, a and b are the
-    coefficients of v' = b dx + a v^2 along the null direction.
+    In a box that is wider than the region by one and a half of its widths on every side; what is found outside the
+    region is called so. At a fold, a and b are the coefficients of v' = b dx + a v^2 along the null direction.
     """
     from gsp.analysis.fold_surroundings import never_folds, not_followed, surroundings
     from gsp.critical.continuation.critical_curve import CriticalCurve
@@ -132,7 +132,12 @@ def folds(scene: Scene, as_json: bool) -> None:
                 "name": scene.name,
                 "message": found.message,
                 "special": [
-                    {"kind": str(p.kind), "point": dict(p.point), "coefficients": dict(p.coefficients)}
+                    {
+                        "kind": str(p.kind),
+                        "point": dict(p.point),
+                        "coefficients": dict(p.coefficients),
+                        "in_region": p.is_in(study.region),
+                    }
                     for curve in curves
                     for p in curve.special
                 ],
@@ -146,5 +151,5 @@ def folds(scene: Scene, as_json: bool) -> None:
             }
         )
         return
-    texts = [str(curve) for curve in curves]
+    texts = [curve.told(study.region) for curve in curves]
     click.echo("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

@@ -53,11 +53,15 @@ class SlowMetric:
         return np.where(rates > ROUNDING * B.shape[1] * np.abs(B).max(axis=(1, 2)), rates, 0.0)
 
     def extreme(self, A: np.ndarray) -> tuple[int, float, np.ndarray]:
-        """(i, rate, direction (n,)): the largest rate is that of A[i], below 0 where differences along it decay."""
+        """(i, rate, direction (n,)): the largest rate is that of A[i], below 0 where differences decay.
+
+        The direction is that of the eigenvector of A[i] whose own rate is nearest to it.
+        """
         i = int(self.rates(A).argmax())
-        values, vectors = np.linalg.eigh(_symmetric(self.seen(A[i : i + 1]))[0])
-        k = int(np.abs(values).argmax())
-        return i, float(values[k]), np.linalg.solve(self.T, vectors[:, k])
+        found = np.linalg.eigvalsh(_symmetric(self.seen(A[i : i + 1]))[0])
+        rate = float(found[np.abs(found).argmax()])
+        values, vectors = np.linalg.eig(A[i])
+        return i, rate, np.real(vectors[:, np.abs(np.real(values) - rate).argmin()])
 
     def written(self, A: np.ndarray, *, least: float) -> np.ndarray:
         """T (n, n) with the units of the parts in it, in which no drive matters next to rates of `least`."""

@@ -108,6 +108,8 @@ class _Search:
     def __init__(self, sampler: Sampler, equations: Equations, whole: Box, z: np.ndarray) -> None:
         self.sampler, self.equations, self.whole, self.z = sampler, equations, whole, z
         self.nx = len(whole)
+        # How large each fast variable is on the branch: what rounding is measured by.
+        self.sizes = np.abs(z[:, self.nx :]).max(axis=0)
         self.widths = np.array([high - low for low, high in whole])
         self.left: list[Box] = []
         # Places (k, n_slow) that are worth a sample, each with a sample of its sheet.
@@ -155,7 +157,7 @@ class _Search:
             x = middle_of(part.box)
             piece = part.piece
             if piece is not None and found and piece.spectrum is not None and piece.spectrum.counts == usual:
-                room = piece.tube.radius + BESIDE * (1.0 + np.abs(here))
+                room = piece.tube.radius + BESIDE * self.sizes
                 if (np.abs(here - piece.tube.centre) <= room).all():
                     self._look(x[None, :], start)
                     continue
@@ -182,7 +184,7 @@ class _Search:
                 continue
             tube = part.piece.tube
             off = np.abs(y[inside] - tube.centre - (x[inside] - tube.middle) @ tube.slope.T)
-            on[inside] |= (off <= tube.radius + BESIDE * (1.0 + np.abs(y[inside]))).all(axis=1)
+            on[inside] |= (off <= tube.radius + BESIDE * self.sizes).all(axis=1)
         return on, over
 
     def _nearest(self, x: np.ndarray, among: np.ndarray) -> np.ndarray:

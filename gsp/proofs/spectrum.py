@@ -77,7 +77,7 @@ def _proposals(near: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         return
     values, vectors = np.linalg.eig(near)
     basis, signs = _real_eigenbasis(values, vectors)
-    if basis.shape == near.shape and np.linalg.cond(basis) < WORST_CONDITION:
+    if basis.shape == near.shape and _condition(basis) < WORST_CONDITION:
         yield basis, signs
     sides = np.sign(np.real(values))
     if (sides == sides[0]).all() and sides[0] != 0.0:
@@ -107,6 +107,12 @@ def _real_eigenbasis(values: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarra
             columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])]
             signs += [side, side]
     return np.array(columns).T, np.array(signs)
+
+
+def _condition(basis: np.ndarray) -> float:
+    """How near the basis is to a singular one, whatever the units of its rows."""
+    sizes = np.abs(basis).max(axis=1, keepdims=True)
+    return float(np.linalg.cond(basis / sizes)) if sizes.all() else np.inf
 
 
 def _least_gap(matrix: arb_mat, basis: np.ndarray, signs: np.ndarray) -> float:

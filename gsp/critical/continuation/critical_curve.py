@@ -137,14 +137,24 @@ class NamedCurve(NamedPoints):
         name = type(self).__name__
         return f"{name}({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
-    def _card(self, title: str, rows: Sequence[str]) -> str:
+    def told(self, region: Mapping[str, Interval] | None = None) -> str:
+        """The card, its special points outside `region` last and called so."""
+        title, rows = self._headed()
         ranges = [
             f"  {name} from {self[name].min():.6g} to {self[name].max():.6g}"
             for name in self.names
             if np.ptp(self[name]) > 0.0
         ]
-        special = [f"  {point}" for point in self.special]
-        return "\n".join([title, *ranges, *rows, *special, f"  {self.message}"])
+        inside = [f"  {point}" for point in self.special if point.is_in(region or {})]
+        outside = [f"  outside the region: {point}" for point in self.special if not point.is_in(region or {})]
+        return "\n".join([title, *ranges, *rows, *inside, *outside, f"  {self.message}"])
+
+    def _headed(self) -> tuple[str, Sequence[str]]:
+        """The title of the card and the rows that are this curve's own."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return self.told()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -163,12 +173,12 @@ class CriticalCurve(NamedCurve, Drawn, Tabular):
     segments: tuple[Segment, ...]
     others: tuple[CriticalCurve, ...] = ()
 
-    def __str__(self) -> str:
+    def _headed(self) -> tuple[str, Sequence[str]]:
         rows = [
             f"  {segment.kind} ({segment.unstable} unstable) from row {segment.first} to {segment.last}"
             for segment in self.segments
         ]
-        return self._card(f"curve of the critical manifold over {', '.join(self.free)}", rows)
+        return f"curve of the critical manifold over {', '.join(self.free)}", rows
 
 
 Curve = TypeVar("Curve", bound=NamedCurve)

@@ -6,7 +6,7 @@ point (Govaerts 2000, 4.1).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,10 +57,10 @@ class FoldCurve(NamedCurve, Card, Tabular):
     skew: np.ndarray
     eigenvalues: np.ndarray
 
-    def __str__(self) -> str:
+    def _headed(self) -> tuple[str, Sequence[str]]:
         still = [name for name in self.names if not np.ptp(self[name]) > 0.0]
         fixed = [f"  {name} = {self[name][0]:.6g} throughout" for name in still]
-        return self._card(f"curve of folds over {', '.join(self.free)}", fixed)
+        return f"curve of folds over {', '.join(self.free)}", fixed
 
 
 def continue_folds(
@@ -189,7 +189,7 @@ def _corrected_fold(
 
 def _oriented(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit null vectors (phi, psi), (m, n) each, continuous along the points."""
-    phi, psi = map(np.array, zip(*(fold_vectors(problem, u) for u in points)))
+    phi, psi = map(np.array, zip(*(fold_vectors(problem, u, np.ones(problem.size)) for u in points)))
     for vectors in (phi, psi):
         for i in range(1, len(vectors)):
             if vectors[i] @ vectors[i - 1] < 0.0:
@@ -244,6 +244,6 @@ def _bordered_test(system, kind: SpecialKind) -> Callable[[np.ndarray], float]:
 def _described(problem: LayerProblem, u: np.ndarray, kind: SpecialKind, scales: np.ndarray) -> SpecialPoint:
     """The point with its coefficients. It is what its test says: no coefficient is compared with a size."""
     if kind is SpecialKind.BOGDANOV_TAKENS:
-        phi, psi = fold_vectors(problem, u)
+        phi, psi = fold_vectors(problem, u, np.ones(problem.size))
         return special_point(problem, u, kind, right=phi, left=psi)
     return fold_point(problem, u, scales=scales, curvature=float("inf"))

@@ -17,6 +17,7 @@ from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.results.card import Card
+from gsp.systems.region import Interval
 
 # An eigenvalue counts as zero below this, and two sums as equal, relative to the largest eigenvalue.
 ZERO_EIGENVALUE = 1e-6
@@ -78,6 +79,12 @@ class SpecialPoint(Card):
     def __getitem__(self, name: str) -> float:
         return self.point[name]
 
+    def is_in(self, region: Mapping[str, Interval]) -> bool:
+        """Whether no variable that the region bounds is outside it."""
+        return all(
+            low <= self.point[name] <= high for name, (low, high) in region.items() if name in self.point
+        )
+
     def __str__(self) -> str:
         place = ", ".join(f"{name} = {value:.10g}" for name, value in self.point.items())
         rest = ", ".join(f"{name} = {value:.6g}" for name, value in self.coefficients.items())
@@ -134,33 +141,37 @@ def polished(tracer: PointTracer, problem: LayerProblem, of: MatrixMap, u: np.nd
 # -- folds -----------------------------------------------------------------------------------------
 
 
-def fold_vectors(problem: LayerProblem, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Right and left singular vectors (phi, psi) of g_y for its least singular value, of unit length.
+def fold_vectors(problem: LayerProblem, u: np.ndarray, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Right and left null vectors (phi, psi) of g_y at a fold, of unit length in the fast variables' `scales`.
 
-    The largest component of phi is positive.
+    The largest component of phi is positive. In raw units a variable whose numbers are large would hide the others.
     """
     k = len(problem.free)
-    return null_vectors(problem.jacobian(u)[:, k:])
+    phi, psi = null_vectors(problem.jacobian(u)[:, k:] * scales / scales[:, None])
+    return phi * scales, psi / scales
 
 
 def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curvature: float) -> SpecialPoint:
     """What kind of fold there is at u, with its coefficients; `curvature` is the largest |g_yy| on the curve."""
     k, n = len(problem.free), problem.size
-    phi, psi = fold_vectors(problem, u)
+    phi, psi = fold_vectors(problem, u, scales[k:])
+    g_yy = problem.second(u)[:, k:, k:]
+    is_flat = abs(quadratic_coefficient(g_yy, phi, psi)) <= ZERO_COEFFICIENT * curvature
+    length = float(np.linalg.norm(phi))
+    phi, psi = phi / length, psi * length
     values = np.sort(np.abs(problem.eigenvalues(u[None, :])[0]))
     product = float(psi @ phi)
     double = n > 1 and (values[1] <= 1e-5 * values[-1] or abs(product) < ZERO_EIGENVALUE)
     if double:
-        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS, right=phi, left=psi)
+        return special_point(
+            problem, u, SpecialKind.BOGDANOV_TAKENS, right=phi, left=psi / float(np.linalg.norm(psi))
+        )
     psi = psi / product
-    g_yy = problem.second(u)[:, k:, k:]
     a = quadratic_coefficient(g_yy, phi, psi)
     b = float(psi @ problem.jacobian(u)[:, 0])
     coefficients = {"a": a, "b": b}
-    # In scaled units, |phi| is the length of phi/scales.
-    length = float(np.linalg.norm(phi / scales[k:]))
     kind = SpecialKind.FOLD
-    if abs(a * product) / length**2 <= ZERO_COEFFICIENT * curvature:
+    if is_flat:
         kind = SpecialKind.CUSP
         g_y = problem.jacobian(u)[:, k:]
         coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
@@ -171,7 +182,8 @@ def curvature(problem: LayerProblem, points: np.ndarray, scales: np.ndarray) -> 
     """The largest |g_yy| in scaled units over points (m, N)."""
     k = len(problem.free)
     chosen = points[np.linspace(0, len(points) - 1, min(len(points), 33)).astype(int)]
-    weights = scales[k:, None] * scales[None, k:]
+    fast = scales[k:]
+    weights = fast[None, :, None] * fast[None, None, :] / fast[:, None, None]
     sizes = [np.abs(problem.second(u)[:, k:, k:] * weights).max() for u in chosen]
     return float(max((s for s in sizes if np.isfinite(s)), default=1.0)) or 1.0
 
