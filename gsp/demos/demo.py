@@ -103,7 +103,8 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         "compared": told.get("compared", True),
         "ranges": told.get("ranges", {}),
         "story": told.get("steps", []),
-        "folds": _folds(study, quantities),
+        "folds": _folds(study, program.parts),
+        "views": [{"names": list(view.names), "ranges": dict(view.ranges)} for view in scene.views.values()],
         **_space(study, program.parts, told.get("space", True)),
     }
     title = scene.title or scene.name or scene.system.name or "A slow-fast system"
@@ -159,8 +160,16 @@ def _told(name: str) -> dict[str, Any]:
     return tomllib.loads(files("gsp.demos").joinpath("stories", f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def _folds(study: Study, quantities: list[str]) -> list[list[float | None]]:
-    """Folds of M0 around the region at the declared parameters, as rows of quantities, None where one is not known."""
+def _folds(study: Study, parts: Mapping[str, Any]) -> list[list[float | None]]:
+    """Folds at the declared parameters, as rows of quantities, None where one is not known.
+
+    They are those around the region where M0 is written over the slow variable; along a fast one the page finds them.
+    """
+    reduction = parts["reduction"]
+    if reduction["reason"] or len(study.system.x) != 1:
+        return []
+    if any(place > 0 for label in ("", "Declared") for place in reduction.get(f"coordinates{label}", ())):
+        return []
     try:
         found = surroundings(study)
     except (GspError, np.linalg.LinAlgError):
@@ -172,4 +181,4 @@ def _folds(study: Study, quantities: list[str]) -> list[list[float | None]]:
     ]
     if study.splitting is not None:
         points = [{**point, **study.splitting.to_raw(point)} for point in points]
-    return [[float(point[name]) if name in point else None for name in quantities] for point in points]
+    return [[float(point[n]) if n in point else None for n in parts["quantities"]] for point in points]

@@ -1,5 +1,6 @@
 """Pages in a browser: what moves, what is computed, what is said, and that nothing leaves the page."""
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ import sympy as sp
 import gsp
 from gsp import models
 from gsp.demos import demo as demos
+from gsp.demos.page import embedded
 from gsp.errors import DeclarationError, OutputError
 from gsp.slow import truncation
 from tests.cases import sampled
@@ -99,6 +101,31 @@ w = 0.03
 span = [0, 1]
 epsilon = 0.02
 """
+# y = x^2/(x - 1): a pole, whose two sides are two pieces. The range in view is `asked` for.
+POLE = """
+[slow]
+x = "-x"
+[fast]
+y = "x^2 - (x - 1)*y"
+[region]
+x = [2, 4]
+[start]
+x = 4
+y = 5
+[scene]
+span = [0, 0.5]
+epsilon = 0.01
+[views.both]
+x = "x"
+y = "y"
+ranges = { x = [-1, 4], y = [-10, 10] }
+[views.later]
+x = "t"
+y = "y"
+ranges = { t = [0, 0.25], y = [3, 6] }
+"""
+# What every object of JavaScript answers to.
+INHERITED = ("constructor", "toString", "hasOwnProperty", "valueOf", "__proto__")
 
 
 @cache
@@ -431,6 +458,189 @@ def test_names_and_texts_of_a_model_are_inert(opened) -> None:
     page.measured()
     assert page.complaints() == []
     assert page.requests() == []
+
+
+@pytest.mark.parametrize("state", INHERITED)
+def test_names_that_objects_of_javascript_inherit_are_names_like_others(
+    state: str, page, tmp_path: Path
+) -> None:
+    x, y, epsilon = sp.Symbol(state), sp.Symbol("y"), sp.Symbol("epsilon")
+    parameters = {sp.Symbol(name): sp.Rational(3, 2) for name in INHERITED if name != state}
+    system = gsp.SlowFastSystem(
+        slow={x: -x * sp.Mul(*parameters)}, fast={y: x - y}, epsilon=epsilon, parameters=parameters
+    )
+    scene = gsp.Scene(
+        system, {state: (0, 2)}, {state: 1, "y": 0}, (0, 1), 0.05, (0.02, 0.01), 1e-6, units={state: "mol"}
+    )
+    page.open(gsp.write_demo(scene, tmp_path / "names.html"))
+    assert page.inked() > 2000
+    page.slide("parameter-0", 2.0)
+    page.slide("parameter-3", 1.0)
+    page.measured()
+    assert page.run("return [state.parameters, model.labelled(arguments[0]), model.labelled('y')]", state) == [
+        [2.0, 1.5, 1.5, 1.0],
+        f"{state} (mol)",
+        "y",
+    ]
+    assert page.run("return ladder[0].orders[0]") < 0.2
+    assert page.complaints() == []
+
+
+def test_a_rival_may_have_the_name_of_a_row_beside_it(page, tmp_path: Path) -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = gsp.SlowFastSystem(slow={x: -y}, fast={y: x - y}, epsilon=epsilon)
+    claims = {"full": {x: -x}, "__proto__": {x: -x * (1 + epsilon)}}
+    scene = gsp.Scene(system, {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 3), 0.01, (0.02, 0.01), 1e-6, claims=claims)
+    page.open(gsp.write_demo(scene, tmp_path / "rivals.html"))
+    page.measured()
+    told = page.run("tell(); return [readouts.full, ...readouts.claims].map((output) => output.textContent)")
+    assert "steps at" in told[0]
+    assert re.search("epsilon0.9|epsilon1.0", told[1])
+    assert re.search("epsilon1.9|epsilon2.0", told[2])
+
+
+def test_a_curve_is_not_joined_across_a_pole(opened) -> None:
+    page = opened(POLE, fragment="#orders=0.1")
+    # Where a curve is drawn, the pen is down from one point to the next.
+    strokes = page.run(
+        "const found = []; const curve = views.plane.curve;"
+        "views.plane.curve = function (x, y, colour, ...rest) {"
+        "  if (colour === colours().manifold) found.push([Array.from(x), Array.from(y)]);"
+        "  curve.call(this, x, y, colour, ...rest);"
+        "}; draw(); return found;"
+    )
+    box = page.run("return views.plane.box")
+    drawn = []
+    for xs, ys in strokes:
+        x, y = (np.array([np.nan if v is None else v for v in values], dtype=float) for values in (xs, ys))
+        known = np.isfinite(x)
+        np.testing.assert_allclose(y[known], x[known] ** 2 / (x[known] - 1), rtol=1e-9)
+        drawn.append(x[known])
+        down = known[:-1] & known[1:]
+        assert not (down & (x[:-1] < 1) & (x[1:] > 1)).any()
+    # All else is one curve on either side, in steps of a pixel, up to where it leaves the picture.
+    x = np.sort(np.concatenate(drawn))
+    y = x**2 / (x - 1)
+    seen = (y > box[2]) & (y < box[3])
+    pixel = 2 * (box[3] - box[2]) / page.run("return views.plane.height")
+    assert np.abs(np.diff(y)[seen[:-1] & seen[1:]]).max() < pixel
+    assert page.complaints() == []
+
+
+@pytest.mark.parametrize("text", ["tan(x)", "x/abs(x)", "1/(x*x)", "sqrt(x)", "1/sin(40*x)"])
+def test_pieces_of_a_curve_are_told_by_its_own_values(text: str, opened) -> None:
+    page = opened("linear")
+    jumps = page.run(
+        "const { abs, sin, tan, sqrt } = Math; const at = (x) => ({ x, y: " + text + " });"
+        "const pixel = (y) => bounded(40 * y, -200, 200);"
+        "const there = (p) => Number.isFinite(p.y);"
+        "const apart = (a, b) => there(a) && there(b) ? Math.abs(pixel(a.y) - pixel(b.y))"
+        " : there(a) === there(b) ? 0 : Infinity;"
+        "const points = tracedCurve(at, [-0.7, 2.1], 30, apart, 20000);"
+        "let worst = 0, gaps = []; points.forEach((p, k) => {"
+        "  if (p === null) gaps.push([points[k - 1].x, points[k + 1].x]);"
+        "  else if (points[k + 1]) worst = Math.max(worst, apart(p, points[k + 1]));"
+        "}); return [worst, gaps, points.length];"
+    )
+    worst, gaps, count = jumps
+    assert worst <= 1
+    poles = {
+        "tan(x)": [np.pi / 2], "x/abs(x)": [0], "1/(x*x)": [0], "sqrt(x)": [0],
+        "1/sin(40*x)": [k * np.pi / 40 for k in range(-8, 27)],
+    }[text]  # fmt: skip
+    # An even pole passes above the picture, on both its sides.
+    assert len(gaps) >= len(poles) - text.count("x*x")
+    for low, high in gaps:
+        assert high - low < 1e-12
+        assert min(abs(low - pole) for pole in poles) < 1e-12
+    assert count < 20_000
+
+
+def test_folds_are_ringed_wherever_the_curve_turns_and_at_any_parameter(opened) -> None:
+    page = opened("van_der_pol")
+    for step in (0, 1, 4):
+        page.run("turnTo(arguments[0]); play(false)", step)
+        page.settle()
+        folds = page.run("return views.plane.folds")
+        np.testing.assert_allclose(sorted(folds), [[-1, 2 / 3], [1, -2 / 3]], atol=1e-12)
+    page = opened("fitzhugh_nagumo")
+    assert len(page.run("return views.plane.folds")) == 2
+    # A graph with a pole changes its type there without a fold.
+    assert opened(POLE).run("return views.plane.folds") == []
+
+
+def test_the_surface_goes_as_far_as_the_run(opened) -> None:
+    page = opened("koper")
+    page.run("turnTo(3); play(false)")
+    page.settle()
+    low, spans, attracts = page.run(
+        "const x = data.space.indexOf('x'); const all = net.lines.flatMap((line) => line.along[x]);"
+        "const lowest = Math.min(...current.curves.full.q[model.quantities.indexOf('x')]);"
+        "return [lowest, [Math.min(...all.filter(Number.isFinite)), Math.max(...all.filter(Number.isFinite))],"
+        " net.lines.filter((line) => line.attracts).flatMap((line) => line.along[x].filter((v) => v < -1)).length];"
+    )
+    assert low < -1.9
+    assert spans[0] <= low
+    assert spans[1] >= 2.0
+    assert attracts > 20
+
+
+def test_the_layer_is_shaded_as_long_as_it_is_seen(opened) -> None:
+    page = opened("van_der_pol")
+    page.measured()
+    page.settle()
+    x, end, arrived = page.run(
+        "const j = model.quantities.indexOf(state.trace); const { layer } = current.curves;"
+        "const at = layer.times.indexOf(views.trace.layerEnd);"
+        "const away = (k) => Math.abs(views.trace.Y(layer.run[k][j]) - views.trace.Y(layer.on[k][j]));"
+        "return [[away(0), away(at - 1), away(at + 1)], views.trace.layerEnd, current.result.layerEnd];"
+    )
+    # Two e-folds of fast time tell a hundred pixels from fourteen; errors are measured from where nothing is left.
+    assert x[0] > 100
+    assert x[1] > 0.9
+    assert x[2] < 1.1
+    assert 0.02 < end < 0.08
+    assert arrived > 3 * end
+    # The slow variable has no layer to be seen.
+    page.run("state.trace = 'y'; draw()")
+    assert page.run("return views.trace.layerEnd") is None
+    # A start on the slow manifold has none either.
+    page = opened("linear", fragment="#orders=0")
+    page.run(
+        "state.start[1] = current.result.full.states.at(-1)[1]; state.start[0] = current.result.full.states.at(-1)[0];"
+    )
+    page.run("update()")
+    assert page.run("return views.trace.layerEnd") is None
+
+
+def test_the_ranges_of_a_view_hold_its_axes(opened) -> None:
+    page = opened(POLE)
+    assert page.run("return views.plane.box") == [-1, 4, -10, 10]
+    assert page.run("return views.trace.box") == [0, 0.25, 3, 6]
+    page.run("state.trace = 'x'; state.axes = ['y', 'x']; changed()")
+    page.settle()
+    # Other pictures than those that were asked for follow the run.
+    assert page.run("return views.trace.box[1]") == 0.5
+    assert page.run("return views.plane.box") != [-10, 10, -1, 4]
+
+
+def test_a_parameters_slider_keeps_its_sign(opened) -> None:
+    page = opened(HOSTILE)
+    ends = "return ['min', 'max'].map((end) => Number(document.getElementById(arguments[0])[end]))"
+    assert page.run(ends, "parameter-0") == [0.8, 5.0]
+    for name in ("lindemann", "koper"):
+        page = opened(name)
+        for k, value in enumerate(page.run("return model.values")):
+            low, high = page.run(ends, f"parameter-{k}")
+            assert low <= value <= high
+            assert low * high > 0
+
+
+@pytest.mark.parametrize("text", ["<!--", "</script>", "<script>", "&lt;", "]]>"])
+def test_data_on_a_page_begins_no_markup(text: str) -> None:
+    held = embedded({"key " + text: [text]})
+    assert not set(held) & set("<>&")
+    assert json.loads(held) == {"key " + text: [text]}
 
 
 def test_greek_names_are_shown_as_they_are(opened, page, tmp_path: Path) -> None:

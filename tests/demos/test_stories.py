@@ -108,9 +108,7 @@ def test_the_picture_in_space_is_turned(page, tmp_path) -> None:
     ).release().perform()
     page.settle()
     assert page.picture("space") != before
-    assert page.run(
-        "return model.manifoldSurface(current.s, data.box, 4).flat().some((point) => !point.attracts)"
-    )
+    assert page.run("return net.lines.some((line) => !line.attracts && line.along[0].some(Number.isFinite))")
 
 
 @pytest.mark.exhaustive
@@ -308,8 +306,9 @@ def test_a_picture_is_quick_while_a_slider_moves_and_fine_at_rest(page, tmp_path
     assert "steps at 1e-4" in page.run("return document.getElementById('orders').innerText")
     # Turning the picture in space computes nothing anew.
     page.run(
-        "window.made = 0; const f = model.manifoldSurface;"
-        "model.manifoldSurface = (...a) => { made++; return f(...a); };"
+        "window.made = 0; const f = model.manifoldAt;"
+        "model.manifoldAt = (s, order) => { const at = f(s, order); return at &&"
+        " ((c) => { if (c.length === 2) made++; return at(c); }); };"
     )
     page.run("angles = [1, 0.3]; draw(); angles = [1.2, 0.3]; draw();")
     assert page.run("return made") == 0

@@ -269,6 +269,39 @@ def test_names_and_texts_of_a_model_do_nothing_in_any_language(tmp_path: Path) -
         np.testing.assert_allclose(y, wanted_y, rtol=1e-13)
 
 
+# What every object of JavaScript answers to.
+INHERITED = ("constructor", "toString", "hasOwnProperty", "valueOf", "__proto__")
+
+
+@pytest.mark.parametrize("state", INHERITED)
+def test_names_that_objects_of_javascript_inherit_are_names_like_others(state: str, tmp_path: Path) -> None:
+    x, y, epsilon = sp.Symbol(state), sp.Symbol("y"), sp.Symbol("epsilon")
+    parameters = {sp.Symbol(name): sp.Rational(k + 2, 3) for k, name in enumerate(INHERITED) if name != state}
+    system = gsp.SlowFastSystem(
+        slow={x: -x * sum(parameters)},
+        fast={y: x - y * sp.Mul(*parameters)},
+        epsilon=epsilon,
+        parameters=parameters,
+    )
+    scene = gsp.Scene(system, {state: (0, 2)}, {state: 1, "y": 0.2}, (0, 1), 0.01, (0.02, 0.01), 1e-6)
+    found = run_node(gsp.export(scene, order=0, to="javascript"), tmp_path, np.array([[0.3]]))
+    values = [float(value) for value in parameters.values()]
+    assert found["rates"] == [[pytest.approx(-0.3 * sum(values), rel=1e-13)]]
+    assert found["y"] == [[pytest.approx(0.3 / np.prod(values), rel=1e-13)]]
+
+
+def test_the_sign_of_zero_is_zero_in_every_language_that_runs(tmp_path: Path) -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = gsp.SlowFastSystem(slow={x: 3 * sp.sign(x) + y}, fast={y: x - y}, epsilon=epsilon)
+    scene = gsp.Scene(system, {"x": (-1, 1)}, {"x": 0.5, "y": 0.2}, (0, 0.1), 0.01, (0.02, 0.01), 1e-6)
+    points, wanted = np.array([[-0.5], [0.0], [0.5]]), np.array([[-3.5], [0.0], [3.5]])
+    texts = {to: gsp.export(scene, order=0, to=to) for to in ("python", "c", "javascript")}
+    rates = run_python(texts["python"])["rates"]
+    np.testing.assert_allclose([rates(0.0, point) for point in points], wanted, rtol=1e-13)
+    np.testing.assert_allclose(run_c(texts["c"], tmp_path, points, 0.01, (1, 1))[0], wanted, rtol=1e-13)
+    np.testing.assert_allclose(run_node(texts["javascript"], tmp_path, points)["rates"], wanted, rtol=1e-13)
+
+
 def test_a_comment_is_one_line_without_hidden_characters_or_ends() -> None:
     assert inert("a\nb\r\nc\x1b[31m\u202e\u2028 \\ d") == "a b c/x1b[31m/u202e / d"
     assert inert("**//*/ /**/") == "** // * / / ** /"

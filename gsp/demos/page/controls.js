@@ -47,7 +47,8 @@ function addControls() {
   });
   model.parameters.forEach((name, i) => {
     const value = model.values[i];
-    const [low, high] = data.ranges[name] ?? (value === 0 ? [-2, 2] : [Math.min(0, 2.5 * value), Math.max(0, 2.5 * value)]);
+    // A parameter keeps its sign: many a model has no meaning where it is zero.
+    const [low, high] = data.ranges[name] ?? (value === 0 ? [-2, 2] : [value / 2.5, 2.5 * value].sort((a, b) => a - b));
     addSlider(`parameter-${i}`, name, {
       low, high, read: () => state.parameters[i], write: (v) => (state.parameters[i] = v),
     });
@@ -76,21 +77,22 @@ function allowed() {
   remember();
 }
 
-const readouts = {};
+// Those of claims are told by their places: a claim may have any name.
+const readouts = { claims: [] };
 
 function addOrders() {
   const box = byId("orders");
-  const row = (key, kind, text, input) => {
+  const row = (kind, text, input) => {
     const output = element("output", {}, "");
     const label = element("label", { class: `order ${kind}` }, input ?? element("span"), element("span", {}, element("b"), text), output);
-    readouts[key] = output;
     box.append(label);
+    return output;
   };
-  row("full", "full", "full run");
+  readouts.full = row("full", "full run");
   for (let order = 0; order <= 3; order++) {
     const input = element("input", { type: "checkbox", id: `order-${order}` });
     input.addEventListener("change", () => toggleOrder(order));
-    row(order, `order${order}`, `order ${order}`, input);
+    readouts[order] = row(`order${order}`, `order ${order}`, input);
     sliders.push(() => {
       input.checked = state.orders.includes(order);
       input.disabled = !model.reducible || order > model.seriesAt(state).order;
@@ -103,8 +105,8 @@ function addOrders() {
       changed();
     });
     sliders.push(() => (input.checked = state.rivals));
-    row(claim.name, "rival", claim.name, input);
-    readouts[claim.name].parentElement.querySelector("b").dataset.rival = String(k);
+    readouts.claims[k] = row("rival", claim.name, input);
+    readouts.claims[k].parentElement.querySelector("b").dataset.rival = String(k);
   });
   if (data.work) {
     const input = element("input", { type: "checkbox", id: "fixed-shown" });
@@ -113,7 +115,7 @@ function addOrders() {
       changed();
     });
     sliders.push(() => (input.checked = state.fixed > 0));
-    row("fixed", "fixed", "explicit, fixed steps", input);
+    readouts.fixed = row("fixed", "explicit, fixed steps", input);
   }
 }
 

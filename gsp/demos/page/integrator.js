@@ -53,6 +53,14 @@ function factorise(matrix, n, pivots) {
   return true;
 }
 
+// The determinant of a matrix, which is factorised; 0 where it has no pivot.
+function determinant(matrix, n, pivots) {
+  if (!factorise(matrix, n, pivots)) return 0;
+  let product = 1;
+  for (let k = 0; k < n; k++) product *= pivots[k] === k ? matrix[k * n + k] : -matrix[k * n + k];
+  return product;
+}
+
 function solveFactorised(matrix, n, pivots, vector) {
   for (let k = 0; k < n; k++) {
     const held = vector[pivots[k]];

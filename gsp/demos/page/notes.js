@@ -138,7 +138,7 @@ function tell() {
     const shown = state.orders.includes(order) && model.reducible;
     readouts[order].replaceChildren(...[shown ? readout((row) => row.orders[order]) : ""].flat());
   }
-  for (const claim of model.claims) {
-    readouts[claim.name].replaceChildren(...[state.rivals ? readout((row) => row.rivals[claim.name]) : ""].flat());
-  }
+  model.claims.forEach((claim, k) => {
+    readouts.claims[k].replaceChildren(...[state.rivals ? readout((row) => row.rivals[claim.name]) : ""].flat());
+  });
 }

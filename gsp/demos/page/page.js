@@ -1,7 +1,10 @@
 // The page: one state, controls that change it, and pictures that follow. Everything is computed again at every change;
 // errors are measured in the pauses, one epsilon at a time.
 
-const data = JSON.parse(document.getElementById("data").textContent);
+// Maps of it have no prototype, so that a name of a model finds what the model says of it and nothing else.
+const data = JSON.parse(document.getElementById("data").textContent, (_, value) =>
+  value !== null && typeof value === "object" && !Array.isArray(value) ? Object.setPrototypeOf(value, null) : value,
+);
 const model = makeModel(data, program);
 const byId = (id) => document.getElementById(id);
 // Milliseconds of the last redraws, of the computation in them, and of the first picture since the page was opened.
@@ -81,15 +84,14 @@ function draw() {
   const place = (name) => model.quantities.indexOf(name);
   views.plane.startAt = startOnAxes();
   const [i, j] = state.axes.map(place);
-  const folds = model.atDeclared(s) ? data.folds.filter((fold) => fold[i] !== null && fold[j] !== null) : [];
   const marks = data.story[state.step]?.marks ?? [];
-  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, folds, data, marks);
+  drawPlane(views.plane, model, s, curves, i, j, now, c, state.orders, data, marks);
   handle.hidden = dragging() === null;
   handle.style.left = `${views.plane.X(views.plane.startAt[0])}px`;
   handle.style.top = `${views.plane.Y(views.plane.startAt[1])}px`;
-  drawTrace(views.trace, model, s, curves, place(state.trace), now, c, result.layerEnd, data);
+  drawTrace(views.trace, model, s, curves, place(state.trace), now, c, data);
   if (views.path) drawPath(views.path, model, curves, data.path.map(place), data.body, now, c);
-  if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data.box, now, c);
+  if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data, now, c);
   if (views.work) drawWork(views.work, work, state.tolerance, c, state.orders);
   if (views.errors) drawErrors(views.errors, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
   document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival)]));

@@ -1,7 +1,17 @@
 // The pictures of a page: plane, time, errors, path, and space.
 
-// Lines of the net of a surface in each direction.
+// Lines of the net of a surface in each direction; a line is followed in steps as small as a mesh.
 const NET = 22;
+// Samples of a curve before those between; where a curve leaves everything behind, so many halvings lead to rounding.
+const SAMPLES = 160;
+const HALVINGS = 53;
+
+const bounded = (value, low, high) => Math.min(high, Math.max(low, value));
+
+// The range that the scene's author asks for, of quantity `name` in the first view of these names; undefined where none is.
+function asked(views, names, name) {
+  return views.find((view) => view.names.join() === names.join() && name in view.ranges)?.ranges[name];
+}
 
 // Curves of a plane: quantity `i` across, quantity `j` up. `i` null is time.
 function drawCurves(view, curves, i, j, colours) {
@@ -18,23 +28,26 @@ function drawCurves(view, curves, i, j, colours) {
   }
 }
 
-function drawPlane(view, model, s, curves, i, j, now, colours, orders, folds, { frame, window: shown }, marks) {
+function drawPlane(view, model, s, curves, i, j, now, colours, orders, { frame, window: shown, views, folds }, marks) {
   view.begin(colours);
+  const names = [model.quantities[i], model.quantities[j]];
   const framed = (place, start) => rangeOf(curves, place, [start, ...(frame[model.quantities[place]] ?? [])]);
-  // A story may hold an axis still, where runs grow without bound.
-  const ranged = (place, start) => shown[model.quantities[place]] ?? framed(place, start);
+  // A story or a view may hold an axis still, where runs grow without bound.
+  const ranged = (place, start) =>
+    shown[model.quantities[place]] ?? asked(views, names, model.quantities[place]) ?? framed(place, start);
   view.setRanges(ranged(i, view.startAt[0]), ranged(j, view.startAt[1]));
-  view.axes(model.labelled(model.quantities[i]), model.labelled(model.quantities[j]));
+  view.axes(...names.map(model.labelled));
   view.clipped(() => {
     drawFibres(view, model, i, j, colours);
-    drawManifold(view, model, s, i, j, colours, orders);
+    const known = model.atDeclared(s) ? folds.map((fold) => [fold[i], fold[j]]).filter((fold) => !fold.includes(null)) : [];
+    view.folds = [...known, ...drawManifold(view, model, s, i, j, colours, orders)];
     drawCurves(view, curves, i, j, colours);
-    for (const fold of folds) {
+    for (const fold of view.folds) {
       const c = view.context;
       c.strokeStyle = colours.rivals[0];
       c.lineWidth = 2;
       c.beginPath();
-      c.arc(view.X(fold[i]), view.Y(fold[j]), 6, 0, 2 * Math.PI);
+      c.arc(view.X(fold[0]), view.Y(fold[1]), 6, 0, 2 * Math.PI);
       c.stroke();
     }
     drawMarks(view, marks.filter((mark) => mark.axis === model.quantities[i]), colours);
@@ -80,49 +93,75 @@ function drawFibres(view, model, i, j, colours) {
   c.globalAlpha = 1;
 }
 
-// M0, solid where it attracts and dashed where it does not, and M_epsilon through the highest order shown.
+// M0, solid where it attracts and dashed where it does not, and M_epsilon through the highest order shown. Returns the
+// folds of M0 along a fast coordinate, as places on the axes.
 function drawManifold(view, model, s, i, j, colours, orders) {
-  if (!model.reducible) return;
-  const { coordinates } = model.seriesAt(s);
-  if (!coordinates || coordinates.length !== 1) return;
+  const { coordinates } = model.reducible ? model.seriesAt(s) : {};
+  if (!coordinates || coordinates.length !== 1) return [];
   const name = [...model.reduction.slow, ...model.reduction.fast][coordinates[0]];
   const place = model.quantities.indexOf(name);
   const [x0, x1, y0, y1] = view.box;
   const interval = place === i ? [x0, x1] : place === j ? [y0, y1] : null;
-  if (!interval) return;
+  if (!interval) return [];
   const p = model.constants(s);
   const values = new Float64Array(model.quantities.length);
+  // Pixels between two points across the coordinate, of what lies in the picture.
+  const pixel = ({ at }) => (place === i ? bounded(view.Y(at[1]), -1, view.height + 1) : bounded(view.X(at[0]), -1, view.width + 1));
+  const apart = (a, b) => (a.there && b.there ? Math.abs(pixel(a) - pixel(b)) : a.there === b.there ? 0 : Infinity);
+  const most = SAMPLES * (Math.max(view.width, view.height) + HALVINGS);
   const highest = Math.max(0, ...orders);
+  const folds = [];
   for (const order of highest > 0 ? [0, highest] : [0]) {
-    const points = model.manifoldCurve(s, order, interval, 160);
-    if (!points) return;
+    const pointAt = model.manifoldAt(s, order);
+    if (!pointAt) return folds;
+    const drawn = (c) => {
+      const point = pointAt([c]);
+      model.quantitiesAt(point.z, p, values);
+      const at = [values[i], values[j]];
+      return { ...point, at, there: point.valid && allFinite(at) };
+    };
+    const points = tracedCurve(drawn, interval, SAMPLES, apart, most);
     for (const attracts of [true, false]) {
-      const x = new Float64Array(points.length).fill(NaN);
-      const y = new Float64Array(points.length).fill(NaN);
-      points.forEach((point, k) => {
-        const neighbour = points[k + 1] ?? point;
-        if (!(order === 0 || point.valid) || (point.attracts !== attracts && neighbour.attracts !== attracts)) return;
-        model.quantitiesAt(point.z, p, values);
-        x[k] = values[i];
-        y[k] = values[j];
-      });
+      // One point more, so that the two kinds meet.
+      const shown = points.map((point, k) => point && point.there && (point.attracts === attracts || (points[k + 1] ?? point).attracts === attracts));
+      const along = (axis) => points.map((point, k) => (shown[k] ? point.at[axis] : NaN));
       const colour = order === 0 ? colours.manifold : colours.orders[order];
-      view.curve(x, y, colour, order === 0 ? 3 : 1.2, attracts ? [] : [7, 6]);
+      view.curve(along(0), along(1), colour, order === 0 ? 3 : 1.2, attracts ? [] : [7, 6]);
+    }
+    if (order === 0 && coordinates[0] >= model.nSlow) {
+      points.forEach((point, k) => {
+        const next = points[k + 1];
+        if (!(point && next && point.there && next.there && point.turn > 0 !== next.turn > 0)) return;
+        let [low, high] = [point, next];
+        for (let halving = 0; halving < HALVINGS; halving++) {
+          const middle = drawn((low.c[0] + high.c[0]) / 2);
+          if (middle.turn > 0 === low.turn > 0) low = middle;
+          else high = middle;
+        }
+        folds.push(low.at);
+      });
     }
   }
+  return folds;
 }
 
-function drawTrace(view, model, s, curves, j, now, colours, layerEnd, { logarithmic, window: shown }) {
-  const yLog = logarithmic.includes(model.quantities[j]);
+function drawTrace(view, model, s, curves, j, now, colours, { logarithmic, window: shown, views }) {
+  const name = model.quantities[j];
+  const yLog = logarithmic.includes(name);
+  const names = ["t", name];
   view.begin(colours);
   const taken = yLog ? logarithms(curves, j) : curves;
-  view.setRanges([s.span[0], s.span[1]], shown[model.quantities[j]] ?? rangeOf(taken, j), { steady: false });
-  view.axes(model.labelled("t"), model.labelled(model.quantities[j]), { yLog });
+  view.setRanges(
+    asked(views, names, "t") ?? [s.span[0], s.span[1]],
+    shown[name] ?? asked(views, names, name) ?? rangeOf(taken, j), { steady: false },
+  );
+  view.axes(model.labelled("t"), model.labelled(name), { yLog });
+  view.layerEnd = curves.layer ? visibleEnd(curves.layer, j, (value) => view.Y(yLog ? Math.log10(value) : value)) : NaN;
   view.clipped(() => {
-    if (layerEnd > s.span[0]) {
+    if (view.layerEnd > s.span[0]) {
       view.context.fillStyle = colours.manifold;
       view.context.globalAlpha = 0.16;
-      view.context.fillRect(view.X(s.span[0]), 0, view.X(layerEnd) - view.X(s.span[0]), view.height);
+      view.context.fillRect(view.X(s.span[0]), 0, view.X(view.layerEnd) - view.X(s.span[0]), view.height);
       view.context.globalAlpha = 1;
     }
     drawCurves(view, taken, null, j, colours);
@@ -131,6 +170,15 @@ function drawTrace(view, model, s, curves, j, now, colours, layerEnd, { logarith
       view.dot(now, valueAt(taken.full, j, now), colours.ink);
     }
   });
+}
+
+// Until when quantity j is seen to approach the slow manifold: from where on it is as near to it as where the run has
+// reached it, to a pixel. NaN where it is so from the start.
+function visibleEnd({ times, run, on }, j, pixel) {
+  const away = run.map((values, k) => pixel(values[j]) - pixel(on[k][j]));
+  const last = away.length - 1;
+  for (let k = last; k > 0; k--) if (!(Math.abs(away[k - 1] - away[last]) <= 1)) return times[k];
+  return NaN;
 }
 
 // The same curves with the decimal logarithm of quantity j; NaN where it is not positive.
@@ -212,34 +260,57 @@ function drawPath(view, model, curves, places, body, now, colours) {
   });
 }
 
-// The net of M0 over the box: {rows, attracts}, the points of row i one behind the other. It changes with the setting and not
-// with the angles, so that it is kept while the picture is turned.
+// The net of M0 in a box: {spans, lines}, a line the points along it in pieces of one kind, {attracts, along}. It changes
+// with the setting and the run and not with the angles, so that it is kept while the picture is turned.
 let net = { key: "" };
 
-function netOf(model, s, places, box) {
+function netOf(model, s, curves, places, { box, views }) {
+  const names = places.map((place) => model.quantities[place]);
+  const spans = places.map((place, k) => asked(views, names, names[k]) ?? extent([curves.full.q[place], box[names[k]] ?? []]));
   const p = model.constants(s);
-  const key = [...p, ...places].join();
+  const key = [...p, ...places, ...spans.flat()].join();
   if (net.key === key) return net;
-  const surface = model.manifoldSurface(s, box, NET) ?? [];
-  const side = surface.length;
-  const at = new Float64Array(3 * side * side);
-  const attracts = new Uint8Array(side * side);
+  net = { key, spans, lines: [] };
+  const { coordinates } = model.reducible ? model.seriesAt(s) : {};
+  const own = coordinates?.map((c) => names.indexOf([...model.reduction.slow, ...model.reduction.fast][c])) ?? [];
+  if (own.length !== 2 || own.includes(-1)) return net;
+  const [across] = [0, 1, 2].filter((axis) => !own.includes(axis));
+  const pointAt = model.manifoldAt(s, 0);
   const values = new Float64Array(model.quantities.length);
-  surface.flat().forEach((point, k) => {
+  const drawn = (c) => {
+    const point = pointAt(c);
     model.quantitiesAt(point.z, p, values);
-    for (let axis = 0; axis < 3; axis++) at[3 * k + axis] = values[places[axis]];
-    attracts[k] = point.attracts ? 1 : 0;
-  });
-  const along = [0, 1, 2].map((axis) => at.filter((_, k) => k % 3 === axis));
-  net = { key, side, along, attracts };
+    const at = places.map((place) => values[place]);
+    return { at, attracts: point.attracts, there: allFinite(at) };
+  };
+  const [low, high] = spans[across];
+  // Meshes between two points, of what lies in the box.
+  const mesh = ({ at }) => (NET * (bounded(at[across], low, high) - low)) / (high - low);
+  const apart = (a, b) => (a.there && b.there ? Math.abs(mesh(a) - mesh(b)) : a.there === b.there ? 0 : Infinity);
+  const inside = (point) => point && point.there && low <= point.at[across] && point.at[across] <= high;
+  for (const moving of [0, 1]) {
+    const [from, to] = spans[own[1 - moving]];
+    for (let line = 0; line <= NET; line++) {
+      const still = from + ((to - from) * line) / NET;
+      const points = tracedCurve((c) => drawn(moving ? [still, c] : [c, still]), spans[own[moving]], NET, apart, NET * (NET + HALVINGS));
+      for (const attracts of [true, false]) {
+        const along = [0, 1, 2].map((axis) =>
+          points.map((point, k) => {
+            const next = points[k + 1] ?? point;
+            return inside(point) && (point.attracts === attracts || next.attracts === attracts) ? point.at[axis] : NaN;
+          }),
+        );
+        net.lines.push({ attracts, along });
+      }
+    }
+  }
   return net;
 }
 
 // Three quantities in space, turned by two angles: M0 as a net, the runs, and the start.
-function drawSpace(view, model, s, curves, places, angles, box, now, colours) {
+function drawSpace(view, model, s, curves, places, angles, data, now, colours) {
   view.begin(colours);
-  const { side, along, attracts } = netOf(model, s, places, box);
-  const spans = places.map((place, k) => extent([curves.full.q[place], along[k]]));
+  const { spans, lines } = netOf(model, s, curves, places, data);
   const [turn, tilt] = angles;
   const [ct, st, ci, si] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const unit = 0.56 * Math.min(view.width, view.height * 1.15);
@@ -250,24 +321,16 @@ function drawSpace(view, model, s, curves, places, angles, box, now, colours) {
   };
   view.X = (value) => value;
   view.Y = (value) => value;
-  // A curve of `count` points, `from` on and every `stride`-th of three arrays.
-  const polyline = ([a, b, c], colour, width, dash = [], from = 0, stride = 1, count = a.length, shown = null) => {
-    const x = new Float64Array(count);
-    const y = new Float64Array(count);
-    for (let i = 0; i < count; i++) {
-      const k = from + i * stride;
-      [x[i], y[i]] = shown === null || attracts[k] === shown ? project([a[k], b[k], c[k]]) : [NaN, NaN];
-    }
+  const polyline = ([a, b, c], colour, width, dash = []) => {
+    const x = new Float64Array(a.length);
+    const y = new Float64Array(a.length);
+    for (let i = 0; i < a.length; i++) [x[i], y[i]] = project([a[i], b[i], c[i]]);
     view.curve(x, y, colour, width, dash);
   };
   const c = view.context;
-  // Lines of the net, in pieces that attract and pieces that do not.
-  for (const shown of [1, 0]) {
-    c.globalAlpha = shown ? 0.75 : 0.3;
-    for (let line = 0; line < side; line++) {
-      polyline(along, colours.manifold, 1, [], line * side, 1, side, shown);
-      polyline(along, colours.manifold, 1, [], line, side, side, shown);
-    }
+  for (const { attracts, along } of lines) {
+    c.globalAlpha = attracts ? 0.75 : 0.3;
+    polyline(along, colours.manifold, 1);
   }
   c.globalAlpha = 1;
   const corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map((corner) => corner.map((k, i) => spans[i][k]));

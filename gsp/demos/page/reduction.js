@@ -85,7 +85,7 @@ function makeModel(data, program) {
   const nFast = reducible ? reduction.fast.length : 0;
 
   const constants = (s) => [s.epsilon, ...s.parameters];
-  const labelled = (name) => (Object.hasOwn(data.units, name) ? `${name} (${data.units[name]})` : name);
+  const labelled = (name) => (name in data.units ? `${name} (${data.units[name]})` : name);
 
   function atDeclared(s) {
     return s.parameters.every((value, i) => value === model.values[i]);
@@ -443,7 +443,7 @@ function makeModel(data, program) {
 
   // Largest error of each order's run over the first slow piece, each slow variable relative to its largest value.
   function errorsOf(result, s) {
-    const found = { orders: {}, rivals: {}, from: result.layerEnd, to: NaN };
+    const found = { orders: {}, rivals: Object.create(null), from: result.layerEnd, to: NaN };
     const compared = comparison(result, s);
     if (!compared) return found;
     const { times, exact, scale } = compared;
@@ -482,51 +482,64 @@ function makeModel(data, program) {
     return found;
   }
 
-  // Points of M_epsilon through `order` where the manifold is a curve: c runs over `interval`, and z is lifted from it.
-  function manifoldCurve(s, order, interval, count) {
-    const series = reducible ? seriesAt(s) : { order: -1, coordinates: [] };
-    if (series.coordinates.length !== 1 || nSlow !== 1 || order > series.order) return null;
+  // The point of M_epsilon through `order` over c, where the manifold is a curve or a surface: {c, z, attracts, turn, valid}. Folds
+  // are where `turn`, the determinant of the fast block, changes its sign along a fast coordinate. Null where nothing is known.
+  function manifoldAt(s, order) {
+    const series = reducible ? seriesAt(s) : null;
+    if (!series || order > series.order) return null;
     const p = constants(s);
     const u = new Float64Array(nSlow + nFast);
     const y = new Float64Array(nFast);
-    const points = [];
-    for (let i = 0; i <= count; i++) {
-      const c = [interval[0] + ((interval[1] - interval[0]) * i) / count];
+    const pivots = new Int32Array(nFast);
+    return (c) => {
       program[`base${series.label}`](c, p, u);
       const attracts = gapAt(u, p) > 0;
-      const { reached } = bestOrder(c, s);
-      sum("h", order, c, s, p, y);
-      u.set(y, nSlow);
+      const turn = determinant(fastBlock, nFast, pivots);
+      const valid = order === 0 || bestOrder(c, s).reached[order];
+      if (order > 0) {
+        sum("h", order, c, s, p, y);
+        u.set(y, nSlow);
+      }
       const z = new Float64Array(n);
       program.toRaw(u, p, z);
-      points.push({ z, attracts, valid: allFinite(z) && reached[order] });
-    }
-    return points;
+      return { c, z, attracts, turn, valid: valid && allFinite(z) };
+    };
   }
 
-  // Points of M0 on a grid of its two coordinates, where it is a surface: rows of {z, attracts}; null elsewhere.
-  function manifoldSurface(s, box, count) {
-    const series = reducible ? seriesAt(s) : null;
-    if (!series || !series.coordinates || series.coordinates.length !== 2 || nSlow !== 2) return null;
-    const names = [...reduction.slow, ...reduction.fast];
-    const ranges = series.coordinates.map((place) => box[names[place]]);
-    if (ranges.includes(undefined)) return null;
+  // The full run from its start until it has reached the manifold, {times, run, on}: its quantities at every node, and those
+  // of the slow manifold, cut where it is best, over the same slow variables. The sheet is followed back from where the run
+  // has reached it, and NaN stands where it does not go so far.
+  function layer(result, s) {
+    if (!result.pieces.length) return null;
+    const { at } = result.pieces[0];
     const p = constants(s);
-    const u = new Float64Array(nSlow + nFast);
-    const step = ([low, high], i) => low + ((high - low) * i) / count;
-    return Array.from({ length: count + 1 }, (_, i) =>
-      Array.from({ length: count + 1 }, (_, j) => {
-        program[`base${series.label}`]([step(ranges[0], i), step(ranges[1], j)], p, u);
-        const z = new Float64Array(n);
+    const { full } = result;
+    const near = toNew(full.states[at], p).slice(nSlow);
+    const y = new Float64Array(nFast);
+    const z = new Float64Array(n);
+    let known = true;
+    const rows = Array.from({ length: at + 1 }, (_, back) => {
+      const state = full.states[at - back];
+      const u = toNew(state, p);
+      const x = u.slice(0, nSlow);
+      const on = new Float64Array(model.quantities.length).fill(NaN);
+      known = known && onSheet(x, near, p);
+      if (known) {
+        const c = coordinatesOf(x, near, s);
+        sum("h", bestOrder(c, s).best, c, s, p, y);
+        u.set(y, nSlow);
         program.toRaw(u, p, z);
-        return { z, attracts: gapAt(u, p) > 0 };
-      }),
-    );
+        for (let i = nRaw; i < n; i++) z[i] = state[i];
+        quantitiesAt(z, p, on);
+      }
+      return { on, run: quantitiesAt(state, p, new Float64Array(model.quantities.length)) };
+    }).reverse();
+    return { times: full.times.slice(0, at + 1), run: rows.map((row) => row.run), on: rows.map((row) => row.on) };
   }
 
   return {
-    ...model, labelled, manifoldSurface, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
+    ...model, labelled, reducible, nRaw, nDriven, n, nSlow, nFast, constants, seriesAt, full, fixed, explicit, simulate,
     comparison, errorsOf, bestOrder,
-    quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldCurve, layerFolds, arrival, reduced, atDeclared, sum,
+    quantitiesAt, toNew, gapAt, onSheet, coordinatesOf, manifoldAt, layer, layerFolds, arrival, reduced, atDeclared, sum,
   };
 }

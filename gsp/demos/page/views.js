@@ -66,7 +66,38 @@ function sampleAll(model, result, s, stepped = null) {
   });
   const nodes = stepped && new Map(stepped.times.map((t, i) => [t, stepped.states[i]]));
   const fixed = stepped && sampleAt(model, stepped.times, p, (t, z) => z.set(nodes.get(t)) === undefined);
-  return { full, reduced, rivals, fixed };
+  return { full, reduced, rivals, fixed, layer: model.layer(result, s) };
+}
+
+// Points of a curve c -> at(c) over an interval, `count` and as many between them as are needed for the steps between neighbours to be
+// at most 1: `apart(a, b)`, 0 where neither is there and infinite where one is not. Where no step is found that small, as at a
+// pole, the curve is in two pieces, and null stands between them. No more than `most` points are asked for between the first ones.
+function tracedCurve(at, [low, high], count, apart, most) {
+  const points = [];
+  const finest = Number.EPSILON * Math.max(Math.abs(low), Math.abs(high));
+  let left = most;
+  // From a on, and before b.
+  function fill(a, b) {
+    if (apart(a.point, b.point) <= 1) {
+      points.push(a.point);
+    } else if (b.c - a.c <= finest || left <= 0) {
+      points.push(a.point, null);
+    } else {
+      left -= 1;
+      const middle = read((a.c + b.c) / 2);
+      fill(a, middle);
+      fill(middle, b);
+    }
+  }
+  const read = (c) => ({ c, point: at(c) });
+  let before = read(low);
+  for (let i = 1; i <= count; i++) {
+    const next = read(low + ((high - low) * i) / count);
+    fill(before, next);
+    before = next;
+  }
+  points.push(before.point);
+  return points;
 }
 
 function extent(arrays) {
