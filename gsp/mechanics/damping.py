@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from gsp.errors import DeclarationError
-from gsp.mechanics.algebra import generic_points, numbers
+from gsp.mechanics.algebra import numbers
+from gsp.mechanics.hamel import HamelEquations
 from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.systems.region import Interval
 
-Damping = sp.Expr | float | sp.MatrixBase | Sequence[Sequence[sp.Expr | float]]
+Damping = sp.Expr | float | sp.MatrixBase | Sequence[Sequence[sp.Expr | float]] | str
 
-# Places at which a damping that depends on positions is tried.
+# The damping that the kinetic metric gives.
+KINETIC = "kinetic"
+# Places in a region, beside its corners, at which a damping that depends on positions is tried.
 PLACES = 64
 
 
@@ -21,9 +26,14 @@ def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.Immut
     """B (count, count): the identity for None, a multiple of it for a scalar.
 
     Raises `DeclarationError` when B has another size, is not symmetric, depends on velocities or time, or is
-    not positive definite: by signs of symbols where they decide it, and at the parameters' values.
+    not positive definite: by signs of symbols where they decide it, and at the parameters' values. Where it depends on
+    positions, `check_damping_over` tells for the positions of a scene.
     """
     given: Any
+    if isinstance(damping, str):
+        raise DeclarationError(
+            f'damping is a number, a square matrix, or "{KINETIC}".', got=f"{damping!r}", value=damping
+        )
     if damping is None:
         return sp.ImmutableMatrix(sp.eye(count))
     if isinstance(damping, (sp.MatrixBase, list, tuple)):
@@ -60,20 +70,57 @@ def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.Immut
                     f") is {given[j, i]}.",
                     "Only a symmetric B is a Rayleigh function.",
                 )
-    minors = [given[: i + 1, : i + 1].det(method="berkowitz") for i in range(count)]
-    points = generic_points(PLACES, len(system.coordinates)) * 6 - 4
-    values = numbers(minors, system.coordinates, points, system.values)
-    for i, minor in enumerate(minors):
-        column = values[:, i]
-        refuted = sp.cancel(minor).is_nonpositive or not (column > 0).all()
-        if refuted:
-            low = f"{column.min():.6g}"
+    for i, minor in enumerate(_minors(given)):
+        fixed = not minor.has(*system.coordinates)
+        low = float(numbers([minor], (), np.zeros((1, 0)), system.values).item()) if fixed else np.nan
+        if sp.cancel(minor).is_nonpositive or (fixed and not low > 0):
+            said = f"takes the value {low:.6g} at the parameters' values" if fixed else "is nowhere positive"
             raise DeclarationError(
-                f"damping is not positive definite: its leading minor of size {i + 1}, {minor}, takes the "
-                f"value {low} at the parameters' values.",
+                f"damping is not positive definite: its leading minor of size {i + 1}, {minor}, {said}.",
                 "Friction must take energy from every slip.",
             )
     return given
+
+
+def kinetic_damping(equations: HamelEquations) -> sp.ImmutableMatrix:
+    """B = (A M^-1 A^T)^-1 (k, k), the kinetic metric across the constraints: footnote 3 of Eldering (2015)."""
+    algebra = equations.algebra
+    return sp.ImmutableMatrix(
+        [[algebra.write(e) for e in row] for row in algebra.inverse(equations.schur_inverse)]
+    )
+
+
+def check_damping_over(
+    system: LagrangianSystem, damping: sp.MatrixBase, region: Mapping[str, Interval], start: Mapping[str, float]
+) -> None:
+    """Raise `DeclarationError` where B is not positive definite at a sample of a region's positions.
+
+    A position that `region` does not bound is held at its `start`.
+    """
+    moving = [q for q in system.coordinates if damping.has(q)]
+    if not moving:
+        return
+    ends = np.array([region.get(q.name, (start[q.name],) * 2) for q in moving], dtype=float)
+    corners = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(moving))
+    inner = ends[:, 0] + np.random.default_rng(20).uniform(size=(PLACES, len(moving))) * (
+        ends[:, 1] - ends[:, 0]
+    )
+    points = np.vstack([corners, inner])
+    minors = _minors(damping)
+    values = numbers(minors, moving, points, system.values)
+    for i, minor in enumerate(minors):
+        wrong = np.flatnonzero(~(values[:, i] > 0))
+        if wrong.size:
+            place = ", ".join(f"{q} = {value:.6g}" for q, value in zip(moving, points[wrong[0]]))
+            raise DeclarationError(
+                f"damping is not positive definite in the region: its leading minor of size {i + 1}, {minor}, "
+                f"takes the value {values[wrong[0], i]:.6g} at {place}.",
+                "Friction must take energy from every slip: take a region in which it does.",
+            )
+
+
+def _minors(matrix: sp.MatrixBase) -> list[Any]:
+    return [matrix[: i + 1, : i + 1].det(method="berkowitz") for i in range(matrix.shape[0])]
 
 
 def _row(row: Any, damping: Any) -> Sequence:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, cast
@@ -17,7 +17,7 @@ from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, Matrix, entries
 from gsp.mechanics.constraints import ConstrainedSystem, Constraints
-from gsp.mechanics.damping import Damping, read_damping
+from gsp.mechanics.damping import KINETIC, Damping, check_damping_over, kinetic_damping, read_damping
 from gsp.mechanics.frame import MovingFrame, moving_frame
 from gsp.mechanics.frame_starts import frame_values, new_region
 from gsp.mechanics.hamel import HamelEquations, clocked, extended, hamel, split_positions
@@ -173,26 +173,37 @@ class FrictionSystem:
         source: str = "",
         description: str = "",
         claims: Mapping[str, Values] | None = None,
+        observables: Values | None = None,
     ) -> Scene:
         """A scene about this system, positions that nothing depends on as its reconstruction.
 
         `start` gives raw velocities, or quasi-velocities, and positions; reconstructed positions start at 0
         unless given. `region` bounds states of `field`. The scene is about `field` where `gsp.split` finds the
         slow momenta, else about `standard_form`, with the region's image, the other quasi-velocities among its
-        observables.
+        observables. `observables` are further ones in the states of `field`, as `{H: system.energy()}`. Raises
+        `DeclarationError` where a damping that depends on positions is not positive definite in the region.
         """
         states, positions = frame_values(self.system, self.frame, self.field, self.reconstruction, start)
-        system: VectorField | SlowFastSystem = self.field
+        field = self.field
+        system: VectorField | SlowFastSystem = VectorField(
+            field.equations,
+            epsilon=self.epsilon,
+            parameters=field.parameters,
+            name=field.name,
+            observables=observables,
+        )
         box: Mapping = region
         reconstruction = dict(self.reconstruction)
         if not self.has_constant_fibres:
             bounds = check_region(region, [s.name for s in (*self.field.states, *self.standard_form.states)])
-            system = self.standard_form
+            inverse = dict(self.splitting.inverse)
+            given = {s: _put(e, inverse) for s, e in system.observables.items()}
+            standard = self.standard_form
+            system = replace(standard, observables={**standard.observables, **given})
             box = new_region(self.splitting, bounds)
             states = self.splitting.to_new(states)
-            inverse = dict(self.splitting.inverse)
             reconstruction = {q: _put(rate, inverse) for q, rate in reconstruction.items()}
-        return Scene(
+        scene = Scene(
             system,
             box,
             states,
@@ -209,6 +220,8 @@ class FrictionSystem:
             path=path,
             claims=claims or {},
         )
+        check_damping_over(self.system, self.damping, scene.region, scene.full_start)
+        return scene
 
     # -- parts -------------------------------------------------------------------------------------
 
@@ -283,7 +296,9 @@ def with_friction(
     """The system with friction from the Rayleigh function |A qdot + c|^2_B/(2 epsilon) in place of constraints.
 
     `damping` is B, symmetric and positive definite: a number, or a matrix of parameters and positions; the
-    identity by default. `constraints` and `frame` are as for `constrain`; slip velocities are called w, or w1,
+    identity by default, with which the friction depends on how the constraints are scaled; or "kinetic" for
+    B = (A M^-1 A^T)^-1, with which it does not (footnote 3 of Eldering 2015).
+    `constraints` and `frame` are as for `constrain`; slip velocities are called w, or w1,
     w2, ..., unless named there. Raises `DeclarationError` for what `constrain` refuses, for a Lagrangian that
     is not quadratic in the velocities, and for a B that is no damping.
 
@@ -306,7 +321,10 @@ def with_friction(
             "The slow momenta of the friction limit need a kinetic metric; `constrain` does without.",
         )
     forms = read_constraints(system, constraints)
-    matrix = read_damping(system, damping, forms.count)
+    is_kinetic = isinstance(damping, str) and damping == KINETIC
+    matrix = None if is_kinetic else read_damping(system, damping, forms.count)
     adapted = moving_frame(system, forms, frame, reserved=(epsilon,))
+    if matrix is None:
+        matrix = kinetic_damping(hamel(system, adapted))
     equations = hamel(system, adapted, tuple(entries(matrix)))
     return FrictionSystem(ConstrainedSystem(system, forms.expressions, adapted, equations), epsilon, matrix)

@@ -467,7 +467,7 @@ DAMPINGS = {
     "unknown symbol": (b, "b has no value"),
     "negative at the values": (a - m, r"minor of size 1, a - m, takes the value -0\.8"),
     "velocity": (1 + xdot**2, "depends on xdot"),
-    "negative somewhere": (sin(x), "not positive definite"),
+    "a word": ("kinetik", 'or "kinetic"'),
     "ragged": ([[1], [1, 2]], "square matrix"),
     "text": ([["1"]], "is a str"),
 }
@@ -536,3 +536,110 @@ def test_a_wrong_start_of_a_scene_is_named(case: str) -> None:
         sliding_sleigh().scene(
             region={"v": (-2, 2)}, start=start, span=(0, 1), epsilon=0.1, epsilons=(0.1, 0.05), tolerance=1e-3
         )
+
+
+ASKED = {"span": (0, 1), "epsilon": 0.05}
+
+
+def test_a_damping_is_looked_at_in_the_region_of_a_scene() -> None:
+    """A radius is positive where a ring is, and a square's complement is not where one goes far."""
+    # On r < 0 there is no ring; at x = 30 the second damping feeds energy.
+    system = LagrangianSystem(
+        xdot**2 + x**2 * phidot**2 + ydot**2 + x * y, [x, phi, y], [xdot, phidot, ydot], parameters={}
+    )
+    start = {"x": 2, "y": 0, "phi": 0, "xdot": 0, "phidot": 1, "ydot": 0}
+    region = {"y": (-1, 1), "phidot": (0, 2), "xdot": (-1, 1), "w": (-1, 1)}
+    for damping, inside, outside in (
+        (x, (1, 3), (-1, 3)),
+        (400 - x**2, (1, 19), (1, 30)),
+        (sin(x), (1, 3), (1, 5)),
+    ):
+        friction = with_friction(system, [ydot], epsilon=epsilon, damping=damping)
+        known = {s.name for s in friction.field.states}
+        box = {name: ends for name, ends in region.items() if name in known}
+        assert friction.scene(region={**box, "x": inside}, start=start, **ASKED).region["x"] == inside
+        with pytest.raises(DeclarationError, match=r"not positive definite in the region: .* at x = "):
+            friction.scene(region={**box, "x": outside}, start=start, **ASKED)
+
+
+def kinetic_disc(scaling: sp.Matrix, damping: object) -> FrictionSystem:
+    """The disc that rolls, its two constraints mixed by a matrix of positions."""
+    q, rates = (x, y, phi, psi), (xdot, ydot, phidot, psidot)
+    L = (
+        m * (xdot**2 + ydot**2) / 2
+        + inertia * phidot**2 / 2
+        + J_ROLL * psidot**2 / 2
+        - m * g * x * sin(psi) / 7
+    )
+    values = {m: 2, inertia: 1, J_ROLL: 3, R: 1, g: 9.81}
+    system = LagrangianSystem(L, q, rates, parameters=values, name="disc")
+    slips = sp.Matrix([xdot * cos(phi) + ydot * sin(phi) - R * psidot, SLIP])
+    frame = {phidot: phidot, psidot: psidot}
+    return with_friction(system, list(scaling * slips), epsilon=epsilon, frame=frame, damping=damping)
+
+
+J_ROLL = sp.Symbol("J_roll")
+SCALINGS = {
+    "rows in other units": sp.diag(1000, sp.Rational(1, 3)),
+    "rows mixed": sp.Matrix([[1, 2], [-3, 1]]),
+    "rows scaled by a position": sp.diag(2 + sin(phi), 1 + x**2),
+}
+
+
+@pytest.mark.parametrize("case", SCALINGS)
+def test_kinetic_damping_does_not_depend_on_how_constraints_are_written(case: str) -> None:
+    plain, scaled = kinetic_disc(sp.eye(2), "kinetic"), kinetic_disc(SCALINGS[case], "kinetic")
+    forces = zip(plain.friction_forces.values(), scaled.friction_forces.values())
+    assert all(sp.simplify(a - b) == 0 for a, b in forces)
+    # B = 1 does depend on it.
+    plain, scaled = kinetic_disc(sp.eye(2), None), kinetic_disc(SCALINGS[case], None)
+    forces = zip(plain.friction_forces.values(), scaled.friction_forces.values())
+    assert any(sp.simplify(a - b) != 0 for a, b in forces)
+
+
+def test_kinetic_damping_is_the_metric_of_footnote_3() -> None:
+    """|w|^2_B is the kinetic energy's norm of the velocity's part orthogonal to the distribution."""
+    friction = kinetic_disc(SCALINGS["rows mixed"], "kinetic")
+    system, A, B = friction.system, friction.limit.matrix, friction.damping
+    M = system.mass_matrix
+    assert sp.simplify(B * A * M.inv() * A.T) == sp.eye(2)
+    v = sp.Matrix(system.velocities)
+    across = M.inv() * A.T * (A * M.inv() * A.T).inv() * A * v
+    assert sp.simplify((across.T * M * across - (A * v).T * B * (A * v))[0]) == 0
+    # The layer falls at the rate 1 whatever the masses: every slip alike.
+    rates = friction.field.equations
+    slips = friction.frame.across
+    poles = sp.Matrix([sp.expand(rates[s]).coeff(epsilon, -1) for s in slips])
+    assert sp.simplify(poles + sp.Matrix(slips)) == sp.zeros(2, 1)
+
+
+def test_kinetic_runs_do_not_depend_on_how_constraints_are_written() -> None:
+    start = {"x": 0.1, "y": 0, "phi": 0.3, "psi": 0.2, "xdot": 0.4, "ydot": -0.2, "phidot": 1, "psidot": 0.5}
+    ends = []
+    for scaling in (sp.eye(2), SCALINGS["rows in other units"], SCALINGS["rows scaled by a position"]):
+        friction = kinetic_disc(scaling, "kinetic")
+        asked = {"region": {s.name: (-900, 900) for s in friction.field.states}, **ASKED}
+        scene = friction.scene(start=start, observables={sp.Symbol("H"): friction.energy()}, **asked)
+        run = gsp.integrate(
+            scene.full_flow, start=scene.full_start, span=(0, 1), epsilon=0.05, rtol=1e-11, atol=1e-13
+        )
+        ends.append([run[name][-1] for name in ("phidot", "psidot", "x", "y", "phi", "psi", "H")])
+    np.testing.assert_allclose(ends[1:], [ends[0]] * 2, rtol=1e-8)
+
+
+@pytest.mark.parametrize("make", [sliding_sleigh, falling_disc], ids=["field", "standard form"])
+def test_a_scene_takes_observables(make) -> None:
+    friction = make()
+    H = sp.Symbol("H")
+    states = {s.name for s in (*friction.field.states, *friction.reconstruction)}
+    start = {**dict.fromkeys(states, 0.1)}
+    asked = {"region": {s.name: (-1, 1) for s in friction.field.states}, "span": (0, 0.1), "epsilon": 0.05}
+    scene = friction.scene(start=start, observables={H: friction.energy()}, **asked)
+    run = gsp.integrate(
+        scene.full_flow, start=scene.full_start, span=(0, 0.1), epsilon=0.05, rtol=1e-11, atol=1e-13
+    )
+    # Its rate is the power of the friction.
+    assert run["H"][-1] < run["H"][0]
+    values = dict.fromkeys((*friction.field.states, *friction.reconstruction), 0.1)
+    wanted = friction.energy().xreplace({**values, **friction.system.values})
+    assert run["H"][0] == pytest.approx(float(wanted), rel=1e-12)
