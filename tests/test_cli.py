@@ -348,3 +348,11 @@ def test_ctrl_c_while_modules_are_imported_shows_no_traceback() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "gsp: interrupted; nothing was written\n")
+
+
+def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr("click.launch", lambda url: shown.append(url) or 1)
+    told = run("report", "linear", "--order", "1", "-o", str(tmp_path / "r"), "--open")
+    assert shown == [(tmp_path / "r" / "report.html").as_uri()]
+    assert told.stdout.endswith("No browser was found here; open the file in one.\n")

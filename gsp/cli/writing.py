@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 @asks("set", "epsilon", "region", "start", by_two=True)
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
+@click.option("--open/--no-open", "opened", default=False, help="Show the report in the browser [no].")
 @json_option
-def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None:
+def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json: bool) -> None:
     """Analyse MODEL and write report.html, report.json, the figures, and report.toml, the model as it was asked."""
     from gsp.analysis.analysis import STAGES, analyse
     from gsp.report import check_folder, write_report
@@ -43,6 +44,7 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
     written = json.loads((page.parent / "report.json").read_text(encoding="utf-8"))
     if as_json:
         print_json(written)
+        _show(page, opened, as_json)
         return
     if "choice" not in analysis.lost:
         click.echo(str(analysis.choice.verdict))
@@ -57,6 +59,7 @@ def report(scene: Scene, output: Path | None, order: int, as_json: bool) -> None
     for name, reason in written["missing"].items():
         click.echo(f"not made: {name}: {reason}")
     click.echo(f"report: {page}")
+    _show(page, opened, as_json)
 
 
 @cli.command()
@@ -101,7 +104,12 @@ def demo(
         print_json({"name": scene.name, "file": str(target), "bytes": target.stat().st_size})
     else:
         click.echo(f"demo: {target}")
-    if opened and click.launch(target.absolute().as_uri()) != 0 and not as_json:
+    _show(target, opened, as_json)
+
+
+def _show(page: Path, opened: bool, as_json: bool) -> None:
+    """Open a page in the browser where that is wanted."""
+    if opened and click.launch(page.absolute().as_uri()) != 0 and not as_json:
         click.echo("No browser was found here; open the file in one.")
 
 
