@@ -39,6 +39,10 @@ COORDINATES = {
     ),
     "battery": ({"soc": "soc", "v2": "v2"}, {}, ["v1"]),
     "icealbedo": ({"To": "To"}, {}, ["Ta"]),
+    "gene_dimers": ({"p": "P + 2*D"}, {"D": "(p - P)/2"}, ["M", "P"]),
+    "gene_dimers_from_nothing": ({"p": "P + 2*D"}, {"D": "(p - P)/2"}, ["M", "P"]),
+    "swing": ({"delta": "delta", "w": "w", "Eq": "Eq"}, {}, ["Efd"]),
+    "tmdd": ({"p1": "L + P", "p2": "P + R"}, {"P": "p1 - L", "R": "L - p1 + p2"}, ["L"]),
     "sirs": (
         {"p1": "s + i + r", "p2": "s*exp(2*r)"},
         {"s": "p2*exp(-2*r)", "i": "p1 - r - p2*exp(-2*r)"},
@@ -51,12 +55,14 @@ def expressions(name):
     """Rates of slow and fast variables by name, with parameters put in, from the text of the file."""
     document = tomllib.loads((FOLDER / f"{name}.toml").read_text(), parse_float=sp.Rational)
     tables = ("parameters", "definitions", "slow", "fast", "states")
-    names = {"epsilon", *(key for table in tables for key in document.get(table, {}))}
+    small = document.get("epsilon", "epsilon")
+    names = {small, *(key for table in tables for key in document.get(table, {}))}
     symbols = {f"{key}_": sp.Symbol(key) for key in names} | {"min": sp.Min, "max": sp.Max}
 
     def read(text):
         words = re.sub(r"[A-Za-z]\w*", lambda m: f"{m[0]}_" if m[0] in names else m[0], str(text))
-        return sp.sympify(words.replace("^", "**"), locals=symbols, rational=True)
+        found = sp.sympify(words.replace("^", "**"), locals=symbols, rational=True)
+        return found.subs(sp.Symbol(small), sp.Symbol("epsilon"))
 
     values = {sp.Symbol(key): read(value) for key, value in document.get("parameters", {}).items()}
     defined = {sp.Symbol(key): read(value) for key, value in document.get("definitions", {}).items()}

@@ -77,8 +77,8 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     """The reduced flow of `order`: predicted, and timed."""
     prediction = outlook.prediction
     first, last = scene.span
-    if order not in outlook.flows:
-        why = f"not looked at: the series is run through order {outlook.series.order} only"
+    if order not in prediction.runs:
+        why = f"not looked at: the series is run through order {max(prediction.runs)} only"
         return Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why)
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance

@@ -191,7 +191,9 @@ def choose(
     if outlook and solve:
         solved, surface = solved_candidate(outlook, reduced, scene, rtol)
         reduced.append(solved)
-    ending = study.cut(max(wanted) + 1) if outlook and outlook.series.order <= max(wanted) else ""
+    ending = ""
+    if outlook and max(outlook.prediction.runs) <= max(wanted):
+        ending = f"{outlook.astray}." if outlook.astray else study.cut(max(wanted) + 1)
     model, partial = select(full, reduced, scene.span)
     verdict = judge(
         Evidence(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.choice.prediction import AHEAD, CLEARER, SMALLEST_RTOL, Prediction, predict
-from gsp.errors import DeclarationError, HyperbolicityError
+from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import InnerExpansion
 from gsp.integration.reduced_flow import ReducedFlow
@@ -27,9 +27,11 @@ from gsp.slow.solved_manifold import solve_manifold
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.
 LAYER_LEFT, LAYER_TIMES, LAYER_LOOKS = 0.1, 60.0, 600
-# A solved manifold is this much more exact than the tolerance, and covers the reduced run and this share of its range
-# on every side.
+# A solved manifold is this much more exact than the tolerance, and covers the reduced runs and this share of their
+# range on every side.
 EXACTER, MARGIN = 0.1, 0.05
+# Parts into which a step is cut where a run's range is looked for.
+BETWEEN = 8
 
 # The stages between a scene and its reduced flows.
 READYING = ("splitting", "critical", "branch", "numeric series", "inner")
@@ -37,7 +39,11 @@ READYING = ("splitting", "critical", "branch", "numeric series", "inner")
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction."""
+    """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction.
+
+    `astray` says where the initial layer carries the start of the first order that begins beyond the sheet; that order
+    and those above it have no run. Empty where all begin on it.
+    """
 
     study: Study
     series: SeriesManifold
@@ -48,6 +54,7 @@ class Outlook:
     prediction: Prediction
     shared: float
     preparation: Mapping[int, float]
+    astray: str
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) at `times` (m,), with what is left of the initial layer."""
@@ -80,7 +87,15 @@ def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) 
         flows[k] = study.reduced(k, reconstructed=False, sheet=False)
         _ = compile_flow(flows[k]).field
         preparation[k] = shared + time.perf_counter() - begun
-    starts = {k: _start(study, inner, scene.epsilon, k) for k in flows}
+    starts, astray = {}, ""
+    for k in flows:
+        try:
+            starts[k] = _start(study, inner, scene.epsilon, k)
+        except BranchError as error:
+            if not starts:
+                raise
+            astray = error.fact
+            break
     names = tuple(s.name for s in (study.system.states if fast else study.system.x))
     prediction = predict(
         series,
@@ -97,7 +112,7 @@ def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) 
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
     layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
-    return Outlook(study, series, inner, flows, starts, layer, prediction, shared, preparation)
+    return Outlook(study, series, inner, flows, starts, layer, prediction, shared, preparation, astray)
 
 
 def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
@@ -106,7 +121,15 @@ def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> d
     x = base_start(inner, epsilon, order, names=[s.name for s in system.x])
     if branch.is_explicit:
         return x
-    y = branch.points(np.array([list(x.values())]))[0]
+    try:
+        y = branch.points(np.array([list(x.values())]))[0]
+    except BranchError as error:
+        begun = ", ".join(f"{s.name} = {study.start[s.name]:.6g}" for s in system.x)
+        led = ", ".join(f"{name} = {value:.6g}" for name, value in x.items())
+        raise BranchError(
+            f"Through order {order} the initial layer carries {begun} to {led}, where {error.fact}",
+            "Start nearer to the branch, or take a smaller epsilon.",
+        ) from None
     return {**x, **{s.name: float(value) for s, value in zip(system.y, y)}}
 
 
@@ -174,15 +197,26 @@ class SurfaceOutlook:
         return prediction.sampler.inside(states, prediction.region)
 
 
+def _between(times: np.ndarray) -> np.ndarray:
+    """`times` (m,) and places between them: a quantity is greatest within a step, not at its end."""
+    finer = np.linspace(0.0, len(times) - 1.0, BETWEEN * (len(times) - 1) + 1)
+    return np.interp(finer, np.arange(len(times)), times)
+
+
 def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
     begun = time.perf_counter()
     branch, prediction = outlook.study.branch, outlook.prediction
-    # Of those that come furthest, for a series of high order may end early, the one of the highest order.
-    guide = prediction.runs[max(prediction.runs, key=lambda k: (prediction.covered(k), k))]
+    # The start's fibre is over the box too. A series of high order may end early, or err by more than the margin: all
+    # runs that come furthest are covered.
+    furthest = max(map(prediction.covered, prediction.runs))
+    guides = [
+        run.sample(_between(run.t)) for k, run in prediction.runs.items() if prediction.covered(k) == furthest
+    ]
     region = {}
     for s in outlook.study.system.x:
-        low, high = float(guide[s.name].min()), float(guide[s.name].max())
+        places = np.concatenate([[outlook.study.start[s.name]], *(run[s.name] for run in guides)])
+        low, high = float(places.min()), float(places.max())
         margin = MARGIN * ((high - low) or 1.0)
         region[s.name] = (low - margin, high + margin)
     tolerance = max(EXACTER * scene.tolerance, SMALLEST_RTOL)

@@ -75,8 +75,12 @@ class Prediction:
     rtol: float
 
     def compared(self, order: int) -> list[int]:
-        """The orders whose runs tell the error of this one: itself and the next two, as far as the series goes."""
-        return [k for k in range(order, order + AHEAD + 1) if k in self.runs]
+        """The orders whose runs tell the error of this one: itself and the next two, as far as they begin."""
+        return [
+            k
+            for k in range(order, order + AHEAD + 1)
+            if k == order or (k in self.runs and self.covered(k) > self.first)
+        ]
 
     def tells(self, order: int, times: np.ndarray) -> bool:
         """Whether the error at `times` is known: a single run ahead that does not differ may just have no term."""
@@ -247,10 +251,10 @@ def predict(
 ) -> Prediction:
     """Reduced runs of `orders` and the next two, order k from `starts[k]`, and what to expect of them.
 
-    The series reaches order max(orders) + 2, or an error is told by one run ahead or by none.
+    Where `starts` end before order max(orders) + 2 an error is told by one run ahead or by none.
     Nothing of the full system is run.
     """
-    needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead <= series.order})
+    needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead in starts})
     rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, region, *starts.values())
     runs = {

@@ -156,6 +156,8 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
     if evidence.layer > LARGEST_LAYER * length:
         enough = MARGIN * scene.epsilon * LARGEST_LAYER * length / evidence.layer
         return f"A smaller epsilon, about {enough:.1g}, or a longer span would leave the initial layer behind."
+    if nearest.failure is Failure.RATE:
+        return "A smaller epsilon would help."
     if nearest.failure is Failure.UNTOLD:
         return "compare() measures its error against full runs."
     if nearest.failure is Failure.REGION:
@@ -170,10 +172,11 @@ def _remedy(nearest: Candidate, evidence: Evidence) -> str:
 
 def _enough(candidate: Candidate, scene: Scene) -> float:
     """The epsilon at which an error that falls like epsilon^(order + 1) meets the tolerance; 0 where none is told."""
-    if candidate.order is None or not np.isfinite(candidate.predicted) or candidate.valid:
-        return 0.0
     limit = (1.0 - INTEGRATION) * scene.tolerance
-    return MARGIN * scene.epsilon * min(limit / candidate.predicted, 1.0) ** (1.0 / (candidate.order + 1))
+    # An error within the limit is not what stands in the way.
+    if candidate.order is None or candidate.valid or not limit < candidate.predicted < np.inf:
+        return 0.0
+    return MARGIN * scene.epsilon * (limit / candidate.predicted) ** (1.0 / (candidate.order + 1))
 
 
 def _sentence(text: str) -> str:
