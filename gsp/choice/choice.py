@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.choice.candidates import (
+    GRID_POINTS,
     INTEGRATION,
     PIECE,
     Candidate,
@@ -25,7 +26,7 @@ from gsp.choice.candidates import (
 )
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
-from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown
+from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
@@ -56,7 +57,9 @@ class Choice(Card, Tabular):
     `predicted` is the model's over the span; on the `piece` (t0, t1) it is `predicted_on_piece`, and `measured` there
     against a full run. `speed_up` is full over chosen seconds. `partial` is the reduced flow that serves longest when
     none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
-    answer to "may I reduce?", the same wherever it is shown; `ending` says why the series ends where it does
+    answer to "may I reduce?", the same wherever it is shown. `fast_error` is what the fast variables of the model it
+    speaks of are predicted to be off by behind the layer, and `layer_error` in it; not numbers where there is no such
+    model, or where the fast variables are among `names`. `ending` says why the series ends where it does
     not tell the error of one of the orders asked for.
     """
 
@@ -75,6 +78,8 @@ class Choice(Card, Tabular):
     speed_up: float
     verdict: Verdict
     ending: str = ""
+    fast_error: float = float("nan")
+    layer_error: float = float("nan")
 
     @property
     def scene(self) -> Scene:
@@ -195,6 +200,8 @@ def choose(
     if outlook and max(outlook.prediction.runs) <= max(wanted):
         ending = f"{outlook.astray}." if outlook.astray else study.cut(max(wanted) + 1)
     model, partial = select(full, reduced, scene.span)
+    names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
+    fast_error, layer_error = _fast_errors(serving_of(model, reduced), outlook, surface)
     verdict = judge(
         Evidence(
             scene=scene,
@@ -205,9 +212,11 @@ def choose(
             obstacle=obstacle,
             ending=ending,
             place=_end_of(partial, outlook),
+            names=names,
+            fast_error=fast_error,
+            layer_error=layer_error,
         )
     )
-    names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
     expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
     return Choice(
         study=study,
@@ -225,6 +234,8 @@ def choose(
         speed_up=full.seconds / model.seconds,
         verdict=verdict,
         ending=ending,
+        fast_error=fast_error,
+        layer_error=layer_error,
     )
 
 
@@ -244,6 +255,20 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
     longest = [c for c in flows if c.holds_until - span[0] >= AS_FAR * (furthest - span[0])][-1]
     served = (longest.holds_until - span[0]) / (span[1] - span[0])
     return full, longest if served >= SMALLEST_SHARE else None
+
+
+def _fast_errors(
+    serving: Candidate | None, outlook: Outlook | None, surface: SurfaceOutlook | None
+) -> tuple[float, float]:
+    """(behind the initial layer, in it): predicted errors of fast variables that are not among those asked for."""
+    if serving is None or outlook is None or len(outlook.prediction.names) > len(outlook.study.system.x):
+        return float("nan"), float("nan")
+    first, last = outlook.study.scene.span
+    times = np.linspace(first + outlook.layer, last, GRID_POINTS)
+    if serving.order is not None:
+        return outlook.fast_errors(serving.order, times)
+    assert surface is not None
+    return surface.fast_errors(times)
 
 
 def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, float]:

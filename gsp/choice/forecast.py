@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,6 +55,12 @@ class Outlook:
     shared: float
     preparation: Mapping[int, float]
     astray: str
+
+    def fast_errors(self, order: int, times: np.ndarray) -> tuple[float, float]:
+        """The fast variables' predicted relative errors: the largest at `times` (m,), and that in the initial layer."""
+        fast = replace(self.prediction, names=tuple(s.name for s in self.study.system.y))
+        begun = layer_left(self.inner, np.zeros(1), fast.epsilon, fast.scale)
+        return float(fast.errors(order, times).max()), float(begun[0])
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) at `times` (m,), with what is left of the initial layer."""
@@ -174,10 +180,20 @@ class SurfaceOutlook:
     outlook: Outlook
     preparation: float
 
+    def fast_errors(self, times: np.ndarray) -> tuple[float, float]:
+        """As those of an `Outlook`."""
+        prediction = self.outlook.prediction
+        scale = replace(prediction, names=tuple(s.name for s in self.outlook.study.system.y)).scale
+        begun = layer_left(self.outlook.inner, np.zeros(1), prediction.epsilon, scale)
+        return float(self._errors(times, scale).max()), float(begun[0])
+
     def errors(self, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) at `times` (m,), infinite where a run has ended."""
+        return self._errors(times, self.outlook.prediction.scale)
+
+    def _errors(self, times: np.ndarray, scale: Mapping[str, float]) -> np.ndarray:
         outlook = self.outlook
-        first, epsilon, scale = outlook.prediction.first, self.manifold.epsilon, outlook.prediction.scale
+        first, epsilon = outlook.prediction.first, self.manifold.epsilon
         result = np.full(len(times), np.inf)
         alive = times <= min(float(self.run.t[-1]), float(self.shifted.t[-1]))
         own, other = self.run.sample(times[alive]), self.shifted.sample(times[alive])
@@ -194,7 +210,7 @@ class SurfaceOutlook:
         """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows."""
         run, prediction = self.run.sample(times), self.outlook.prediction
         states = np.stack([run[s.name] for s in self.outlook.study.system.states], axis=1)
-        return prediction.sampler.inside(states, prediction.region)
+        return prediction.inside(self.run, states)
 
 
 def _between(times: np.ndarray) -> np.ndarray:

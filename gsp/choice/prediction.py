@@ -132,7 +132,7 @@ class Prediction:
             eigenvalues = self.sampler.eigenvalues(z)
             gap = -np.nan_to_num(np.real(eigenvalues), nan=np.inf).max(axis=1)
             ratio = gap / (self.epsilon * self.sampler.tangential_rates(z))
-        inside = self.sampler.inside(slow, self.region)
+        inside = self.inside(self.runs[order], slow)
         beyond = times[alive] > self.crossing(order)
         past = self._past_best(order, terms)
         # A run of higher order ends where the series stops being asymptotic; beyond that nothing is predicted.
@@ -155,6 +155,18 @@ class Prediction:
                 else None
             )
         return found
+
+    def inside(self, run: Trajectory, states: np.ndarray) -> np.ndarray:
+        """Which of `states` (m, n) of a run are in the region, or no further out than where it begins.
+
+        The base point of a start on the region's edge lies beyond it by as much as its fibre carries it.
+        """
+        beginning = {s.name: float(run[s.name][0]) for s in self.sampler.system.x}
+        region = {
+            name: (min(low, beginning.get(name, low)), max(high, beginning.get(name, high)))
+            for name, (low, high) in self.region.items()
+        }
+        return self.sampler.inside(states, region)
 
     def holds_until(
         self, order: int, limit: float, *, after: float, last: float

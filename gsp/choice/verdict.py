@@ -54,6 +54,8 @@ class Verdict:
 class Evidence:
     """What a verdict rests on: every candidate, the full system last, the `layer` in slow time, and the scene.
 
+    `names` are the variables that the errors are of. `fast_error` is what the shown model's fast variables are
+    predicted to be off by behind the layer, and `layer_error` in it; not numbers where they count among `names`.
     `obstacle` says why there are no reduced candidates, `ending` why the series ends where the error of one of them is
     not told; `place` is where in the slow variables the `partial` one ends.
     """
@@ -66,6 +68,9 @@ class Evidence:
     obstacle: str = ""
     ending: str = ""
     place: Mapping[str, float] = field(default_factory=dict)
+    names: Sequence[str] = ()
+    fast_error: float = float("nan")
+    layer_error: float = float("nan")
 
 
 def judge(evidence: Evidence) -> Verdict:
@@ -79,13 +84,12 @@ def judge(evidence: Evidence) -> Verdict:
     if not reduced:
         why = _sentence(f"it cannot be reduced here: {evidence.obstacle}")
         return Verdict(Answer.NO, why, "" if full.valid else f"The full system {full.why_not}.")
-    serving = next((c for c in reduced if c.valid), None)
-    if serving is not None:
-        pays = model.kind is not ModelKind.FULL
-        shown = model if pays else serving
+    shown = serving_of(model, reduced)
+    if shown is not None:
+        pays = shown is model
         return Verdict(
             Answer.YES if pays else Answer.NO_GAIN,
-            f"{named(shown)} keeps to {wanted}; it is predicted to be off by {shown.predicted:.1e}.",
+            f"{named(shown)} keeps to {wanted}; {_off(shown, evidence)}",
             _speed(shown, full, pays=pays),
             "" if pays else "Reduce for the formula; to compute a run take the full system.",
         )
@@ -111,6 +115,21 @@ def judge(evidence: Evidence) -> Verdict:
         "simulate() runs it so far, and the full system elsewhere.",
         _remedy(nearest, evidence),
     )
+
+
+def serving_of(model: Candidate, candidates: Sequence[Candidate]) -> Candidate | None:
+    """The reduced model that a Yes speaks of: the one chosen, or the first that would serve where none pays."""
+    return model if model.kind is not ModelKind.FULL else next((c for c in candidates if c.valid), None)
+
+
+def _off(shown: Candidate, evidence: Evidence) -> str:
+    """What a model is off by, of which variables."""
+    of = f" in {', '.join(evidence.names)}" if evidence.names else ""
+    text = f"it is predicted to be off by {shown.predicted:.1e}{of}"
+    if np.isfinite(evidence.fast_error):
+        text += f", in the fast variables by {evidence.fast_error:.1e} behind the initial layer"
+        text += f" and by {evidence.layer_error:.1e} in it" if evidence.layer_error > 0.0 else ""
+    return f"{text}."
 
 
 def named(candidate: Candidate) -> str:

@@ -142,6 +142,8 @@ def choice_as_json(choice: Choice) -> dict[str, Any]:
         "predicted_on_piece": choice.predicted_on_piece,
         "measured": choice.measured,
         "speed_up": choice.speed_up,
+        "fast_error": choice.fast_error,
+        "layer_error": choice.layer_error,
     }
     return plain(content)
 

@@ -49,3 +49,20 @@ def test_the_box_of_the_solved_manifold_has_its_margin_beyond_the_run_and_not_be
         margin = MARGIN * (max(values) - min(values))
         assert low <= min(values) - 0.9 * margin, name
         assert high >= max(values) + 0.9 * margin, name
+
+
+def test_a_base_point_beyond_the_region_by_its_fibre_is_not_a_run_that_leaves_it() -> None:
+    # The start is on the region's edge, and its base point 0.01 beyond; the run goes inwards.
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: 1 + y - x}, fast={y: x - y}, epsilon=epsilon)
+    scene = Scene(
+        system,
+        region={"x": (0, 2)},
+        start={"x": 0, "y": -0.2},
+        span=(0, 1),
+        epsilon=0.05,
+        tolerance=0.1,
+    )
+    choice = choose(scene, orders=(1,))
+    assert foresee(scene, (1,)).starts[1]["x"] < -0.005
+    assert choice.candidates[0].valid

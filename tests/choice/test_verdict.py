@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+import sympy as sp
 from click.testing import CliRunner
 
 from gsp import charts, models
@@ -15,6 +16,8 @@ from gsp.cli import cli
 from gsp.report import as_json, choice_as_json, write_report
 from gsp.report.sections import Page
 from gsp.report.wording import words
+from gsp.scenes.scene import Scene
+from gsp.systems.system import SlowFastSystem
 from tests.analyses import analysis_of
 from tests.cases import sampled
 
@@ -175,3 +178,20 @@ def test_the_report_decides_as_choose_does(name: str) -> None:
     assert [(c.label, c.valid) for c in asked.candidates] == valid
     assert [(row["model"], row["valid"]) for row in shown["candidates"]] == valid
     assert may(shown["verdict"]["answer"]) == may(asked.verdict.answer) == may(told.verdict.answer)
+
+
+def test_the_answer_says_of_which_variables_it_speaks_and_what_the_fast_ones_are_off_by() -> None:
+    # x' = 1 is exact at order 0; y lags behind its switch by 0.89, and starts 1 off its manifold.
+    x, y, epsilon = sp.symbols("x y epsilon")
+    system = SlowFastSystem(slow={x: 1}, fast={y: -y + sp.tanh(30 * (x - sp.Rational(1, 2)))}, epsilon=epsilon)
+    scene = Scene(system, {"x": (0, 1)}, {"x": 0, "y": 0}, (0, 1), 0.05)
+    choice = choose(scene, orders=(0,), solve=False)
+    assert choice.candidates[0].predicted < 1e-12
+    assert choice.fast_error > 0.5
+    assert choice.layer_error == pytest.approx(1.0, rel=1e-6)
+    assert "in x, in the fast variables by" in choice.verdict.accuracy
+    assert "1.0e+00 in it" in choice.verdict.accuracy
+    # Asked for, they are among the errors themselves.
+    asked = choose(scene, orders=(0,), solve=False, fast=True)
+    assert not asked.candidates[0].valid
+    assert asked.fast_error != asked.fast_error
