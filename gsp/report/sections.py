@@ -139,11 +139,13 @@ class Page:
         )
 
     def conditions(self) -> str:
-        """Which conditions of the theory hold over the whole region."""
-        failed = [c.name for c in self.analysis.hyperbolicity.conditions if not c.holds]
-        return (
-            f"not met over the whole region: {self._listed(failed)}" if failed else "met over the whole region"
-        )
+        """Which conditions of the theory hold over the whole region, or at its samples where that is all there is."""
+        found = self.analysis.hyperbolicity
+        failed = [c.name for c in found.conditions if not c.holds]
+        if failed:
+            return f"not met over the whole region: {self._listed(failed)}"
+        decided = self.is_proved() or found.exclusion is None or found.exclusion.is_complete
+        return "met over the whole region" if decided else f"met at every sample; {found.exclusion}"
 
     def error_at(self, order: int) -> tuple[float, str]:
         """(error of an order at the scene's epsilon, how it is known when it was not measured there)."""

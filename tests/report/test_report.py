@@ -16,11 +16,13 @@ import gsp
 from gsp import SlowFastSystem, analyse, charts
 from gsp.demos.page import frame_script
 from gsp.errors import DeclarationError, OutputError, Reason
+from gsp.hyperbolicity.exclusion import Exclusion
 from gsp.readers.expressions import parse_expression
 from gsp.readers.writing import as_toml
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
 from gsp.report.mathml import Typesetter
+from gsp.report.sections import Page as Sections
 from gsp.report.wording import number, scientific, signed, words
 from gsp.scenes.scene import Scene
 from tests.analyses import analysis_of
@@ -427,3 +429,13 @@ def test_captions_set_powers_of_ten_and_figures_are_numbered_in_order(written):
 def test_what_is_reported_is_an_analysis(tmp_path) -> None:
     with pytest.raises(DeclarationError, match=r"write_report takes an Analysis\. Got None"):
         write_report(None, tmp_path / "out")
+
+
+def test_conditions_are_met_over_the_whole_region_only_where_no_loss_is_left_between_samples() -> None:
+    analysis = analysis_of("michaelis_menten")
+    page = Sections(analysis)
+    assert page.conditions() == "met over the whole region"
+    left = Exclusion(tried=2, left=({"s": (0.0, 1.0)},), share=0.5)
+    sampled = dataclasses.replace(analysis.hyperbolicity, exclusion=left, certificate=None)
+    told = Sections(dataclasses.replace(analysis, hyperbolicity=sampled)).conditions()
+    assert told.startswith("met at every sample; between them a loss is not excluded over a share of 0.5")
