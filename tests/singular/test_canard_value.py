@@ -378,6 +378,22 @@ def test_the_nearest_canard_point_is_found_in_any_units(name) -> None:
         assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)
 
 
+def test_near_takes_the_nearest_canard_point_and_lists_the_others() -> None:
+    found = canard_value(morris_lecar(90), parameter="I", order=0, near={"I": 83.6})
+    assert float(found.coefficients[0]) == pytest.approx(83.645531767021, rel=1e-12)
+    assert [float(point["I"]) for point in found.others] == pytest.approx([222.452513410707], rel=1e-12)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("near", [83.6, 222])
+@pytest.mark.parametrize("name", UNITS)
+def test_near_takes_the_nearest_canard_point_in_any_units(name, near: float) -> None:
+    nearest, other = sorted((83.645531767021, 222.452513410707), key=lambda value: abs(value - near))
+    found = canard_value(morris_lecar(90, *UNITS[name]), parameter="I", order=0, near={"I": near})
+    assert float(found.coefficients[0]) == pytest.approx(nearest, rel=1e-12)
+    assert [float(point["I"]) for point in found.others] == pytest.approx([other], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "gate", [(1 + sp.sign(x + 3)) / 2, sp.Abs(x + 3) / (x + 3), sp.Heaviside(x + 3), sp.Max(x + 3, 0) / (x + 3)]
 )

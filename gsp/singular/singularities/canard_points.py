@@ -128,12 +128,15 @@ def _candidates(
             f"Choose another parameter, or rescale {a} by {field.epsilon}.",
             got=f"f = {f0}, g = {g0}",
         )
-    axes = [[target[s.name]] if target and s.name in target else list(STARTS) for s in (x, y, a)]
-    if not target or a.name not in target:
-        axes[2] = sorted({float(declared), *STARTS})
-    starts: Iterable[Sequence[float]] = itertools.product(*axes)
-    if not target:
-        starts = itertools.chain(fold_starts(g0, x, y, a, float(declared)), starts)
+    # What `near` names is where to begin; the other canard points are looked for all the same.
+    wanted = target or {}
+    axes = [[wanted[s.name]] if s.name in wanted else STARTS for s in (x, y, a)]
+    levels = {float(declared), wanted.get(a.name, float(declared))}
+    starts: Iterable[Sequence[float]] = itertools.chain(
+        itertools.product(*axes) if wanted else (),
+        *(fold_starts(g0, x, y, a, level) for level in sorted(levels)),
+        itertools.product(STARTS, STARTS, sorted({*levels, *STARTS})),
+    )
     try:
         points = locate((*fold, f0), (x, y, a), starts=starts)
     except InfinitelyManyPoints:
