@@ -47,13 +47,14 @@ REFERENCE = {"swing_rad": 10.808, "swing_bal": 10.808, "oscillator_mm": float("i
 
 
 @pytest.mark.parametrize(
-    ("name", "verb"),
+    "case",
     sampled(
         [(name, verb) for verb in JUDGED for name in scenes() if name not in LEFT[verb]],
         always=[(name, "check") for name in SAMPLE],
     ),
 )
-def test_units_change_no_verdict(name: str, verb: str) -> None:
+def test_units_change_no_verdict(case: tuple[str, str]) -> None:
+    name, verb = case
     plain = scene(name)
     expected = verdict(plain, verb)
     for powers in in_other_units(plain):

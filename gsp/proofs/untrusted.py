@@ -10,6 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gsp.errors import one_line
 from gsp.proofs.intervals import OutOfDomain
 from gsp.proofs.programs import Rejected
 
@@ -93,4 +94,4 @@ def guarded(check: Callable[[], Found]) -> Found:
     except OutOfDomain as error:
         raise Rejected(f"an expression is not defined over a box: {error}") from None
     except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError, RecursionError) as error:
-        raise Rejected(f"the file is malformed: {type(error).__name__}, {str(error)[:80]!r}") from None
+        raise Rejected(f"the file is malformed: {one_line(error, 80)!r}") from None
