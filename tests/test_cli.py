@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from gsp import models
+from gsp.algebra import ring
 from gsp.cli import cli, main
-from gsp.errors import GspError
+from gsp.errors import BudgetError, GspError
 
 FOLD = """
 [slow]
@@ -130,6 +131,26 @@ def test_coefficients_too_long_to_read_are_counted_and_shortened(tmp_path) -> No
     series = json.loads((tmp_path / "out" / "report.json").read_text())["series"]
     assert series["parameters"] == "values"
     assert series["order"] == 3
+
+
+def test_expand_prints_what_it_reached_where_no_order_was_asked_for(tmp_path, monkeypatch) -> None:
+    file = tmp_path / "powers.toml"
+    file.write_text(
+        "parameters = {k = 1, m = 2}\n[slow]\ns = '-s + (s + c + k + m)^9'\n[fast]\nc = 's - c'\n"
+        "[region]\ns = [0, 1]\n[start]\ns = 1\nc = 0\n[scene]\nspan = [0, 1]\nepsilon = 0.01\n"
+    )
+    monkeypatch.setattr(ring, "BUDGET", 3000)
+    told = run("expand", str(file))
+    assert told.exit_code == 0
+    assert "h_0  c = s" in told.output
+    assert "h_1" not in told.output
+    assert "The series ends at order 0: " in told.output
+    assert "--values" in told.output
+    found = json.loads(run("expand", str(file), "--json").stdout)
+    assert (found["order"], len(found["h"]), "3,000" in found["ending"]) == (0, 1, True)
+    # An order that was asked for is given whole or not at all.
+    with pytest.raises(BudgetError, match="through order 3 was reached through order 0"):
+        run("expand", str(file), "--order", "3")
 
 
 def test_folds_are_found_along_an_implicit_branch() -> None:

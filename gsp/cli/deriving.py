@@ -14,6 +14,9 @@ from gsp.errors import GspError
 if TYPE_CHECKING:
     from gsp.scenes.scene import Scene
 
+USUAL = 3
+"""The order that a series is expanded through where none is asked for, as far as the budget goes."""
+
 
 @cli.command()
 @asks("set")
@@ -47,21 +50,27 @@ def split(scene: Scene, as_json: bool) -> None:
 
 @cli.command()
 @asks("set")
-@click.option("--order", default=3, show_default=True, help="Highest power of epsilon.")
+@click.option("--order", type=int, help="Highest power of epsilon [3, or what the budget of terms allows].")
 @click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
 @click.option(
     "--values", is_flag=True, help="Put the parameters' values in: much shorter where there are many."
 )
 @json_option
-def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> None:
+def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bool) -> None:
     """Print the slow manifold h_0, h_1, ... and the reduced field f_0, f_1, ... of MODEL."""
     from gsp.scenes.study import study_of
     from gsp.slow.raw_series import carry_back
     from gsp.slow.series import READABLE
 
     study = study_of(scene)
-    whole = study.series(order, symbolic=not values)
-    through = order if as_json else next((k for k, n in enumerate(whole.sizes) if n > READABLE), order + 1) - 1
+    if order is None:
+        whole, ending = study.reach(USUAL, symbolic=not values)
+    else:
+        whole, ending = study.series(order, symbolic=not values), ""
+    if ending and study.system.parameters and not values:
+        ending += " With --values it is shorter, and may go further."
+    lengths = [] if as_json else whole.sizes
+    through = next((k for k, n in enumerate(lengths) if n > READABLE), whole.order + 1) - 1
     # Only what is printed is turned into expressions: that is where the time of a long series goes.
     series: Any = whole.at_order(max(through, 0))
     if raw and study.splitting is not None:
@@ -78,7 +87,8 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
         print_json(
             {
                 "name": scene.name,
-                "order": order,
+                "order": whole.order,
+                "ending": ending,
                 "slow": names["f"],
                 "fast": names["h"],
                 "h": rows["h"],
@@ -98,6 +108,8 @@ def expand(scene: Scene, order: int, raw: bool, values: bool, as_json: bool) -> 
             for symbol, expression in part[k].as_dict().items():
                 prime = "'" if letter == "f" else ""
                 click.echo(f"{letter}_{k}  {symbol}{prime} = {expression}")
+    if ending:
+        click.echo(ending)
 
 
 @cli.command()

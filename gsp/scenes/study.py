@@ -139,19 +139,19 @@ class Study(Card):
 
         return self._once((kind, order), lambda: series_of(expansion(), order))
 
-    def reach(self, order: int) -> tuple[SeriesManifold, str]:
-        """The series with the parameters' values in, through `order` or as far as the budget of the exact algebra goes,
-        and why no further, as a sentence; empty where it is all there.
+    def reach(self, order: int, *, symbolic: bool = False) -> tuple[SeriesManifold, str]:
+        """The series through `order` or as far as the budget of the exact algebra goes, the parameters' values put in
+        unless `symbolic`, and why no further, as a sentence; empty where it is all there.
 
         Raises `BudgetError` where no order is within the budget.
         """
         try:
-            return self.series(order, symbolic=False), ""
+            return self.series(order, symbolic=symbolic), ""
         except BudgetError:
-            last, why = self._expansion.numeric.end
+            last, why = (self._expansion if symbolic else self._expansion.numeric).end
             if last is None:
                 raise
-            return self.series(last, symbolic=False), f"The series ends at order {last}: {why}."
+            return self.series(last, symbolic=symbolic), f"The series ends at order {last}: {why}."
 
     def cut(self, order: int) -> str:
         """Why the series is not run through `order`, as a sentence; empty where it is."""
