@@ -8,7 +8,7 @@ import sympy as sp
 
 import gsp
 from gsp import charts
-from gsp.errors import DeclarationError, Status
+from gsp.errors import BranchError, DeclarationError, Status
 from gsp.orbits.periodic.family import CycleKind
 from tests.cases import thinned
 
@@ -60,6 +60,33 @@ def test_hopf_points_of_the_full_system() -> None:
     assert first.value == pytest.approx(0.33128133745474581144, abs=1e-12)
     assert first.l1 > 0
     assert "HopfPoint(I = 0.33128133745" in repr(first)
+
+
+@pytest.mark.parametrize("start", [(-30, 0), (-30, 0.1), (-60, 0), (30, 0.9), (8, 0.4)])
+def test_hopf_points_are_on_the_curve_through_the_equilibrium_at_the_flows_own_parameter(start) -> None:
+    # Morris and Lecar's saddle-node set: at I = 90 there is one equilibrium, and a fold of the curve at I = 39.96 is
+    # nearer to most starts.
+    v, w, current, epsilon = sp.symbols("v w I epsilon")
+    m, n = (1 + sp.tanh((v + sp.Rational(6, 5)) / 18)) / 2, (1 + sp.tanh(5 * (v - 12) / 87)) / 2
+    system = gsp.SlowFastSystem(
+        slow={w: (n - w) * sp.cosh(5 * (v - 12) / 174)},
+        fast={v: (current - 2 * (v + 60) - 8 * w * (v + 84) - 4 * m * (v - 120)) / 20},
+        epsilon=epsilon,
+        parameters={current: 90},
+    )
+    at = {"v": start[0], "w": start[1]}
+    (found,) = gsp.hopf_points(system, start=at, parameter="I", bounds=(0, 300), epsilon=1 / 15)
+    assert found.value == pytest.approx(97.787888964, rel=1e-9)
+
+
+def test_a_curve_that_ends_before_the_bounds_without_a_hopf_point_is_named() -> None:
+    x, y, mu, epsilon = sp.symbols("x y mu epsilon")
+    system = gsp.SlowFastSystem(slow={y: -y}, fast={x: sp.sqrt(mu) - x}, epsilon=epsilon, parameters={mu: 1})
+    with pytest.raises(
+        BranchError, match=r"no Hopf point was found, and .* not followed to the bounds: .* mu ="
+    ):
+        gsp.hopf_points(system, start={"x": 1, "y": 0}, parameter="mu", bounds=(-1, 2), epsilon=1)
+    assert gsp.hopf_points(system, start={"x": 1, "y": 0}, parameter="mu", bounds=(0.5, 2), epsilon=1) == ()
 
 
 def test_small_cycles_grow_as_the_normal_form_says() -> None:

@@ -10,10 +10,11 @@ from typing import cast
 import numpy as np
 import sympy as sp
 
+from gsp.critical.branch import Branch
 from gsp.critical.continuation.critical_curve import uninterrupted
 from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.continuation.special_points import SpecialKind
-from gsp.errors import DeclarationError
+from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.orbit import check_name
 from gsp.results.card import Card
@@ -62,7 +63,7 @@ def hopf_points(
 
     `start` is a guess of an equilibrium at the flow's own parameters. The curve is followed by `continue_critical`,
     through folds. Raises `DeclarationError` for a call that is not well formed and `BranchError` when there is no
-    equilibrium near `start`.
+    equilibrium near `start`, or when the curve ends before the bounds and no Hopf point is on it.
 
     >>> x, y, a, eps = sp.symbols("x y a epsilon")
     >>> system = SlowFastSystem(slow={y: a - x}, fast={x: y - x**3/3 + x}, epsilon=eps, parameters={a: 1.1})
@@ -92,14 +93,23 @@ def hopf_points(
         parameters=dict(flow.parameters),
     )
     names = [z.name for z in flow.states]
+    # With the parameter held: a correction that is free to move it may land on another curve, or beside a fold of it.
+    beside = Branch(frozen, frozen.g, None).through({**dict(zip(names, guess)), time.name: 0.0})
+    assert beside.seed is not None
     curve = uninterrupted(
         continue_critical(
             frozen,
-            start={**dict(zip(names, guess)), time.name: 0.0},
+            start={**dict(zip(names, beside.seed[1])), time.name: 0.0},
             parameter=symbol,
             bounds={symbol.name: (low, high)},
         )
     )
+    found_points = curve.of_kind(SpecialKind.HOPF)
+    if not found_points and not curve.status.ok:
+        raise BranchError(
+            f"no Hopf point was found, and the curve of equilibria was not followed to the bounds: {curve.message}.",
+            "Start on another part of the curve, or change the bounds.",
+        )
     return tuple(
         HopfPoint(
             flow=flow,
@@ -112,7 +122,7 @@ def hopf_points(
             crossing=found.coefficients["crossing"],
             vector=np.asarray(found.right, dtype=complex),
         )
-        for found in curve.of_kind(SpecialKind.HOPF)
+        for found in found_points
     )
 
 
