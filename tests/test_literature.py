@@ -42,6 +42,8 @@ COORDINATES = {
     "gene_dimers": ({"p": "P + 2*D"}, {"D": "(p - P)/2"}, ["M", "P"]),
     "gene_dimers_from_nothing": ({"p": "P + 2*D"}, {"D": "(p - P)/2"}, ["M", "P"]),
     "swing": ({"delta": "delta", "w": "w", "Eq": "Eq"}, {}, ["Efd"]),
+    "swing_bal": ({"delta": "delta", "w": "w", "Eq": "Eq"}, {}, ["Efd"]),
+    "swing_rad": ({"delta": "delta", "w": "w", "Eq": "Eq"}, {}, ["Efd"]),
     "tmdd": ({"p1": "L + P", "p2": "P + R"}, {"P": "p1 - L", "R": "L - p1 + p2"}, ["L"]),
     "sirs": (
         {"p1": "s + i + r", "p2": "s*exp(2*r)"},
