@@ -149,6 +149,10 @@ class Record:
         names = "times", "states", "dense", "status", "method", "counters", "series"
         return Record(**{name: changes[name] if name in changes else getattr(self, name) for name in names})
 
+    def copied(self) -> Record:
+        """The same with counters of its own, for a reader whose work the run is not to count."""
+        return self.replaced(counters=list(self.counters))
+
     def without_dense(self) -> Record:
         """The same with nothing between the steps."""
         return self.replaced(times=self.times.copy(), states=self.states.copy(), dense=self.dense[:0].copy())
@@ -173,6 +177,10 @@ class RecordInRoom(Record):
 
     def __init__(self, room: np.ndarray, status: Status, method: Method) -> None:
         self.room, self.status, self.method = room, status, method
+
+    def copied(self) -> Record:
+        """As the base has it; the counters lie in the room."""
+        return RecordInRoom(self.room.copy(), self.status, self.method)
 
     def without_dense(self) -> Record:
         """As the base has it; a small room is kept whole, since to cut it takes half as long as a short run."""

@@ -157,11 +157,8 @@ class Trajectory(Drawn, Tabular):
         if record.times[-1] < record.times[0]:
             grid, places = grid[::-1].copy(), len(grid) - 1 - places
         compiled = compile_flow(self.flow)
-        # A copy, since what looking costs is counted in the record.
-        values, _ = read(
-            compiled, compiled.parameters(self.epsilon), record.replaced(counters=list(record.counters)), grid,
-            rtol=tolerances[0], atol=tolerances[1],
-        )  # fmt: skip
+        p = compiled.parameters(self.epsilon)
+        values, _ = read(compiled, p, record.copied(), grid, rtol=tolerances[0], atol=tolerances[1])
         out[:] = values.T[:, places]
 
     def sample(self, t: ArrayLike) -> Trajectory:
