@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, plain
+from gsp.charts.style import INK, MARKERS, PALE, SERIES, chart, legend, mathematics, plain
 from gsp.comparison.comparison import CLEARANCE, Comparison
 
 
@@ -70,6 +70,6 @@ def error_against_epsilon(comparison: Comparison, axes: Axes) -> None:
     axes.set_xticks(epsilons, [f"{e:.3g}" for e in epsilons])
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel(r"$\epsilon$")
+    axes.set_xlabel(mathematics(str(comparison.scene.system.epsilon)))
     axes.set_ylabel("largest relative error")
     legend(axes, columns=2)

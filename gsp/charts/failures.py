@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, mathematics
+from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, name_axes
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
 from gsp.systems.arguments import check_noun
@@ -36,8 +36,7 @@ def failures_along(result: FailureMap, axes: Axes) -> None:
     _hatch(axes, result, result.positions, _held_back_along(result))
     _mark(axes, result, _past(result), ".", 3.0)
     _mark(axes, result, _astray(result), "x", 3.0)
-    axes.set_xlabel(mathematics(result.axis))
-    axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
+    name_axes(axes, result.axis, str(result.scene.system.epsilon))
     axes.set_title(f"tolerance {result.tolerance:g}", fontsize=10, loc="right", color=INK)
 
 
@@ -54,8 +53,8 @@ def failures_by_tolerance(result: FailureMap, axes: Axes) -> None:
             0.5, 0.5, text, ha="center", va="center", fontsize=9, color=INK, transform=axes.transAxes, zorder=5,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 5.0},
         )  # fmt: skip
+    name_axes(axes, "", str(result.scene.system.epsilon))
     axes.set_xlabel("tolerance over the span")
-    axes.set_ylabel(r"$\epsilon$", rotation=0, labelpad=8)
 
 
 def failure_map(result: FailureMap, *, stacked: bool = False) -> Axes:

@@ -168,7 +168,7 @@ def _distance(analysis: Analysis, axes: Axes) -> None:
         gaps = distances(analysis, dense)
         if gaps is not None and gaps[0] > 0.0:
             curves.append((_displaced(analysis, run), tau, gaps))
-    axes.set_xlabel(r"fast time $\tau = t/\epsilon$")
+    axes.set_xlabel(rf"fast time $\tau = t$/{mathematics(str(analysis.study.system.epsilon))}")
     fast = ", ".join(mathematics(y.name) for y in analysis.study.system.y)
     axes.set_ylabel(r"distance to $M_\epsilon$ in " + fast)
     if not curves:

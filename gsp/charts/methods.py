@@ -40,7 +40,7 @@ def method_errors(table: MethodTable, axes: Axes) -> None:
             )
     axes.set_xticks(table.epsilons, [f"{epsilon:.3g}" for epsilon in table.epsilons])
     axes.minorticks_off()
-    axes.set_xlabel(r"$\epsilon$")
+    axes.set_xlabel(mathematics(str(table.scene.system.epsilon)))
     axes.set_ylabel(r"largest error of $h_\epsilon$")
     legend(axes, columns=3)
 

@@ -123,6 +123,24 @@ def test_names_that_matplotlib_cannot_set_become_plain_text():
         charts.png(axes)
 
 
+def test_the_axis_of_the_small_parameter_has_its_own_name():
+    x, y, small = sp.symbols("x y TA")
+    system = SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=small, name="lag")
+    scene = Scene(
+        system, region={"x": (-1, 1), "y": (-1, 1)}, start={"x": 1, "y": 0}, span=(0, 1), epsilon=0.02
+    )
+    analysis = analyse(scene)
+    along = charts.error_against_epsilon(analysis.comparison)
+    assert along.get_xlabel() == r"$\mathrm{TA}$"
+    for draw in (charts.failures_along, charts.failures_by_tolerance):
+        assert draw(analysis.failures).get_ylabel() == r"$\mathrm{TA}$"
+    assert charts.method_errors(method_table(scene)).get_xlabel() == r"$\mathrm{TA}$"
+    for chart, draw in charts.applicable(analysis).items():
+        for axes in draw(analysis).figure.axes:
+            said = axes.get_xlabel() + axes.get_ylabel()
+            assert "epsilon" not in said.replace(r"M_\epsilon", "").replace(r"h_\epsilon", ""), chart
+
+
 def test_streamlines_follow_the_field_and_stop_at_rest():
     axes = Figure().add_subplot()
     u = v = np.linspace(-1.0, 1.0, 81)
