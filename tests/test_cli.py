@@ -377,3 +377,10 @@ def test_a_report_is_opened_when_that_is_asked(tmp_path, monkeypatch: pytest.Mon
     told = run("report", "linear", "--order", "1", "-o", str(tmp_path / "r"), "--open")
     assert shown == [(tmp_path / "r" / "report.html").as_uri()]
     assert told.stdout.endswith("No browser was found here; open the file in one.\n")
+
+
+def test_a_reduced_run_on_an_implicit_branch_is_told_in_the_variables_that_were_asked_about() -> None:
+    lines = run("run", "van_der_pol", "--order", "1").output.splitlines()
+    assert [line.split()[0] for line in lines if "->" in line] == ["y", "x"]
+    assert "x0" not in lines[-1]
+    assert "y = " in lines[-1]

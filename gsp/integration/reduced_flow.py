@@ -50,6 +50,12 @@ class ReducedFlow(Flow, Card):
         """Values of the system's parameters, which the rates no longer contain."""
         return self.manifold.branch.system.parameters
 
+    @property
+    def variables_shown(self) -> tuple[sp.Symbol, ...]:
+        """The states, or on an implicit branch the slow and the fast variables in the place of the chart's."""
+        branch = self.manifold.branch
+        return self.states if branch.is_explicit else (*branch.system.states, *self.driven)
+
     def initial(self, start: Point) -> tuple[float, ...]:
         """State over the slow variables that `start` names.
 

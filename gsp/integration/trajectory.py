@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -183,13 +183,21 @@ class Trajectory(Drawn, Tabular):
             mine["_observables"] = frozen(out)
         return mine["_observables"]
 
+    def _ends(self, variables: Sequence[sp.Symbol]) -> Iterator[tuple[sp.Symbol, float, float]]:
+        """Each state or observable of `variables` with its values where the run begins and ends."""
+        # What was sampled of a run may leave its ends out.
+        run = Trajectory(self.flow, self.epsilon, self._record)
+        for symbol in variables:
+            values = run[symbol]
+            yield symbol, values[0], values[-1]
+
     @property
     def message(self) -> str:
         """One line: how it ended, where, and what to do about it."""
         steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
-        last = self._record.states[-1]
-        shown = [f"{s.name} = {value:.6g}" for s, value in zip(self.flow.states, last)][:_SHOWN_STATES]
-        if len(last) > _SHOWN_STATES:
+        variables = self.flow.variables_shown
+        shown = [f"{s.name} = {last:.6g}" for s, _, last in self._ends(variables[:_SHOWN_STATES])]
+        if len(variables) > _SHOWN_STATES:
             shown.append("...")
         where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:
@@ -206,16 +214,16 @@ class Trajectory(Drawn, Tabular):
         )
 
     def __str__(self) -> str:
-        names = [symbol.name for symbol in self.flow.states]
-        width = max(map(len, names))
+        variables = self.flow.variables_shown
+        width = max(len(symbol.name) for symbol in variables)
         stats = self.stats
         lines = [
             f"trajectory, {stats.method.value}"
             + ("" if self.epsilon is None else f", epsilon = {self.epsilon:g}")
         ]
         lines += [
-            f"  {name:>{width}}  {first:>13.6g} -> {last:<13.6g}".rstrip()
-            for name, first, last in zip(names, self._record.states[0], self._record.states[-1])
+            f"  {symbol.name:>{width}}  {first:>13.6g} -> {last:<13.6g}".rstrip()
+            for symbol, first, last in self._ends(variables)
         ]
         lines.append(
             f"  {stats.steps} steps, {stats.rejected} rejected, {stats.field_calls} calls of the field, "

@@ -74,6 +74,11 @@ class Flow(Portable):
     is_reduced: bool = False
     """Whether it lives on a slow manifold given as a series, and runs end where that does; see `endings`."""
 
+    @property
+    def variables_shown(self) -> tuple[sp.Symbol, ...]:
+        """The states or observables in which a run is described in words."""
+        return self.states
+
     def initial(self, start: Point) -> tuple[float, ...]:
         """State tuple from a mapping of names to values; raises `DeclarationError` on wrong names."""
         known = plain(start, self._names_of_states)
