@@ -118,6 +118,16 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
 
     With `other_bytes` what is no UTF-8 becomes U+FFFD, which no expression may hold and any comment.
     """
+    data = bytes_of(file)
+    try:
+        return data.decode("utf-8-sig", "replace" if other_bytes else "strict")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ModelFileError(f"the file is not UTF-8 text (line {line}).", "Save it as UTF-8.") from None
+
+
+def bytes_of(file: Path) -> bytes:
+    """What a model file holds; raises `ModelFileError` for one that is no regular file, unreadable or too large."""
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
@@ -136,11 +146,7 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
         raise ModelFileError(
             f"the file is larger than {BYTES // 1024} KiB.", "A model file holds equations only."
         )
-    try:
-        return data.decode("utf-8-sig", "replace" if other_bytes else "strict")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise ModelFileError(f"the file is not UTF-8 text (line {line}).", "Save it as UTF-8.") from None
+    return data
 
 
 def parsed(text: str) -> dict:

@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gsp.errors import DeclarationError, GspError, OutputError, one_line
+from gsp.errors import DeclarationError, GspError, ModelFileError, OutputError, one_line
+from gsp.readers.toml import bytes_of
 from gsp.results.card import Card
 from gsp.sweeps.execution import (
     Apart,
@@ -296,11 +297,9 @@ def _model(model: str | Path | Scene | None) -> tuple[bytes | None, str]:
     path = Path(model)
     if path.suffix or len(path.parts) > 1 or os.path.isfile(path):
         try:
-            return path.read_bytes(), f"model{path.suffix}"
-        except OSError as error:
-            raise OutputError(
-                f"{path} cannot be read: {error.strerror}.", "Give a built-in name or a model file."
-            ) from None
+            return bytes_of(path), f"model{path.suffix}"
+        except ModelFileError as error:
+            raise ModelFileError.of(error, path.name) from None
     return None, str(model)
 
 

@@ -16,9 +16,11 @@ import pytest
 
 import gsp
 from gsp import models
-from gsp.errors import DeclarationError, GspError, OutputError
+from gsp.errors import DeclarationError, GspError, ModelFileError, OutputError
+from gsp.readers.toml import BYTES
 from gsp.scenes.settings import ask_again
 from gsp.sweeps import execution, ledger, worker
+from gsp.sweeps.plan_file import read_plan_file
 from gsp.sweeps.store import Store
 from gsp.sweeps.sweep import Sweep, resume, sweep
 from gsp.sweeps.tasks import VERBS
@@ -422,13 +424,27 @@ def test_a_cluster_shares_the_work(tmp_path: Path) -> None:
         ({"task": "compare"}, "Give one: model="),
         ({"task": "compare", "model": "chaplygin_sleigh"}, "x is no number of the model"),
         ({"task": "compare", "model": 3}, "built-in name, a model file or a Scene"),
-        ({"task": "compare", "model": "nowhere.toml"}, "cannot be read"),
+        ({"task": "compare", "model": "nowhere.toml"}, "no such file"),
     ],
 )
 def test_a_call_that_cannot_be_carried_out_is_refused(tmp_path: Path, changes, words: str) -> None:
     call = {"task": wave, "over": {"x": (1.0,), "k": (1.0,)}, "into": tmp_path / "runs", **changes}
     with pytest.raises(GspError, match=words):
         sweep(**call)
+
+
+def test_a_model_that_is_no_regular_file_or_too_large_is_not_read(tmp_path: Path) -> None:
+    pipe, large = tmp_path / "pipe.toml", tmp_path / "large.toml"
+    os.mkfifo(pipe)
+    large.write_bytes(b"#" * (BYTES + 1))
+    for model, words in (
+        (pipe, "no regular file"), (Path("/dev/zero"), "no regular file"), (tmp_path, "no regular file"),
+        (large, "larger than 256 KiB"),
+    ):  # fmt: skip
+        with pytest.raises(ModelFileError, match=words):
+            sweep("compare", over={"x": (1.0,)}, into=tmp_path / "runs", model=model)
+    with pytest.raises(ModelFileError, match="no regular file"):
+        read_plan_file(pipe)
 
 
 def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
