@@ -49,6 +49,9 @@ class Program:
         self.code: list[tuple[str, Any, Any]] = []
         self.known: dict[tuple[str, Any, Any], int] = {}
         self.outputs = [_Reader(text, self).read() for text in texts]
+        # Operations on intervals so far, and those of one list of values: a power takes repeated squares of both ends.
+        self.work = 0
+        self.cost = sum(2 * two.numerator.bit_length() if name == "**" else 1 for name, _, two in self.code)
         self.constants = {i: ia.of(one) for i, (name, one, _) in enumerate(self.code) if name == "constant"}
         self.constants |= {
             i: _CONSTANTS[name]() for i, (name, _, _) in enumerate(self.code) if name in _CONSTANTS
@@ -69,6 +72,7 @@ class Program:
 
     def values(self, arguments: list[Interval]) -> list[Interval]:
         """Values (m,)."""
+        self.work += self.cost
         found = list(arguments)
         for i, (name, one, two) in enumerate(self.code):
             found.append(self._value(i, name, one, two, found))
@@ -93,6 +97,7 @@ class Program:
 
     def derivatives(self, arguments: list[Interval], first: int = 0) -> list[list[Interval]]:
         """Derivatives by the variables from the `first` on (m, variables - first), forward from variable to output."""
+        self.work += 2 * self.cost + len(self.code) * (self.variables - first)
         found = list(arguments)
         slopes: list[dict[int, Interval]] = [{k: ia.UNIT} if k >= first else {} for k in range(self.variables)]
         for i, (name, one, two) in enumerate(self.code):

@@ -13,17 +13,18 @@ from fractions import Fraction
 from gsp.proofs.programs import Program, Rejected
 
 Polynomial = dict[tuple[int, ...], Fraction]
-# Products of terms that one proof may take, factors, and bits of a power of a number: seconds.
-MOST_PRODUCTS, MOST_FACTORS, MOST_BITS = 500_000, 200, 20_000
+# Operations on terms that one proof may take, factors, and bits of a power of a number: seconds. An operation on longer
+# numbers counts as the square of how many times LONG bits they have, for so the greatest common divisor goes.
+MOST_PRODUCTS, MOST_FACTORS, MOST_BITS, LONG = 500_000, 200, 20_000, 256
 
 
 class Element:
-    """A polynomial times powers of the factors, by their places."""
+    """A polynomial times powers of the factors, by their places; 0 has none."""
 
     __slots__ = ("numerator", "powers")
 
     def __init__(self, numerator: Polynomial, powers: dict[int, int]) -> None:
-        self.numerator, self.powers = numerator, powers
+        self.numerator, self.powers = numerator, powers if numerator else {}
 
 
 class RationalFunctions:
@@ -45,11 +46,16 @@ class RationalFunctions:
 
     def add(self, a: Element, b: Element, sign: int = 1) -> Element:
         """a + sign b."""
+        if not b.numerator:
+            return a
+        if not a.numerator:
+            return Element({exponents: sign * value for exponents, value in b.numerator.items()}, b.powers)
         least = {
             k: power for k in {*a.powers, *b.powers} if (power := min(a.powers.get(k, 0), b.powers.get(k, 0)))
         }
-        total = dict(self._over(a, least))
-        for exponents, value in self._over(b, least).items():
+        total, other = dict(self._over(a, least)), self._over(b, least)
+        self._spend(len(other), total, other)
+        for exponents, value in other.items():
             new = total.get(exponents, 0) + sign * value
             if new:
                 total[exponents] = new
@@ -91,6 +97,7 @@ class RationalFunctions:
             for other in moving:
                 if other != k:
                     part = self._product(part, self.factors[other])
+            self._spend(len(part), total, part)
             for exponents, value in part.items():
                 new = total.get(exponents, 0) + a.powers[k] * value
                 if new:
@@ -120,10 +127,15 @@ class RationalFunctions:
 
     # -- polynomials -------------------------------------------------------------------------------
 
-    def _product(self, a: Polynomial, b: Polynomial) -> Polynomial:
-        self._products += len(a) * len(b)
+    def _spend(self, terms: int, *polynomials: Polynomial) -> None:
+        """Count operations on so many terms of polynomials; raises `Rejected` when there were too many."""
+        bits = sum(max(map(_bits, p.values()), default=0) for p in polynomials)
+        self._products += terms * (1 + (bits // LONG) ** 2)
         if self._products > MOST_PRODUCTS:
             raise Rejected(f"an identity takes more than {MOST_PRODUCTS} products of terms")
+
+    def _product(self, a: Polynomial, b: Polynomial) -> Polynomial:
+        self._spend(len(a) * len(b), a, b)
         if len(a) > len(b):
             a, b = b, a
         total: Polynomial = {}
@@ -143,6 +155,7 @@ class RationalFunctions:
 
     def _factor(self, polynomial: Polynomial) -> tuple[int, Fraction]:
         """The place of a polynomial among the factors, and by how much it is larger than the one there."""
+        self._spend(len(polynomial), polynomial)
         scale = polynomial[max(polynomial)]
         key = tuple(sorted((exponents, value / scale) for exponents, value in polynomial.items()))
         if key not in self._places:
@@ -162,7 +175,10 @@ class RationalFunctions:
 
 
 def _power(value: Fraction, exponent: int) -> Fraction:
-    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
-    if bits * abs(exponent) > MOST_BITS:
+    if _bits(value) * abs(exponent) > MOST_BITS:
         raise Rejected(f"a power of a number has more than {MOST_BITS} bits")
     return value**exponent
+
+
+def _bits(value: Fraction) -> int:
+    return max(value.numerator.bit_length(), value.denominator.bit_length())

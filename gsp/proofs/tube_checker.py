@@ -31,8 +31,8 @@ from gsp.proofs.rational_functions import RationalFunctions
 # The first version claimed that every locally invariant manifold lies in the tube, and uniqueness of saddles.
 KIND = "gsp slow manifold"
 FORMAT = f"{KIND} 2"
-# Bounds: the order of the series, boxes of one test and of all, and the least share of a side.
-MOST_ORDER, MOST_BOXES, ALL_BOXES, NARROWEST = 20, 50_000, 500_000, Fraction(1, 2**16)
+# Bounds: the order of the series, boxes of one test, operations on intervals in all, and the least share of a side.
+MOST_ORDER, MOST_BOXES, MOST_OPERATIONS, NARROWEST = 20, 50_000, 10_000_000, Fraction(1, 2**16)
 Box = tuple[tuple[Fraction, Fraction], ...]
 
 
@@ -209,8 +209,10 @@ class _TubeProof:
             box = waiting.pop()
             tried += 1
             self.boxes += 1
-            if tried > MOST_BOXES or self.boxes > ALL_BOXES:
+            if tried > MOST_BOXES:
                 raise Rejected(f"{fails}, or it takes more than {MOST_BOXES} boxes to see that it is")
+            if self._operations() > MOST_OPERATIONS:
+                raise Rejected(f"{fails}, or the proof takes more than {MOST_OPERATIONS} operations on intervals")
             try:
                 if holds(box):
                     continue
@@ -226,6 +228,11 @@ class _TubeProof:
             middle = (low + high) / 2
             for ends in ((low, middle), (middle, high)):
                 waiting.append(tuple(ends if k == axis else side for k, side in enumerate(box)))
+
+    def _operations(self) -> int:
+        """Operations on intervals so far: of the programs, of the matrices, and of cutting a box."""
+        programs = (self.basis, self.field, self.flow, self.gamma, self.graph)
+        return sum(program.work for program in programs) + self.boxes * (self.count**3 + 32)
 
     def _axis(self, box: Box, shares: list[Fraction]) -> int:
         """Where to cut: across which side Gamma at z = 0 varies most; a poor choice costs boxes, never truth."""
