@@ -75,7 +75,8 @@ class _TubeProof:
         self.flow = Program(self.rates, self.count)
         self.gamma = Program(remainder, self.count)
         self.graph = Program(tuple(self._graph(i, basis) for i in range(self.m)), self.count)
-        self.boxes = 0
+        # Operations of eliminations.
+        self.boxes = self.work = 0
 
     def _read_tube(self, read: Any) -> None:
         blocks, signs = read["blocks"], read["signs"]
@@ -212,7 +213,9 @@ class _TubeProof:
             if tried > MOST_BOXES:
                 raise Rejected(f"{fails}, or it takes more than {MOST_BOXES} boxes to see that it is")
             if self._operations() > MOST_OPERATIONS:
-                raise Rejected(f"{fails}, or the proof takes more than {MOST_OPERATIONS} operations on intervals")
+                raise Rejected(
+                    f"{fails}, or the proof takes more than {MOST_OPERATIONS} operations on intervals"
+                )
             try:
                 if holds(box):
                     continue
@@ -230,9 +233,9 @@ class _TubeProof:
                 waiting.append(tuple(ends if k == axis else side for k, side in enumerate(box)))
 
     def _operations(self) -> int:
-        """Operations on intervals so far: of the programs, of the matrices, and of cutting a box."""
+        """Operations on intervals so far: of the programs, of the matrices, and 32 for cutting a box."""
         programs = (self.basis, self.field, self.flow, self.gamma, self.graph)
-        return sum(program.work for program in programs) + self.boxes * (self.count**3 + 32)
+        return sum(program.work for program in programs) + self.work + 32 * self.boxes
 
     def _axis(self, box: Box, shares: list[Fraction]) -> int:
         """Where to cut: across which side Gamma at z = 0 varies most; a poor choice costs boxes, never truth."""
@@ -266,6 +269,7 @@ class _TubeProof:
     def _reaches(self, box: Box) -> bool:
         """|(P z)_i| <= reach_i, and P is regular."""
         m = self.m
+        self.work += m**3
         values = self.basis.values([(ia.of(low)[0], ia.of(high)[1]) for low, high in box])
         rows = [values[i * m : i * m + m] for i in range(m)]
         for row, reach in zip(rows, self.reach):
@@ -278,6 +282,7 @@ class _TubeProof:
 
     def _faces(self, box: Box) -> bool:
         """lambda_min(Sym(s B_ii)) d_i - sum |B_ij| d_j - |rho_i| > 0 for every block."""
+        self.work += self.m**2 + sum(len(block) ** 3 for block in self.blocks)
         arguments = self._arguments(box)
         # What the identity is about is defined here.
         self.field.values([*arguments[: self.n], *self.graph.values(arguments), arguments[-1]])
@@ -309,6 +314,7 @@ class _TubeProof:
     def _cone(self, box: Box, slope: Fraction, collar: Fraction, side: int) -> bool:
         """s (W^T Q + Q W) - tau Q > 0 for one tau > 0, z in units of L = slope, with and without the slow flow."""
         n, m, k = self.n, self.m, self.k
+        self.work += n * (n + m) * m + (n + m) ** 3 // 3
         arguments = self._arguments(box)
         small = arguments[-1]
         rows = self.graph.derivatives(arguments)

@@ -85,3 +85,17 @@ def test_what_grows_too_large_is_rejected_and_so_is_a_division_by_zero(monkeypat
     ring.multiply(sum_, sum_)
     with pytest.raises(Rejected, match="products of terms"):
         ring.multiply(sum_, x)
+
+
+def test_long_numbers_count_as_their_arithmetic_takes() -> None:
+    def products(bits: int) -> int:
+        ring = RationalFunctions(1)
+        long = ring.add(ring.variable(0), ring.constant(Fraction(1, 3**bits)))
+        before = ring._products
+        ring.multiply(long, long)
+        return ring._products - before
+
+    assert products(1) == 4
+    assert 3 < products(2000) / products(1000) < 5
+    with pytest.raises(Rejected, match="products of terms"):
+        products(200_000)

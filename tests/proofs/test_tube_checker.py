@@ -6,6 +6,7 @@ where d > k; with cones of slope L and a collar c, and p the slow rate -k toward
     (tau - 2 epsilon (p + c)) (2 - tau) > (k/L)^2 for tau halfway.
 """
 
+import contextlib
 import copy
 from typing import Any
 
@@ -233,3 +234,28 @@ def test_what_is_less_than_the_checker_resolves_is_rounded_against_the_claim() -
     for reach, said in ((1.5, False), (1.75, False), (2.5, True)):
         thin = {"widths": [(1.625 * 2.0**-96).hex()], "reach": [(reach * 2.0**-96).hex()]}
         assert holds(plain | thin) is said
+
+
+def test_a_proof_takes_no_more_operations_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    # What is added to Gamma is 0, and wide over a wide box: some boxes more for each factor of 10.
+    def wide(factor: int) -> dict:
+        nought = f"{factor}*((1 + z0**2)**2 - 1 - 2*z0**2 - z0**4)"
+        plain = proof(widths=[(2.0).hex()], reach=[(4.0).hex()])
+        return plain | {"equations": [f"-(z1 - z0) + z2*{nought}"], "remainder": [f"-(z1 - z0) + {nought}"]}
+
+    def operations(plain: dict) -> int:
+        found = tube_checker._TubeProof(plain)
+        with contextlib.suppress(Rejected):
+            found.checked()
+        return found._operations()
+
+    few, many = operations(wide(0)), operations(wide(10))
+    assert 100 < few < many / 10
+    for most, said in ((few - 1, True), (many, False)):
+        monkeypatch.setattr(tube_checker, "MOST_OPERATIONS", most)
+        with pytest.raises(Rejected) as refused:
+            tube_checker.check(wide(10))
+        assert ("operations on intervals" in str(refused.value)) is said
+    # The last box is finished.
+    monkeypatch.setattr(tube_checker, "MOST_OPERATIONS", few)
+    assert operations(wide(10)) < 2 * few
