@@ -652,6 +652,21 @@ def test_greek_names_are_shown_as_they_are(opened, page, tmp_path: Path) -> None
     assert page.complaints() == []
 
 
+def test_the_axis_of_the_small_parameter_has_its_own_name(page, tmp_path: Path) -> None:
+    x, y, small = sp.symbols("x y TA")
+    system = gsp.SlowFastSystem(slow={x: -x}, fast={y: x - y}, epsilon=small)
+    scene = gsp.Scene(system, {"x": (0, 2)}, {"x": 1, "y": 0}, (0, 3), 0.01, (0.02, 0.01), 1e-6)
+    page.open(gsp.write_demo(scene, tmp_path / "small.html"))
+    shown = page.run(
+        "const found = []; const axes = views.errors.axes;"
+        "views.errors.axes = function (across, ...rest) { found.push(across); axes.call(this, across, ...rest); };"
+        "draw(); return [...found, views.errors.caption.textContent];"
+    )
+    assert shown[0] == "TA"
+    assert "against TA" in shown[1]
+    assert page.complaints() == []
+
+
 def test_the_policy_lets_nothing_else_run(opened) -> None:
     page = opened("linear")
     page.run(

@@ -176,8 +176,8 @@ function addViews() {
     views.work.say("error against the operations of a run: ", element("output", { id: "chosen" }));
   }
   if (model.reducible && data.compared) {
-    views.errors = new View(container, "Error against epsilon");
-    views.errors.say("largest relative error of the slow variables against epsilon");
+    views.errors = new View(container, `Error against ${model.epsilon}`);
+    views.errors.say(`largest relative error of the slow variables against ${model.epsilon}`);
   }
 }
 

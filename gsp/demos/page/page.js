@@ -93,7 +93,7 @@ function draw() {
   if (views.path) drawPath(views.path, model, curves, data.path.map(place), data.body, now, c);
   if (views.space) drawSpace(views.space, model, s, curves, data.space.map(place), angles, data, now, c);
   if (views.work) drawWork(views.work, work, state.tolerance, c, state.orders);
-  if (views.errors) drawErrors(views.errors, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
+  if (views.errors) drawErrors(views.errors, model.epsilon, ladder, state.epsilon, c, state.orders, state.rivals ? model.claims.map((r) => r.name) : []);
   document.querySelectorAll("[data-rival]").forEach((mark) => (mark.style.background = c.rivals[Number(mark.dataset.rival)]));
 }
 

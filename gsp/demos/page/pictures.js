@@ -191,8 +191,8 @@ function logarithms(curves, j) {
   return { full: of(curves.full), reduced: curves.reduced.map(of), rivals: curves.rivals.map(of), fixed: curves.fixed && of(curves.fixed) };
 }
 
-// Errors against epsilon, both logarithmic, with the present epsilon marked.
-function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
+// Errors against epsilon, by its own name, both logarithmic, with the present epsilon marked.
+function drawErrors(view, name, ladder, epsilon, colours, orders, rivals) {
   view.begin(colours);
   const lines = orders.length + rivals.length;
   const points = ladder.filter((row) => row !== null).sort((a, b) => a.epsilon - b.epsilon);
@@ -202,7 +202,7 @@ function drawErrors(view, ladder, epsilon, colours, orders, rivals) {
   view.setRanges([x - 1.1, x + 0.7], good.length ? [Math.min(...good) - 0.4, Math.max(...good) + 0.4] : [-8, 0], {
     steady: false,
   });
-  view.axes("epsilon", "error", { xLog: true, yLog: true });
+  view.axes(name, "error", { xLog: true, yLog: true });
   view.clipped(() => {
     view.curve([x, x], [view.box[2], view.box[3]], colours.faint, 1);
     const line = (read, colour, dash = []) => {
