@@ -1,7 +1,8 @@
 """Foreign models, whatever their format: what one says, and the model file in TOML that says the same.
 
-A parameter called epsilon or eps is the small parameter, unless another is named. Where no rate has a pole in it, the
-file's time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
+A parameter called epsilon or eps is the small parameter, unless another is named, if it is at most 1/10 and stands as
+a pole or as a factor of a whole rate; else it is a parameter like others. Where no rate has a pole in it, the file's
+time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
-from gsp.algebra.laurent import pole_order
+from gsp.algebra.laurent import misplaced_epsilon, pole_order
 from gsp.errors import ModelFileError, nearest
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem, VectorField
 
 SMALL = ("epsilon", "eps")
+# A parameter that is larger is not small by its name alone.
+LARGEST = 0.1
 _NAMES = re.compile(r"(?<![A-Za-z0-9_.])[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -63,7 +66,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
 
     `read` gives the scene of a model file. Raises `ModelFileError` when there is no small parameter.
     """
-    name = _small(model, small)
+    name, ordinary = _small(model, small, read)
     kept = ", ".join(word for word, made_of in model.worked_out.items() if name in made_of)[:300]
     if name not in _reached(model):
         if kept:
@@ -80,6 +83,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     notes = [
         model.understood,
         f"small parameter: {name} = {model.parameters[name]}",
+        *ordinary,
         *([f"worked out once, for this {name}, and kept when it changes: {kept}"] if kept else []),
         *model.notes,
         *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else []),
@@ -91,7 +95,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
         # What differs from the text that was read is not read again.
         return Import(text, notes), replace(scene, region=_region(model, fast))
     notes.insert(
-        2,
+        2 + len(ordinary),
         f"time: no rate has a pole in {name}, so the file's time is the fast one; rates are divided by {name} "
         "and the span is multiplied by it",
     )
@@ -126,7 +130,8 @@ def fresh_name(name: str, taken: set[str]) -> str:
     return new
 
 
-def _small(model: ForeignModel, wanted: str | None) -> str:
+def _small(model: ForeignModel, wanted: str | None, read: Callable[[str], Scene]) -> tuple[str, list[str]]:
+    """The small parameter, and why others with its name are ordinary ones."""
     if model.small is not None:
         if wanted is not None:
             raise ModelFileError(
@@ -134,22 +139,51 @@ def _small(model: ForeignModel, wanted: str | None) -> str:
                 "Leave it out, or take the reactions' attribute away.",
                 got=f"--small {wanted[:64]}",
             )
-        return model.small
+        return model.small, []
     if wanted is not None:
         if wanted not in model.parameters:
             raise ModelFileError(
                 f"there is no parameter {wanted[:64]!r} to be the small one."
                 + nearest(wanted[:64], model.parameters)
             )
-        return wanted
-    found = next((name for name in SMALL if name in model.parameters), None)
-    if found is None:
-        raise ModelFileError(
-            "the file has no parameter called epsilon or eps, and so no small one.",
-            f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, '')}; "
-            "where none is small, write the factor that separates the time scales into the rates first.",
-        )
-    return found
+        return wanted, []
+    called = [name for name in SMALL if name in model.parameters]
+    ordinary: list[str] = []
+    # One that stands in no rate comes last.
+    for name in sorted(called, key=lambda name: name not in _reached(model)):
+        why = _why_ordinary(model, name, read)
+        if why is None:
+            return name, ordinary
+        ordinary.append(f"{name} = {model.parameters[name]} is an ordinary parameter: {why}")
+    raise ModelFileError(
+        f"the file has no small parameter; {'; '.join(ordinary)}."
+        if ordinary
+        else "the file has no parameter called epsilon or eps, and so no small one.",
+        f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, '')}; "
+        "where none is small, write the factor that separates the time scales into the rates first.",
+    )
+
+
+def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) -> str | None:
+    """Why the parameter `name` does not separate time scales, or `None`; one that stands in no rate is not judged."""
+    value = number_in(model.parameters[name], f"the value of {name}")
+    if not 0 < value <= LARGEST:
+        return f"a small one is above 0 and at most {LARGEST:g}"
+    if name not in _reached(model):
+        return None
+    # Read as an ordinary parameter, it may stand anywhere; what stands for epsilon divides every rate.
+    other = fresh_name("epsilon", {*model.parameters, *model.states, *model.observables, *_reached(model)})
+    draft = replace(model, parameters={**model.parameters, other: "1"})
+    system = read(_written(draft, other, (), fast_time=True, fast=())).system
+    symbol = next(s for s in system.parameters if s.name == name)
+    for rate in system.rates:
+        wrong = misplaced_epsilon(rate, symbol)
+        if wrong is not None:
+            return f"it stands inside {str(wrong)[:100]}"
+    scales = (
+        pole_order(e, symbol) or not pole_order(e / symbol, symbol) for e in system.rates if e.has(symbol)
+    )
+    return None if any(scales) else "it is no pole and no factor of a whole rate"
 
 
 def _others(model: ForeignModel, name: str) -> str:

@@ -381,7 +381,7 @@ def test_identifiers_that_are_no_names_here_get_others(tmp_path: Path) -> None:
     scene = scene_of(
         tmp_path,
         document(
-            parameters=changing("_x") + parameter("sin", "2") + parameter("x", "5") + parameter("eps", "1"),
+            parameters=changing("_x") + parameter("sin", "2") + parameter("x", "5") + parameter("eps", "0.1"),
             rules=rule("rate", "_x", "<apply><divide/><ci>sin</ci><ci>eps</ci></apply>"),
         ),
     )

@@ -70,7 +70,8 @@ def test_the_documented_model_and_imported_ones_are_taken() -> None:
     models = blocks(ROOT / "docs" / "models.md", "toml")
     assert models
     assert ODES
-    models += [import_model(path, small="r" if path.stem == "hindmarsh_rose" else None).text for path in ODES]
+    named = {"hindmarsh_rose": "r", "morris_lecar": "epsilon"}
+    models += [import_model(path, small=named.get(path.stem, "eps")).text for path in ODES]
     for text in models:
         assert complaints(text) == []
 

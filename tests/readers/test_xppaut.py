@@ -24,7 +24,7 @@ from gsp.readers.xppaut import read_ode
 from tests import xppaut
 
 FILES = sorted((Path(__file__).parent / "xppaut").glob("*.ode"))
-SMALL = {"hindmarsh_rose": "r"}
+SMALL = {"hindmarsh_rose": "r", "morris_lecar": "epsilon"}
 DT, STEPS = 1e-3, 5
 
 MODEL = """
@@ -234,7 +234,7 @@ def test_right_hand_sides_are_those_of_xppaut(path: Path, tmp_path: Path) -> Non
     subprocess.run(["xppaut", copy.name, "-silent"], cwd=tmp_path, capture_output=True, timeout=60, check=False)
     theirs = np.loadtxt(tmp_path / "output.dat")
     model = tmp_path / "model.toml"
-    found = import_model(path, small=SMALL.get(path.stem))
+    found = import_model(path, small=SMALL.get(path.stem, "eps"))
     model.write_text(found.text)
     scene = gsp.load(model)
     scale = scene.epsilon if any("fast one" in note for note in found.notes) else 1.0
@@ -331,7 +331,7 @@ def test_a_mod_is_that_of_a_whole_period_and_of_none() -> None:
 
 def test_what_xppaut_takes_a_step_late_is_where_its_runs_tend() -> None:
     text = "a=b^2+1\nb=c-y\nc=x*y\nx'=-a\ny'=b\ninit x=1,y=2\n"
-    scene_text = text.replace("x'=-a", "x'=-a+0*eps").replace("y'", "par eps=1\nz'=-z/eps\ny'")
+    scene_text = text.replace("x'=-a", "x'=-a+0*eps").replace("y'", "par eps=.1\nz'=-z/eps\ny'")
     scene = imported(read_ode(scene_text), small=None, read=lambda d: scene_of(parsed(d), Path("late.ode")))[1]
     ours = gsp.integrate(scene, span=(0.0, 0.5), rtol=1e-10, atol=1e-12)["x"][-1]
     gaps = []

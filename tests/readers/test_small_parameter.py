@@ -1,0 +1,80 @@
+"""The small parameter of a foreign model: its name alone makes no parameter small."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import gsp
+from gsp.errors import ModelFileError
+from gsp.readers.loading import import_model, load_noted
+
+LEVEL = "x' = {x}\ny' = {y}\npar {parameters}\ninit x=1, y=2\ndone\n"
+
+
+def written(folder: Path, x: str, y: str, parameters: str) -> Path:
+    path = folder / "model.ode"
+    path.write_text(LEVEL.format(x=x, y=y, parameters=parameters))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("value", "x", "why"),
+    [
+        ("6.81", "(y - x)/{0}", "a small one is above 0 and at most 0.1"),
+        ("1", "(y - x)/{0}", "a small one is above 0 and at most 0.1"),
+        ("0", "{0}*(y - x)", "a small one is above 0 and at most 0.1"),
+        ("-.01", "{0}*(y - x)", "a small one is above 0 and at most 0.1"),
+        ("1e-16", "(y - x)/(x + {0})", "it is no pole and no factor of a whole rate"),
+        (".01", "y - {0}*x", "it is no pole and no factor of a whole rate"),
+        (".01", "y - exp({0}*x)", "it stands inside exp"),
+        (".01", "(y - exp(-x/{0}))/{0}", "it stands inside exp"),
+    ],
+)
+@pytest.mark.parametrize("name", ["epsilon", "eps"])
+def test_what_is_not_small_is_an_ordinary_parameter(
+    tmp_path: Path, name: str, value: str, x: str, why: str
+) -> None:
+    path = written(tmp_path, x.format(name), "-y", f"{name}={value}, k=2")
+    with pytest.raises(ModelFileError) as caught:
+        gsp.load(path)
+    assert (
+        f"the file has no small parameter; {name} = {value} is an ordinary parameter: {why}"
+        in caught.value.fact
+    )
+    assert "--small NAME" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("value", "x", "y"),
+    [
+        (".1", "(y - x)/eps", "-y"),
+        ("1e-3", "y - x", "eps*(1 - y)"),
+        (".01", "(y - x)/eps + eps*x", "-y/(1 + eps)"),
+        (".01", "y - x + eps*x", "eps*x - eps*y"),
+        (".01", "y - x", "-y/(1 + 1/eps)"),
+    ],
+)
+def test_a_pole_or_a_factor_of_a_whole_rate_is_small(tmp_path: Path, value: str, x: str, y: str) -> None:
+    scene, notes = load_noted(written(tmp_path, x, y, f"eps={value}"))
+    assert scene.system.epsilon.name == "eps"
+    assert scene.epsilon == float(value)
+    assert not any("ordinary" in note for note in notes)
+
+
+def test_the_other_name_is_taken_where_one_is_ordinary_and_the_notes_say_so(tmp_path: Path) -> None:
+    scene, notes = load_noted(written(tmp_path, "(y - epsilon*x)/eps", "-y", "epsilon=6.81, eps=.02"))
+    assert (scene.system.epsilon.name, scene.epsilon) == ("eps", 0.02)
+    assert {s.name: float(v) for s, v in scene.system.parameters.items()} == {"epsilon": 6.81}
+    assert "epsilon = 6.81 is an ordinary parameter: a small one is above 0 and at most 0.1" in notes
+    assert "epsilon = 6.81 is an ordinary parameter" in scene.description
+
+
+def test_who_names_the_parameter_knows_that_it_is_small(tmp_path: Path) -> None:
+    path = written(tmp_path, "(y - epsilon*x)/k", "-y", "epsilon=6.81, k=.5")
+    assert 'epsilon = "k"' in import_model(path, small="k").text
+    assert (
+        'epsilon = "epsilon"'
+        in import_model(written(tmp_path, "(y - x)/epsilon", "-y", "epsilon=1"), small="epsilon").text
+    )
