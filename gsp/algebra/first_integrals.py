@@ -168,7 +168,7 @@ def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degre
 def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:
     """Integrals of dz_i/dz_j = N_i/N_j where it is separable, or linear in z_i; other states must be constant.
 
-    Those without a logarithm come first: z exp(-t) is an integral everywhere, log(z) - t for z > 0 only.
+    Those without a logarithm come first: z exp(-t) is an integral everywhere, log(z^2)/2 - t for z != 0 only.
     """
     moving = [z for z, component in zip(states, direction) if component != 0]
     rates = dict(zip(states, direction))
@@ -178,11 +178,24 @@ def _quadratures(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
         if ratio.has(*[s for s in moving if s not in (z, t)]) or sp.count_ops(ratio) > MAX_OPERATIONS:
             continue
         for candidate in (_linear_equation(ratio, z, t), _separable(ratio, z, t)):
+            candidate = None if candidate is None else _with_real_logarithms(candidate)
             if candidate is None or candidate in found:
                 continue
             if vanishes(sp.Add(*[sp.diff(candidate, s) * rates[s] for s in moving])):
                 found.append(candidate)
     return sorted(found, key=lambda phi: (phi.has(sp.log), sp.count_ops(phi)))
+
+
+def _with_real_logarithms(phi: sp.Expr) -> sp.Expr:
+    """`phi` with log(u) as log(u^2)/2, of the same slope and real on both sides of u = 0, unless u > 0 everywhere."""
+    real = {s: sp.Dummy(s.name, real=True) for s in phi.free_symbols}
+
+    def logarithm(u: sp.Expr) -> sp.Expr:
+        if u.xreplace(real).is_positive:
+            return sp.log(u)
+        return sp.log((-u if u.could_extract_minus_sign() else u) ** 2) / 2
+
+    return phi.replace(sp.log, logarithm)
 
 
 def _separable(ratio: sp.Expr, z: sp.Symbol, t: sp.Symbol) -> sp.Expr | None:

@@ -137,6 +137,38 @@ def test_the_inverse_avoids_functions_of_restricted_domain() -> None:
     )
 
 
+LOGARITHMS = {
+    "small enzyme": ({x: (x + 1) * y / eps - x, y: -(x + 2) * y / eps + x}, (-1,)),
+    "two lines": ({x: (x**2 - 4) * (y - x) / eps + 1, y: -(y - x) / eps}, (-2, 2)),
+    "two lines, the other sign": ({x: (4 - x**2) * (y - x) / eps + 1, y: -(y - x) / eps}, (-2, 2)),
+    "roots": ({x: (x**2 - 2) * (y - x) / eps + 1, y: -(y - x) / eps}, (-np.sqrt(2), np.sqrt(2))),
+    "a quotient": ({x: x * (x - 2) * (y - x) / eps + 1, y: -(y - x) / eps}, (0, 2)),
+    "a line of y": ({x: (y - x) * (2 - y) / (3 - y) / eps, y: -(y - x) / eps + 1}, (3,)),
+}
+
+
+@pytest.mark.parametrize("case", LOGARITHMS)
+def test_integrals_with_logarithms_are_real_on_every_side_of_their_poles(case: str) -> None:
+    rates, poles = LOGARITHMS[case]
+    result = split(field(rates))
+    assert result.system is not None
+    (slow,) = result.system.x
+    phi = result.coordinates[slow]
+    assert phi.has(sp.log)
+    assert sp.simplify(sum(sp.diff(phi, s) * rate for s, rate in zip((x, y), result.N * result.layer))) == 0
+    line = "y" if case == "a line of y" else "x"
+    other = "x" if line == "y" else "y"
+    for place in (poles[0] - 0.7, *(pole + 0.7 for pole in poles)):
+        point = {line: place, other: 0.3}
+        assert result.to_raw(result.to_new(point)) == pytest.approx(point)
+
+
+def test_a_logarithm_of_what_is_always_positive_is_left_as_it_is() -> None:
+    result = split(field({x: (y - x) * (x**2 + 1) / eps, y: -(y - x) * (x + x**2) / eps + 1}))
+    assert result.system is not None
+    assert result.coordinates[result.system.x[0]].atoms(sp.log) == {sp.log(x**2 + 1)}
+
+
 def test_conservation_laws_of_a_fast_binding_are_found() -> None:
     s, e, c, p = sp.symbols("s e c P")
     on, off, cat = sp.symbols("k1 k2 k3")
