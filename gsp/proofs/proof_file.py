@@ -18,7 +18,7 @@ import sympy as sp
 
 from gsp.algebra.precision import precision
 from gsp.errors import GspError
-from gsp.proofs import balls, checker
+from gsp.proofs import balls, checker, untrusted
 from gsp.proofs.covering import Part, glue, refine
 from gsp.proofs.tubes import Tube
 from gsp.results.files import write_file
@@ -43,6 +43,12 @@ def write(certificate: Certificate, path: Path) -> None:
             got=f"the verdict {certificate.verdict.name}: {certificate.reason}",
         )
     text = json.dumps(_accepted(certificate), indent=None, separators=(",", ":"), allow_nan=False)
+    if len(text) >= untrusted.MOST_BYTES:
+        raise GspError(
+            f"a proof file has at most {untrusted.MOST_BYTES} bytes.",
+            "Shrink the region.",
+            got=f"{len(text)} bytes",
+        )
     write_file((text + "\n").encode(), path)
 
 

@@ -16,8 +16,9 @@ from gsp.proofs.programs import Rejected
 
 Found = TypeVar("Found")
 
-# Bounds on what is read: bytes, variables.
-MOST_BYTES, MOST_VARIABLES = 256_000_000, 64
+# Bounds on what is read: bytes, variables. 20,000 boxes of two slow and five fast variables fill so many bytes; twenty
+# times as many hold what JSON makes of them.
+MOST_BYTES, MOST_VARIABLES = 64_000_000, 64
 
 
 def read_json(path: Path) -> Any:

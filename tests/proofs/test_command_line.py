@@ -1,12 +1,14 @@
 """`gsp check --prove` and `gsp verify`: their exit statuses, as text and as JSON."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from gsp.cli import cli, main
+from tests.proofs.test_tube_checker import proof
 
 
 def run(*arguments: str):
@@ -55,3 +57,27 @@ def test_bad_input_has_status_2(arguments, words, monkeypatch, capsys) -> None:
         main()
     assert caught.value.code == 2
     assert words in capsys.readouterr().err
+
+
+def test_what_is_no_regular_file_is_not_opened(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in ("/dev/zero", str(pipe)):
+        refused = run("verify", path)
+        assert refused.exit_code == 1
+        assert "no regular file" in refused.output
+
+
+@pytest.mark.parametrize("name", ["x\nthe proof holds", "x\r\x1b[2Kthe proof holds", "y", "\u202ex"])
+def test_a_name_forges_no_line_and_stands_once(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "proof.json"
+    assert run("check", "van_der_pol", "--prove", "-o", str(file)).exit_code == 0
+    box = json.loads(file.read_text(encoding="utf-8")) | {"names": [name, "y"]}
+    for plain in (box, proof(slow=[name])):
+        file.write_text(json.dumps(plain), encoding="utf-8")
+        for more in ((), ("--json",)):
+            refused = run("verify", str(file), *more)
+            assert refused.exit_code == 1
+            lines = refused.output.split("\n")
+            assert all(line.isprintable() for line in lines)
+            assert not any(line.startswith("the proof holds") for line in lines)

@@ -12,6 +12,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import GspError, OutputError
+from gsp.proofs import untrusted
 from gsp.proofs.checker import Rejected, check
 from gsp.slow_tubes.certify import certify
 from tests.proof_files import SCENES, changed, counted_products, number, written
@@ -236,6 +237,21 @@ def test_only_proofs_are_saved_and_only_to_files(tmp_path: Path) -> None:
     with pytest.raises(OutputError):
         certify(van_der_pol(), region={"x": (0, 1)}).save(tmp_path / "none" / "proof.json")
     assert not list(tmp_path.iterdir())
+
+
+def test_no_file_is_written_that_is_too_large_to_verify(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = certify(van_der_pol(), region={"x": (-0.6, 1.2)})
+    found.save(tmp_path / "proof.json")
+    size = (tmp_path / "proof.json").stat().st_size
+    monkeypatch.setattr(untrusted, "MOST_BYTES", size)
+    found.save(tmp_path / "again.json")
+    check(tmp_path / "again.json")
+    monkeypatch.setattr(untrusted, "MOST_BYTES", size - 1)
+    with pytest.raises(GspError, match="bytes"):
+        found.save(tmp_path / "large.json")
+    assert not (tmp_path / "large.json").exists()
 
 
 def test_a_box_of_two_fast_variables_is_checked_by_few_operations(

@@ -31,6 +31,7 @@ import numpy as np
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
+from gsp.algebra.precision import precision
 from gsp.critical.continuation.special_points import SpecialPoint
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
 from gsp.critical.minimally_augmented import identity, singular_near
@@ -56,7 +57,8 @@ EDGE = 1e-6
 @lru_cache(maxsize=1)
 def omega0() -> float:
     """Omega_0 = 2.338..., minus the first zero of Airy's function Ai."""
-    return -float(flint.arb.airy_ai_zero(1).mid())
+    with precision(64):
+        return -float(flint.arb.airy_ai_zero(1).mid())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
