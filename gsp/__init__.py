@@ -41,21 +41,8 @@ The pipeline, each verb taking the frozen noun of the one before:
 
 import lazy_loader
 
-from gsp.results.collector import collector_at_rest
-
 __version__ = "0.2.0"
 
 # Nothing heavy is imported before it is used: SymPy, numba and SciPy cost most of a second together. The names are
 # listed once, in the stub beside this file.
-_named, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-_imported: set[str] = set()
-
-
-def __getattr__(name: str) -> object:
-    """A public name, whose modules are imported when it is first asked for."""
-    if name in _imported:
-        return _named(name)
-    with collector_at_rest():
-        value = _named(name)
-    _imported.add(name)
-    return value
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 
 from gsp.errors import printable
-from gsp.results.collector import collector_at_rest
 
 NOTE = 160
 """Characters of a note on a foreign model."""
@@ -33,14 +32,11 @@ def compiling_told() -> Iterator[None]:
 
 @contextmanager
 def compiled_by_two() -> Iterator[None]:
-    """Have a second process help when kernels that a report needs are compiled, where there is a core for it.
-
-    No look for cycles is made meanwhile, nor after it over all that was compiled.
-    """
+    """Have a second process help when kernels that a report needs are compiled, where there is a core for it."""
     from gsp.integration.parallel import check_threads
     from gsp.kernels.ahead import compiled_ahead
 
-    with collector_at_rest(), compiled_ahead() if check_threads(None) > 1 else nullcontext():
+    with compiled_ahead() if check_threads(None) > 1 else nullcontext():
         yield
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gsp.errors import DeclarationError
 from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau, rodas5p_tableau
-from gsp.kernels.addresses import address_of
+from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size

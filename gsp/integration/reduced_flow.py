@@ -12,7 +12,8 @@ import sympy as sp
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.loop import Tests
 from gsp.kernels import scan
-from gsp.kernels.addresses import SHEET, address_of
+from gsp.kernels.addresses import SHEET
+from gsp.kernels.compilation import address_of
 from gsp.kernels.sheets import reach_sheet
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold

@@ -8,60 +8,46 @@ are compiled when something asks for them, and what calls any of them is compile
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 
 _REAL, _WHOLE, _TRUTH = types.float64, types.int64, types.boolean
 _REALS, _WHOLES = types.Array(_REAL, 1, "C"), types.Array(_WHOLE, 1, "C")
 _ROWS, _LAYERS = types.Array(_REAL, 2, "C"), types.Array(_REAL, 3, "C")
 
-METHOD: Signature = _WHOLE(
+METHOD: Any = _WHOLE(
     _WHOLES, _REALS, _REALS, _REAL, _REAL, _WHOLE, _REALS, _REALS, _REALS, _WHOLES, _REALS, _ROWS, _LAYERS
 )  # fmt: skip
 """That of an integrator, as `ledger` says."""
-ROSENBROCK_LOOPS: Signature = types.Tuple((_REAL, _WHOLE))(
+ROSENBROCK_LOOPS: Any = types.Tuple((_REAL, _WHOLE))(
     _WHOLE, _WHOLES, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _REALS, _REALS, _REALS, _ROWS, _WHOLES
 )  # fmt: skip
 """That of `rodas5p_loops.step_by_loops`."""
-COLLOCATION_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
+COLLOCATION_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
     _WHOLE, _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS,
     _WHOLES,
 )  # fmt: skip
 """That of `radau_loops.attempt_by_loops`."""
 
-EXPLICIT_LOOPS: Signature = types.Tuple((_REAL, _WHOLE, _REAL))(
+EXPLICIT_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL))(
     _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _TRUTH, _REALS, _REALS, _ROWS, _WHOLES
 )  # fmt: skip
 """That of `dop853_loops.explicit_by_loops`."""
-JET: Signature = types.void(
+JET: Any = types.void(
     types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE, _REALS, _REALS, _WHOLE, _ROWS, _LAYERS
 )
 """That of `jets.flow_jet_with_tangents`."""
-SHEET: Signature = types.boolean(_WHOLES, _REALS, _REALS)
+SHEET: Any = types.boolean(_WHOLES, _REALS, _REALS)
 """That of `sheets.reach_sheet`."""
 
 
-@cache
-def address_of(kernel: Any, signature: Signature) -> int:
-    """Where the machine code of `kernel` for this signature begins; it is compiled, or read from the cache, if need be.
-
-    The address is good for as long as the process lives.
-    """
-    kernel.compile(signature.args)
-    compiled = kernel.get_compile_result(signature)
-    assert compiled.signature.return_type == signature.return_type, compiled.signature
-    return compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-
-
-def _at(address: Any, signature: Signature) -> tuple[Signature, Callable[..., Any]]:
+def _at(address: Any, signature: Any) -> tuple[Any, Callable[..., Any]]:
     """What numba asks of an intrinsic (address, *arguments) that calls a kernel with this signature."""
 
-    def generate(context: Any, builder: Any, _: Signature, arguments: Any) -> Any:
+    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in signature.args]
         function_type = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
         function = builder.inttoptr(arguments[0], function_type.as_pointer())

@@ -6,21 +6,20 @@ Whatever one of the two has compiled the other reads from numba's cache, so that
 
 from __future__ import annotations
 
-import atexit
-import gc
 import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from numba import types
 
 from gsp.kernels.addresses import JET, METHOD
 from gsp.kernels.bordered_collocation import border, condense
-from gsp.kernels.compilation import is_kept
+from gsp.kernels.compilation import address_of
+from gsp.kernels.compiling import told_when_compiling
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.evaluate import evaluate_many, observe
@@ -40,18 +39,18 @@ _KEPT = tuple(types.Array(_REAL, axes, "C", readonly=True) for axes in (1, 2, 3)
 _RECORD = (_REALS, _ROWS, _LAYERS)
 _POINTS = (_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE, _ROWS, _ROWS)
 
-IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
+IN_ORDER: tuple[tuple[Any, Any], ...] = (
     (evaluate_many, (_WHOLE, _ROWS, _REALS, _ROWS)),
     (runs_along, (_REALS, _REAL, _REAL)),
     (begins_mildly, (_WHOLES, _REALS, _REAL)),
-    (radau, METHOD.args),
+    (radau, METHOD),
     (launch, (_WHOLES, _REALS)),
     (read_room, (_WHOLE, _REALS, _REALS, _ROWS)),
-    (dop853, METHOD.args),
+    (dop853, METHOD),
     (launch_watched, (_WHOLES, _WHOLES, _REALS)),
-    (taylor, METHOD.args),
+    (taylor, METHOD),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
-    (flow_jet_with_tangents, JET.args),
+    (flow_jet_with_tangents, JET),
     (to_tolerance, (*_POINTS, _REAL, _WHOLE, _WHOLES, _REALS, _WHOLES)),
     (
         condense,
@@ -92,44 +91,41 @@ IN_ORDER: tuple[tuple[Any, tuple[Any, ...]], ...] = (
         ),
     ),
 )
-"""What `gsp report` runs, each for the arguments that it has there, as it comes to be needed."""
+"""What `gsp report` runs as it comes to be needed: for the arguments that it has there, or by a signature's address."""
 
 
 @contextmanager
 def compiled_ahead() -> Iterator[None]:
-    """Have a second process compile `IN_ORDER` from its end, while the context lasts, unless all of it is on disk.
+    """Have a second process compile `IN_ORDER` from its end, from when this one compiles a kernel to the context's end.
 
     Where no process can be begun this one compiles alone.
     """
-    process: Any = None
-    if not all(is_kept(*asked) for asked in IN_ORDER):
-        process = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
+    helper: Any = multiprocessing.get_context("spawn").Process(target=_help, daemon=True)
+
+    def begin() -> None:
+        with suppress(OSError):
+            helper.start()
+
+    with told_when_compiling(begin):
         try:
-            process.start()
-        except OSError:
-            process = None
-    try:
-        yield
-    finally:
-        if process is not None:
-            process.kill()
-            process.join()
+            yield
+        finally:
+            if helper.pid is not None:
+                helper.kill()
+                helper.join()
 
 
 def compile_backwards() -> None:
     """Compile `IN_ORDER`, the last first; what is on disk is read from there."""
-    for kernel, arguments in reversed(IN_ORDER):
-        kernel.compile(arguments)
+    for kernel, wanted in reversed(IN_ORDER):
+        if isinstance(wanted, tuple):
+            kernel.compile(wanted)
+        else:
+            address_of(kernel, wanted)
 
 
 def _help() -> None:
-    """What the second process does; the first's Ctrl-C is to answer.
-
-    It never looks for cycles: nearly all objects are the compiler's, which took 0.06 of the compiling to find and to
-    give back.
-    """
-    gc.disable()
-    atexit.register(gc.freeze)
+    """What the second process does; the first's Ctrl-C is to answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None

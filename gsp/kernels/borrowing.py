@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import cgutils
+from llvmlite import ir
 from numba.extending import intrinsic
 
 from gsp.kernels.compilation import inlined_kernel
@@ -19,7 +19,7 @@ def _borrowed(typing_context, array):
         result = context.make_array(array)(context, builder, arguments[0])
         # What has no owner is not counted.
         for part in ("meminfo", "parent"):
-            setattr(result, part, cgutils.get_null_value(getattr(result, part).type))
+            setattr(result, part, ir.Constant(getattr(result, part).type, None))
         return result._getvalue()
 
     return array(array), generate

@@ -17,7 +17,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inlined_kernel, inner_kernel, kernel
+from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE_ROWS, C
 from gsp.kernels.grid import READ
 
@@ -57,7 +57,7 @@ _DEFECTS, _KNOWN, _NUMBERS = _COLUMNS, _COLUMNS + _COUNT, _COLUMNS + 2 * _COUNT
 _WORK = _NUMBERS + NUMBERS.shape[1]
 
 
-@inner_kernel
+@kernel
 def _find_defects(field, p, t, step, states, dense, k, corrections, work, point, rate):
     """Find the slope at PLACES that the error of step `k`, from `t` on, has beside what is corrected.
 
@@ -84,7 +84,7 @@ def _find_defects(field, p, t, step, states, dense, k, corrections, work, point,
             work[i, _DEFECTS + m] = step * rate[i] - work[i, _COUNT + m]
 
 
-@inner_kernel
+@kernel
 def _is_good(work, rtol, atol):
     """Whether the error stays within the tolerance; and whether it is finite."""
     bad = 0
@@ -100,7 +100,7 @@ def _is_good(work, rtol, atol):
     return bad == 0, lost == 0
 
 
-@inner_kernel
+@kernel
 def _find_numbers(corrections, work):
     """Find the error's numbers, and count its slopes in with those corrected by."""
     for i in range(work.shape[0]):

@@ -5,14 +5,13 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import hashlib
+import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cache
 
 import llvmlite.binding as llvm
-from numba.core import config
-from numba.core.codegen import get_host_cpu_features
-from numba.core.compiler_lock import global_compiler_lock
+from numba import config
 
 Engine = llvm.ExecutionEngine
 # Code with a longer function is selected instruction by instruction. In one of 2200 lines LLVM's schedules take a
@@ -34,7 +33,7 @@ def processor() -> tuple[str, str]:
 @cache
 def _host() -> tuple[str, str]:
     """Name and features of this processor, which every build asks for."""
-    return llvm.get_host_cpu_name(), get_host_cpu_features()
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
 def effort(text: str) -> int:
@@ -66,9 +65,9 @@ class ObjectFiles:
 
 
 _files = ObjectFiles()
+_building = threading.Lock()
 
 
-@global_compiler_lock
 def build(text: str, *, library: Sequence[str], optimised: bool = False, scheduled: bool = True) -> Engine:
     """Machine code of an IR module that may call the functions of the C library named in `library`.
 
@@ -77,9 +76,14 @@ def build(text: str, *, library: Sequence[str], optimised: bool = False, schedul
     `optimised` is for code with calls and scratch arrays to be taken out. Without `scheduled` it is selected
     instruction by instruction, however short: made in two thirds of the time, a long one in a quarter, and up to
     twice as slow, which 200,000 calls make up for.
-    Its addresses are good for as long as the engine lives. The lock is numba's: LLVM's global state is shared.
+    Its addresses are good for as long as the engine lives.
     What was built of the same text before is only linked, in a sixth of the time of a small function.
     """
+    with _building:
+        return _built(text, library, optimised, scheduled)
+
+
+def _built(text: str, library: Sequence[str], optimised: bool, scheduled: bool) -> Engine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     for symbol in library:

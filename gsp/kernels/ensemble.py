@@ -8,7 +8,7 @@ from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
 from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.corrections import correct_grid
 from gsp.kernels.grid import CORRECTS, TRUSTS, doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
@@ -71,7 +71,7 @@ def run_piece(program, p, stops, control, y, rate, memory, counters, record):
     return code, counters[ledger.STEPS] - begun
 
 
-@inner_kernel
+@kernel
 def _run_member(
     check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
 ):  # fmt: skip
@@ -83,7 +83,7 @@ def _run_member(
     return code, before
 
 
-@inner_kernel
+@kernel
 def _begins(program, p, first, last, y, border):
     """Whether a member's start has so few fast times before it that the trial is made."""
     rate = border / abs(last - first)

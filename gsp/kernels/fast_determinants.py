@@ -11,11 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.core.typing.templates import Signature
-from numba.np.numpy_support import carray
+from numba import carray, types  # pyright: ignore[reportPrivateImportUsage]
 
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.sparse_systems import (
     ENTRIES,
     FACTORS,
@@ -25,7 +23,7 @@ from gsp.kernels.sparse_systems import (
     solve_sparse,
 )
 
-SIGNATURE: Signature = types.void(
+SIGNATURE: Any = types.void(
     types.CPointer(types.int64), types.CPointer(types.float64), types.CPointer(types.float64)
 )
 # Of a number a + s S + t T + st S T + r R with S^2 = T^2 = R^2 = R S = R T = 0: its parts.
@@ -47,7 +45,7 @@ def follow(head, given, found):
     solve_sparse(pattern, values, solution)
 
 
-@inner_kernel
+@kernel
 def _product(x, y):
     return (
         x[0] * y[0],
@@ -58,19 +56,19 @@ def _product(x, y):
     )
 
 
-@inner_kernel
+@kernel
 def _inverse(x):
     i = 1.0 / x[0]
     square = i * i
     return i, -x[1] * square, -x[2] * square, (2.0 * x[1] * x[2] * i - x[3]) * square, -x[4] * square
 
 
-@inner_kernel
+@kernel
 def _read(values, p):
     return values[p, 0], values[p, 1], values[p, 2], values[p, 3], values[p, 4]
 
 
-@inner_kernel
+@kernel
 def _write(values, p, x):
     values[p, 0], values[p, 1], values[p, 2], values[p, 3], values[p, 4] = x
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_systems import decompose_shifted, solve_shifted
 from gsp.kernels.sparse_systems import entries_of, pattern_of
 
@@ -60,7 +60,7 @@ def runs_along(grid, first, last):
 # Arrays go whole with the number of a row: a view of each row would cost more than what is computed of it.
 
 
-@inner_kernel
+@kernel
 def _value(states, dense, k, s, out):
     """Fill `out` (n,) with the state of step `k` at its share `s`, in the arithmetic of `interpolate_many`."""
     r = 1.0 - s
@@ -71,7 +71,7 @@ def _value(states, dense, k, s, out):
         out[i] = r * states[k, i] + s * states[k + 1, i] + s * r * total
 
 
-@inner_kernel
+@kernel
 def _along_states(times, states, dense, k, grid, low, high, out):
     """`_value`, bit by bit, for the times low to high - 1 of `grid`."""
     n = states.shape[1]
@@ -89,7 +89,7 @@ def _along_states(times, states, dense, k, grid, low, high, out):
             out[j, i] = r * states[k, i] + s * states[k + 1, i] + s * r * out[j, i]
 
 
-@inner_kernel
+@kernel
 def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals):
     """`_value` for the times low to high - 1 of `grid`, bit by bit, along whatever makes the longer loops."""
     step = times[k + 1] - times[k]
@@ -131,7 +131,7 @@ def _values(times, states, dense, k, grid, low, high, out, shares, rests, totals
             out[low + q, i] = totals[q]
 
 
-@inner_kernel
+@kernel
 def read_step(states, dense, k, s, value, slope):
     """The state of step `k` at its share `s`, and its derivative by that."""
     _value(states, dense, k, s, value)
@@ -149,7 +149,7 @@ def read_step(states, dense, k, s, value, slope):
         slope[i] = states[k + 1, i] - states[k, i] + (r - s) * total + s * r * rise
 
 
-@inner_kernel
+@kernel
 def _is_plain(states, dense, k, rtol, atol):
     """Whether the polynomial of step `k` ends in a small term: what it leaves out is smaller still."""
     last = dense.shape[1] - 1
@@ -163,13 +163,13 @@ def _is_plain(states, dense, k, rtol, atol):
     return large == 0
 
 
-@inner_kernel
+@kernel
 def _wants_look(check, states, dense, k, rtol, atol):
     """Whether the error of step `k` is to be looked at."""
     return check != TRUSTS and not (check == CHECKS_STEEP and _is_plain(states, dense, k, rtol, atol))
 
 
-@inner_kernel
+@kernel
 def _decompose(program, pattern, t, y, p, step, pivots):
     """(True, the factors of RATE/h - J); (False, whatever) where it is singular."""
     n = y.shape[0]
@@ -178,7 +178,7 @@ def _decompose(program, pattern, t, y, p, step, pivots):
     return decompose_shifted(jacobian, RATE / step, pattern, n, pivots)
 
 
-@inner_kernel
+@kernel
 def _find_defect(field, p, t, step, value, slope, defect):
     """Fill `defect` (n,) with f(u) - u' of the dense output u at a time."""
     call(field, t, value, p, defect)
@@ -187,7 +187,7 @@ def _find_defect(field, p, t, step, value, slope, defect):
         defect[i] -= slope[i] * inverse
 
 
-@inner_kernel
+@kernel
 def _is_good(solved, step, value, defect, rtol, atol):
     """Whether an error looks smaller than the tolerance: `defect` itself where it was solved for, else its share."""
     share = 1.0 if solved else step / RATE

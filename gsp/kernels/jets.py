@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 
 STATE = 0
 CONSTANT = 1
@@ -48,7 +48,7 @@ ATANH = CHAIN + 15
 ERF = CHAIN + 16
 
 
-@inner_kernel
+@kernel
 def _elementary(operation, u, constant):
     # NumPy's functions: outside their domain those of math raise, and NaN is what the layers above look for.
     if operation == EXP:
@@ -86,7 +86,7 @@ def _elementary(operation, u, constant):
     return np.power(u, constant)
 
 
-@inner_kernel
+@kernel
 def values(tape, constants, v, k, states):
     """Coefficient k of every row after the `states`, whose own coefficients through k are known."""
     for row in range(states, tape.shape[0]):
@@ -136,7 +136,7 @@ def values(tape, constants, v, k, states):
             v[row, k] = total / k
 
 
-@inner_kernel
+@kernel
 def tangents(tape, constants, v, d, k, states):
     """Derivatives d[i, row, k] of the coefficients by the i-th fast start; `values` has been run through k."""
     for i in range(d.shape[0]):

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 
 
-@inner_kernel
+@kernel
 def norm(vector):
     """The Euclidean norm of `vector` (n,)."""
     # A loop: the array of the squares would be allocated, and `np.sum` takes longer to compile.

@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from gsp.kernels.compilation import inner_kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.sparse_systems import AT
 
 QUAD = 8
@@ -56,14 +56,14 @@ subtract_product: Any = _multiplying(True)
 """subtract_product(x, i, u, j, v, k): that product is subtracted from quad i of `x`."""
 
 
-@inner_kernel
+@kernel
 def copy(x, i, v, k):
     """Quad i of `x` becomes quad k of `v`."""
     for m in range(QUAD):
         x[AT(QUAD * i + m)] = v[AT(QUAD * k + m)]
 
 
-@inner_kernel
+@kernel
 def size(v, k):
     """The sum of all |Re| and |Im| of a quad."""
     total = 0.0
@@ -72,7 +72,7 @@ def size(v, k):
     return total
 
 
-@inner_kernel
+@kernel
 def invert(v, k):
     """Quad k of `v` becomes its inverse: False if one is 0 or not finite, as of what is too large to be squared."""
     usable = True

@@ -18,7 +18,7 @@ import numpy as np
 from gsp.kernels import ledger
 from gsp.kernels.addresses import call_collocation_loops
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.radau_block import (
     ATOL,
     CODE_SIZE,
@@ -75,7 +75,7 @@ TRANSFORM = np.array([4.0 / 5.0, 6.0 / 7.0, 8.0 / 9.0])
 GAP_SHARE = np.array([0.02, 0.02, 0.016])
 
 
-@inner_kernel
+@kernel
 def _control(rtol, atol, stages):
     """(rtol, atol, tolerance of the iteration, share of the gap) for a number of stages."""
     family = (stages - 3) // 2
@@ -85,7 +85,7 @@ def _control(rtol, atol, stages):
     return controlled, atol * controlled / rtol, tolerance, GAP_SHARE[family] * controlled / rtol
 
 
-@inner_kernel
+@kernel
 def _keep_what_falls(memory, step, n, stages):
     """Leave of the last step's polynomial, for each state, a cubic and what further terms are smaller each than the one
     before at the end of a long `step`.
@@ -104,7 +104,7 @@ def _keep_what_falls(memory, step, n, stages):
                 memory[line + k] = 0.0
 
 
-@inner_kernel
+@kernel
 def _attempt_by_code(program, p, step, stages, control, twice, memory, block, counters):
     """`radau_loops.attempt_by_loops` by the flow's own code, the functions of `lowering.steps.collocation` on `block`.
 

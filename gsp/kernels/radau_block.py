@@ -8,7 +8,7 @@ holds the iteration's last theta/(1 - theta), the length of the last step, and s
 from __future__ import annotations
 
 from gsp.kernels import ledger
-from gsp.kernels.compilation import inner_kernel
+from gsp.kernels.compilation import kernel
 
 # Entries of the kernel's program that are the step's code: five functions and the size of the block.
 CODE_SIZE = 6
@@ -33,13 +33,13 @@ LENGTH = CONTRACTION + 1
 LINES = LENGTH + 1
 
 
-@inner_kernel
+@kernel
 def width_of(stages):
     """Doubles of a line: the power of 2 above the number of stages."""
     return 4 if stages == 3 else 8
 
 
-@inner_kernel
+@kernel
 def lines_of(n):
     """Where the lines begin in the block, at a multiple of 8."""
     return (POINT + ROWS * n + 7) // 8 * 8

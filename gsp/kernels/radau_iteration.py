@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gsp.kernels import ledger
-from gsp.kernels.compilation import inner_kernel
+from gsp.kernels.compilation import kernel
 
 # As in RADAU: slower than 0.99 is divergence.
 SLOWEST_RATE = 0.99
@@ -31,31 +31,31 @@ DIVERGED = 2
 UNDEFINED = 3
 
 
-@inner_kernel
+@kernel
 def most_rounds(stages):
     """7, 12, 17, as in RADAU."""
     return 7 + 5 * (stages - 3) // 2
 
 
-@inner_kernel
+@kernel
 def opening(contraction, stages):
     """What `judge` takes before the first round, from what the step before left."""
     return 0.0, 0.0, max(contraction**0.8, UNPROVEN if stages > 3 else UNPROVEN_OF_THREE)
 
 
-@inner_kernel
+@kernel
 def failure_of(verdict):
     """What is wrong with an attempt whose iteration ended so, and not by converging."""
     return ledger.NON_FINITE if verdict == UNDEFINED else ledger.STEP_TOO_SMALL
 
 
-@inner_kernel
+@kernel
 def change_allowed(theta):
     """How many times as long the next step may be, after one in which the iteration contracted by `theta`."""
     return math.sqrt(AIM / theta)
 
 
-@inner_kernel
+@kernel
 def judge(k, most, norm, before, tolerance):
     """What follows from the correction's `norm` in round `k` of `most`: (verdict, factor for the next attempt, now).
 

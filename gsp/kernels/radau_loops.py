@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_systems import solve_shifted
 from gsp.kernels.quads import QUAD
 from gsp.kernels.radau_block import CONTRACTION, END, LENGTH, LINES, POINT, lines_of, width_of
@@ -37,7 +37,7 @@ from gsp.kernels.sparse_systems import entries_of
 from gsp.kernels.step_control import all_finite
 
 
-@inner_kernel
+@kernel
 def _guess(memory, step, z):
     """First guess of the rises `z` (stages, n): the last step's dense output, continued; 0 where there is none."""
     stages, n = z.shape
@@ -53,7 +53,7 @@ def _guess(memory, step, z):
             z[a, i] = -r * memory[LINES + i * width + stages] + s * r * total
 
 
-@inner_kernel
+@kernel
 def _multiply(matrices, x, out):
     """`out` (stages, n) = M `x` for the family's M."""
     stages, n = x.shape
@@ -66,7 +66,7 @@ def _multiply(matrices, x, out):
                 out[a, i] += factor * x[q, i]
 
 
-@inner_kernel
+@kernel
 def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, right):
     """One round for the rises `z` (stages, n), of the norm that is returned.
 
@@ -95,7 +95,7 @@ def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, rig
     return math.sqrt(total / (n * stages))
 
 
-@inner_kernel
+@kernel
 def _errors(estimate, coefficients, y, y_new, rtol, atol):
     """The estimate's norm, and the error of the collocation polynomial within the step, both over the tolerance.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import solve
 from gsp.kernels.linear_systems import decompose_shifted
 from gsp.kernels.quads import LANES, QUAD
@@ -13,7 +13,7 @@ from gsp.kernels.sparse_quads import factorise_quads, fill_quads, solve_quads
 from gsp.kernels.sparse_systems import FACTORS, dense_jacobian
 
 
-@inner_kernel
+@kernel
 def _size(z):
     return abs(z.real) + abs(z.imag)
 
@@ -69,7 +69,7 @@ def solve_complex(factors, m, pivots, b):
         b[i] = total * factors[m, i, i]
 
 
-@inner_kernel
+@kernel
 def _decompose_sparse(jacobian, step, family, pairs, pattern, n):
     """(whether the fixed pivots serve, the factors (1, factors) of the real system, the quads of all systems).
 
@@ -113,7 +113,7 @@ def decompose(jacobian, step, family, pattern, pivots, complex_pivots):
     return regular, real, matrices, np.empty(0)
 
 
-@inner_kernel
+@kernel
 def _solve_dense(step, system, f, value, b):
     stages, n = f.shape
     family = (stages - 3) // 2
@@ -133,7 +133,7 @@ def _solve_dense(step, system, f, value, b):
             f[2 * m + 2, i] = b[i].imag
 
 
-@inner_kernel
+@kernel
 def _solve_sparse(pattern, step, quads, f, b):
     stages, n = f.shape
     family, pairs = (stages - 3) // 2, stages // 2
@@ -150,7 +150,7 @@ def _solve_sparse(pattern, step, quads, f, b):
             f[2 * m - 1, i], f[2 * m, i] = b[QUAD * i + m], b[QUAD * i + LANES + m]
 
 
-@inner_kernel
+@kernel
 def solve_stages(pattern, step, system, f, value, b, right):
     """Overwrite the transformed residuals `f` (stages, n) by the solutions of their systems, times lambda/h.
 

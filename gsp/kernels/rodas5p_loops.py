@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_systems import decompose_shifted, solve_shifted
 from gsp.kernels.rodas5p_tableau import DENSE, DENSE_ROWS, GAMMA, LAST_BUT_ONE, LAST_TERM, NODES, STAGES, A, C
 from gsp.kernels.step_control import all_finite
@@ -18,7 +18,7 @@ from gsp.kernels.step_control import all_finite
 GAP_SHARE = 0.3
 
 
-@inner_kernel
+@kernel
 def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, value, total):
     """The eight increments, rows of `k` (8, n); `argument` is left at that of the last, `value` at the last itself."""
     n = y.shape[0]
@@ -45,7 +45,7 @@ def _increments(field, pattern, p, t, h, y, rate, factors, pivots, k, argument, 
             k[s, i] = value[i]
 
 
-@inner_kernel
+@kernel
 def _interpolate(k, y, y_new, rtol, atol, rows):
     """Fill `rows` (3, n) of the dense output; return its error, the first term left out, over the tolerance.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels.addresses import call_sheet
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 
 # Places of `functions`: how many values are watched, and the address of the function that gives them over a state; what
 # is looked at once, at the start: the address of the function that turns the state into a point, and the point's size,
@@ -48,7 +48,7 @@ def clear_of_zero(functions, p, signs, time, state, times, states, dense):
     return found == _CLEAR
 
 
-@inner_kernel
+@kernel
 def _look(pieces, functions, p, signs, time, state, times, states, dense):
     """What `pieces` points of every step say of the watched functions."""
     n = state.shape[0]
@@ -98,7 +98,7 @@ def _look(pieces, functions, p, signs, time, state, times, states, dense):
     return _CLEAR
 
 
-@inner_kernel
+@kernel
 def reach_start(functions, state):
     """Put the coordinates of the point over the slow variables in `state` in their place; False where none is found."""
     slow = functions[SLOW]
@@ -113,7 +113,7 @@ def reach_start(functions, state):
     return True
 
 
-@inner_kernel
+@kernel
 def begins_clear(functions, p, signs, time, state):
     """Fill `signs` (w,) as they are at the start; False where a run does not begin, or a test is not a number."""
     size = functions[SIZE]

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 from gsp.kernels.step_control import all_finite
 
@@ -16,7 +16,7 @@ from gsp.kernels.step_control import all_finite
 TRUSTED, ROUNDING = 0.25, 1e-9
 
 
-@inner_kernel
+@kernel
 def _linearise(jacobian, p, z, flat, factors, pivots):
     """Factorise g_y at `z`; the sign of its determinant, 0 where it cannot be told."""
     n = factors.shape[0]

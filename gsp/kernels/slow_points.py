@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gsp.kernels.addresses import call_jet
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 
 CONVERGED = 0
@@ -39,7 +39,7 @@ GROWTH = 30.0
 PATIENCE = 8
 
 
-@inner_kernel
+@kernel
 def _jacobian(d, slow, m, matrix, pivots):
     """LU factors of d(y^(m+1))/dy."""
     n = matrix.shape[0]
@@ -49,7 +49,7 @@ def _jacobian(d, slow, m, matrix, pivots):
     return factorise(matrix, pivots)
 
 
-@inner_kernel
+@kernel
 def _condition(d, slow, m, factors, pivots, column):
     """Largest diagonal entry of |J^-1| |J|, which does not depend on the units of y."""
     n = factors.shape[0]
@@ -70,7 +70,7 @@ def _condition(d, slow, m, factors, pivots, column):
     return largest
 
 
-@inner_kernel
+@kernel
 def _newton(v, slow, m, matrix, pivots, step):
     n = matrix.shape[0]
     for i in range(n):
@@ -78,7 +78,7 @@ def _newton(v, slow, m, matrix, pivots, step):
     solve(matrix, pivots, step)
 
 
-@inner_kernel
+@kernel
 def _move(y, step):
     """Add the step, cut to length 1 + |y|; returns its full length over 1 + |y|."""
     scale = 1.0 + norm(y)
@@ -89,13 +89,13 @@ def _move(y, step):
     return length
 
 
-@inner_kernel
+@kernel
 def _remainder(length):
     """What Newton's method may still be off after its last step, which rounding ended unless it was short."""
     return 0.0 if length <= QUADRATIC else length
 
 
-@inner_kernel
+@kernel
 def _climb(jet, tape, constants, rates, epsilon, slow, x, y, order, v, d, matrix, pivots, step):
     """One Newton step each at the orders 1, 3, 7, ... well below `order`: each squares the error before it."""
     m = 1

@@ -6,7 +6,7 @@ pattern serves them all, and one vector holds the numbers that stand at its entr
 
 from __future__ import annotations
 
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.quads import LANES, QUAD, copy, invert, multiply, size, subtract_product
 from gsp.kernels.sparse_systems import (
     AT,
@@ -22,7 +22,7 @@ from gsp.kernels.sparse_systems import (
 )
 
 
-@inner_kernel
+@kernel
 def fill_quads(jacobian, shifts, pattern, n, values, sizes):
     """`fill` for four systems: fill the quads `values` (8 factors,) with shifts - J, for the quad `shifts` (8,)."""
     _, middle, _, _, place, _ = places(pattern, n)

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from gsp.kernels import ledger
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 
 # Pivots are fixed: so many units in the last place of a row or of a column may be lost to them. Partial pivoting keeps
 # it near 1. Rates of reactions lie decades apart, and rows grow by them; columns that their diagonals outweigh do not.
@@ -35,7 +35,7 @@ ORDER = 2
 AT = np.uint64
 
 
-@inner_kernel
+@kernel
 def places(pattern, n):
     """Where `start`, `middle`, `column`, `pivot`, `place` and `row` begin."""
     count = pattern[FACTORS]
@@ -55,13 +55,13 @@ def pattern_of(program):
     return program[:0]
 
 
-@inner_kernel
+@kernel
 def entries_of(pattern, n):
     """How many numbers the Jacobian's function gives."""
     return n * n if pattern.shape[0] == 0 else pattern[ENTRIES]
 
 
-@inner_kernel
+@kernel
 def hold(jacobian, shift, pattern, n, sizes):
     """Set what the columns of shift - J hold, for a shift of this size: that and their entries of J."""
     _, _, column, _, place, _ = places(pattern, n)
@@ -72,7 +72,7 @@ def hold(jacobian, shift, pattern, n, sizes):
         sizes[HELD, j] = max(sizes[HELD, j], abs(jacobian[e]))
 
 
-@inner_kernel
+@kernel
 def fill(jacobian, shift, pattern, n, values, sizes):
     """Fill `values` (factors,) with shift - J, and `sizes` (3, n) with what its columns hold."""
     _, middle, _, _, place, _ = places(pattern, n)

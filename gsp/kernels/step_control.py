@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inlined_kernel, inner_kernel, kernel
+from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.sparse_systems import entries_of, pattern_of, places
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
@@ -23,7 +23,7 @@ BALANCING = 12
 SMALLEST_QUOTIENT = 1e-30
 
 
-@inner_kernel
+@kernel
 def all_finite(values):
     """True when no entry of `values` (n,) is NaN or infinite."""
     # Counted to the end: without a way out the loop is vectorised, and there is next to never anything to find.
@@ -33,13 +33,13 @@ def all_finite(values):
     return bad == 0
 
 
-@inner_kernel
+@kernel
 def smallest_step(t):
     """Length of the shortest step from `t` that is not lost in rounding."""
     return max(SMALLEST_RELATIVE_STEP * abs(t), SMALLEST_STEP)
 
 
-@inner_kernel
+@kernel
 def step_towards(stop, t, h):
     """The step to take for the proposal `h`: all that remains to `stop`, half of it, or `h` itself.
 
@@ -80,7 +80,7 @@ def step_ahead(stops, t, proposal, counters):
     return t_new - t, t_new, clipped, lands
 
 
-@inner_kernel
+@kernel
 def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     """First step, signed, from `t` towards `end`; costs one call of the field.
 
@@ -121,7 +121,7 @@ def initial_step(field, p, t, y, rate, end, rtol, atol, order, work, work_rate):
     return math.copysign(min(unit, better, span), end - t)
 
 
-@inner_kernel
+@kernel
 def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, counters):
     """Fill `rate` and the first step if there is none yet; False when the field is not finite at the start."""
     if memory[ledger.STEP] != 0.0:
@@ -137,7 +137,7 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
     return True
 
 
-@inner_kernel
+@kernel
 def accept(t, step, clipped, lands, growth, factor, memory, counters):
     """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
 
@@ -160,7 +160,7 @@ def accept(t, step, clipped, lands, growth, factor, memory, counters):
         counters[ledger.NEXT_STOP] += 1
 
 
-@inner_kernel
+@kernel
 def reject(step, factor, memory, counters):
     """Enter a rejected step and shorten it; False when what is left is lost in rounding."""
     h = step * factor
@@ -170,7 +170,7 @@ def reject(step, factor, memory, counters):
     return abs(h) > smallest_step(memory[ledger.TIME])
 
 
-@inner_kernel
+@kernel
 def _multiply(pattern, entries, x, out):
     """|J| `x` in `out` (n,), for the `entries` of J; with the largest entry of J's diagonal."""
     n = x.shape[0]

@@ -14,7 +14,7 @@ import numpy as np
 
 from gsp.kernels import ledger
 from gsp.kernels.call import call
-from gsp.kernels.compilation import inner_kernel, kernel
+from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import norm
 from gsp.kernels.step_control import accept, all_finite, begin, reject, smallest_step, step_ahead
 
@@ -47,7 +47,7 @@ POWERS = 10
 DIFFERENCE = 1e-7
 
 
-@inner_kernel
+@kernel
 def _root(x, inverse_degree):
     """x^(-1/degree) for x > 0 and a degree of 4 or more, to 0.5 %, which is enough for a step.
 
@@ -63,7 +63,7 @@ def _root(x, inverse_degree):
     return math.ldexp(1.0 + share * (0.6565 + 0.3435 * share), int(whole))
 
 
-@inner_kernel
+@kernel
 def _share(first, before, last, order):
     """The step over the scale at which neither of the last two terms exceeds 1; given the squares of three terms.
 
@@ -81,7 +81,7 @@ def _share(first, before, last, order):
     return share
 
 
-@inner_kernel
+@kernel
 def _why_no_step(field, p, t, y, rate, forward, work, work_rate):
     """What ends a run whose steps are lost in rounding: where the field ends, the steps to there get ever shorter."""
     beyond = math.copysign(BEYOND * smallest_step(t), forward)
@@ -91,7 +91,7 @@ def _why_no_step(field, p, t, y, rate, forward, work, work_rate):
     return ledger.STEP_TOO_SMALL if all_finite(work_rate) else ledger.NON_FINITE
 
 
-@inner_kernel
+@kernel
 def _looks_stiff(field, p, t, y, rate, step, order):
     """Whether stability bounds `step`: it is longer than the fastest time, by the power method on differences."""
     n = y.shape[0]

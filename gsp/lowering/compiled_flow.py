@@ -13,7 +13,7 @@ import sympy as sp
 from gsp.algebra.sharing import holding
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.kernels import addresses
-from gsp.kernels.addresses import address_of
+from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
@@ -33,7 +33,7 @@ from gsp.lowering.steps.sparse_pattern import write_pattern
 from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
 
-Loops = tuple[Callable[..., Any], addresses.Signature]
+Loops = tuple[Callable[..., Any], Any]
 """A method's step for any flow, a kernel, and its signature."""
 ROSENBROCK_LOOPS: Loops = (step_by_loops, addresses.ROSENBROCK_LOOPS)
 COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from numba import cfunc, types
-from numba.np.numpy_support import carray
+from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
 
 from gsp.kernels.call import call
 from gsp.peers.forward import Forward

@@ -12,7 +12,6 @@ from gsp.readers.foreign import ForeignModel, Import, imported
 from gsp.readers.sbml import read_sbml
 from gsp.readers.toml import BYTES, parsed, read_document, scene_of, text_of
 from gsp.readers.xppaut import read_ode
-from gsp.results.collector import collector_at_rest
 from gsp.scenes.scene import Scene
 from gsp.systems.arguments import shown
 
@@ -41,11 +40,10 @@ def load_noted(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
     """What `load` returns, and notes on what was understood of a foreign model, [] for TOML."""
     file = _path(path, "load")
     try:
-        with collector_at_rest():
-            if file.suffix.lower() not in FORMATS:
-                return scene_of(read_document(file), file), []
-            found, scene = _imported(file)
-            return scene, found.notes
+        if file.suffix.lower() not in FORMATS:
+            return scene_of(read_document(file), file), []
+        found, scene = _imported(file)
+        return scene, found.notes
     except (ModelFileError, DeclarationError) as error:
         # Words of the file stand in the message, and the message may go to a terminal.
         raise ModelFileError.of(error, file.name) from None
@@ -64,8 +62,7 @@ def import_model(path: str | os.PathLike[str], *, small: str | None = None) -> I
                 "Give such a file.",
                 got=f"{file.suffix[:20]!r}",
             )
-        with collector_at_rest():
-            found, _ = _imported(file, small)
+        found, _ = _imported(file, small)
     except (ModelFileError, DeclarationError) as error:
         raise ModelFileError.of(error, file.name) from None
     return found

@@ -15,7 +15,8 @@ import numpy as np
 from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.kernels import slow_points as kernel
-from gsp.kernels.addresses import JET, address_of
+from gsp.kernels.addresses import JET
+from gsp.kernels.compilation import address_of
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.lowering.tape import write_tape

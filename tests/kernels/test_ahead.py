@@ -9,11 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from numba import types
+from numba import njit, types
 
 from gsp.kernels import ahead
-from gsp.kernels.compilation import is_kept
-from gsp.kernels.evaluate import evaluate_many
+
+
+@njit
+def halved(x):
+    return 0.5 * x
 
 
 def run(text: str, cache: Path) -> subprocess.CompletedProcess[str]:
@@ -24,21 +27,14 @@ def run(text: str, cache: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def test_a_process_is_begun_only_when_something_is_not_on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "is_kept", lambda kernel, arguments: True)
+def test_a_process_is_begun_only_when_something_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "IN_ORDER", ())
     with ahead.compiled_ahead():
         assert multiprocessing.active_children() == []
-    monkeypatch.setattr(ahead, "is_kept", lambda kernel, arguments: kernel is not ahead.IN_ORDER[-1][0])
-    with ahead.compiled_ahead():
-        assert len(multiprocessing.active_children()) == 1
+        for kind in (types.float32, types.float64):
+            halved.compile((kind,))
+            assert len(multiprocessing.active_children()) == 1
     assert multiprocessing.active_children() == []
-
-
-def test_a_kernel_is_kept_for_the_arguments_that_it_was_compiled_for() -> None:
-    reals, rows = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-    evaluate_many.compile((types.int64, rows, reals, rows))
-    assert is_kept(evaluate_many, (types.int64, rows, reals, rows))
-    assert not is_kept(evaluate_many, (types.int64, rows, rows, rows))
 
 
 def test_the_second_process_ends_when_the_first_is_killed(tmp_path: Path) -> None:
@@ -47,7 +43,9 @@ def test_the_second_process_ends_when_the_first_is_killed(tmp_path: Path) -> Non
         "import os, signal\n"
         "from gsp.kernels.ahead import compiled_ahead\n"
         "if __name__ == '__main__':\n"
+        "    import numba\n"
         "    with compiled_ahead():\n"
+        "        numba.njit(lambda x: x)(1)\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n",
         tmp_path,
     )

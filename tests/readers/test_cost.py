@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import gc
 from collections import Counter
-from pathlib import Path
 
 import pytest
 import sympy as sp
 
-import gsp
-from gsp.errors import ModelFileError
 from gsp.readers import nodes
 from gsp.readers.parts import Parts
 from gsp.readers.toml import read_model
-from gsp.results import collector
 from gsp.systems import declaration
 
 
@@ -73,44 +68,3 @@ def test_what_expressions_share_is_built_and_looked_at_once(monkeypatch: pytest.
     assert set(looked_at.values()) == {1}
     # The 25 products of a state are those of every other; its own are a quotient and a sum.
     assert len(built) < 60 * 2 + 60
-
-
-@pytest.mark.parametrize("enabled", [True, False])
-def test_nothing_is_collected_while_a_file_is_read(enabled: bool, tmp_path: Path) -> None:
-    good, bad = tmp_path / "good.toml", tmp_path / "bad.toml"
-    rates = "".join(f'x{i} = "exp(-x{i})*x{i // 2}/(x{i // 3} + {i + 2}) - x{i}/e"\n' for i in range(100))
-    text = model(rates, 100)
-    good.write_text(text)
-    bad.write_text(text.replace("x99)*x49", "x99)*y49"))
-    collections: list[str] = []
-    before, threshold = gc.isenabled(), gc.get_threshold()
-    gc.callbacks.append(lambda phase, info: collections.append(phase))
-    gc.set_threshold(700, 10, 10)
-    try:
-        (gc.enable if enabled else gc.disable)()
-        collections.clear()
-        assert len(gsp.load(good).system.states) == 100
-        assert gc.isenabled() == enabled
-        with pytest.raises(ModelFileError, match="y49"):
-            gsp.load(bad)
-        assert gc.isenabled() == enabled
-        # Each call of the two may be followed by one or two that were due; otherwise there would be 14.
-        assert collections == [] if not enabled else sum(phase == "start" for phase in collections) <= 4
-    finally:
-        gc.callbacks.pop()
-        gc.set_threshold(*threshold)
-        (gc.enable if before else gc.disable)()
-
-
-def test_objects_that_others_have_frozen_are_counted_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = tmp_path / "small.toml"
-    file.write_text(model('x0 = "-x0/e + x1"\nx1 = "-x1"\n', 2))
-    asked: list[str] = []
-    monkeypatch.setattr(collector, "_others_freeze", False)
-    monkeypatch.setattr(gc, "get_freeze_count", lambda: asked.append("count") or 1_000_000)
-    monkeypatch.setattr(gc, "unfreeze", lambda: asked.append("unfreeze"))
-    for _ in range(3):
-        gsp.load(file)
-    assert asked == ["count"]

@@ -9,7 +9,7 @@ from typing import Any
 import sympy as sp
 from llvmlite import ir
 
-from gsp.kernels.addresses import address_of
+from gsp.kernels.compilation import address_of
 from gsp.kernels.fast_determinants import KERNELS, SIGNATURE
 from gsp.lowering.steps.emission import Emitter
 from gsp.lowering.steps.values import DOUBLE, WHOLE, load, store

@@ -13,7 +13,7 @@ from gsp.errors import GspError, Status
 from gsp.integration.methods import Method, choose_method, program_of
 from gsp.integration.trajectory import integrate
 from gsp.kernels import dop853_tableau, ledger, rodas5p_tableau
-from gsp.kernels.addresses import address_of
+from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import LONGEST_SCHEDULED, build, effort
 from gsp.kernels.rodas5p import rodas5p
