@@ -188,6 +188,26 @@ def test_a_pole_of_the_branch_is_found_between_the_samples(g) -> None:
     assert poles
 
 
+@pytest.mark.parametrize(
+    ("height", "place"),
+    [
+        (sp.tan(2 * x - 5), 2.5 - 3 * np.pi / 4),
+        (sp.tan(sp.exp(x)), np.log(np.pi / 2)),
+        (sp.sqrt(1 + 1 / (x - sp.Rational(1, 7)) ** 2), 1 / 7),
+        (sp.sinh(3 + 1 / (x - sp.Rational(1, 7)) ** 2) ** sp.Rational(1, 9), 1 / 7),
+    ],
+)
+def test_a_pole_within_a_function_is_a_pole_of_the_branch(height, place: float) -> None:
+    verdict = judge(height - y, {"x": (-1, 0.9)})
+    assert verdict.kind is Kind.LOST
+    assert {round(loss.point["x"], 7) for loss in verdict.losses if loss.is_pole} == {round(place, 7)}
+
+
+@pytest.mark.parametrize("height", [sp.atan(1 / (x - sp.Rational(1, 7)) ** 2), sp.tan(x)])
+def test_a_function_that_stays_bounded_at_a_pole_within_it_has_none(height) -> None:
+    assert judge(height - y, {"x": (-1, 0.9)}).losses == ()
+
+
 def test_a_removable_zero_of_a_denominator_is_no_pole() -> None:
     system = SlowFastSystem(slow={x: -x}, fast={y: x - y / (1 + y**2)}, epsilon=eps)
     branch = solve_critical(system).nearest({"x": 0.1, "y": 0.1})

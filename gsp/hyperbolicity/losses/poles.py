@@ -152,15 +152,24 @@ def _is_pole(values: Callable[[np.ndarray], np.ndarray], z: np.ndarray, grown: f
 
 
 def denominators(expressions: list[sp.Expr], variables: tuple[sp.Symbol, ...]) -> list[sp.Expr]:
-    """The factors of the denominators of `expressions` that depend on `variables` and may vanish.
+    """The factors of all denominators in `expressions` that depend on `variables` and may vanish.
 
-    Functions stay as they are written: exp(-u) taken for 1/exp(u) overflows where the field is finite.
+    Functions stay as they are written: exp(-u) taken for 1/exp(u) overflows where the field is finite. A tangent has
+    its cosine below.
     """
     found: list[sp.Expr] = []
-    for expression in expressions:
+    left = list(expressions)
+    seen = set(left)
+    for expression in left:
         masks: dict[sp.Expr, sp.Symbol] = {}
         masked = _masked(expression, masks)
         meaning = {mask: function for function, mask in masks.items()}
+        for function in masks:
+            inside = set(function.args)
+            if isinstance(function, sp.tan):
+                inside.add(1 / sp.cos(*function.args))
+            left += sorted(inside - seen, key=sp.default_sort_key)
+            seen |= inside
         for divisor in _divisors(masked):
             base = divisor.xreplace(meaning)
             if base.has(*variables) and base not in found and not isinstance(base, (sp.exp, sp.cosh)):
