@@ -20,7 +20,6 @@ from gsp.charts.sampling import (
     graph,
     margins,
     mesh,
-    on_branch,
     shape,
     slow_curve,
 )
@@ -69,8 +68,7 @@ def manifold(analysis: Analysis, axes: Axes) -> None:
 def _curve(analysis: Analysis, axes: Axes) -> None:
     system = analysis.study.system
     names = [system.x[0].name, system.y[0].name]
-    on = slow_curve(analysis)
-    leading = on_branch(analysis, on[:, :1])
+    on, leading = slow_curve(analysis)
     axes.plot(on[:, 0], leading[:, 0], color=INK, lw=1.0, ls="--", label="critical manifold")
     slow_line(analysis, axes, on, leading)
     for i, run in enumerate(analysis.landing):

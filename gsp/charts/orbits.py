@@ -13,6 +13,7 @@ from gsp.charts.sampling import (
     at_zero,
     chart_symbols,
     covered,
+    critical_lines,
     dense_run,
     during,
     evaluate,
@@ -23,7 +24,6 @@ from gsp.charts.sampling import (
     limit_field,
     margins,
     mesh,
-    on_branch,
     path_names,
     reading,
     shape,
@@ -89,8 +89,7 @@ def _sheets(analysis: Analysis, axes: Axes) -> None:
     """The plane of the slow and the first fast variable: the full field, M0 by stability, M_epsilon."""
     system = analysis.study.system
     names = [system.x[0].name, system.y[0].name]
-    on = slow_curve(analysis)
-    leading = on_branch(analysis, on[:, :1])
+    on, leading = slow_curve(analysis)
     box = np.array([analysis.study.region[names[0]], fast_range(analysis, on)])
     if len(system.y) == 1:
         if not analysis.study.branch.is_explicit:
@@ -116,23 +115,15 @@ def _critical_lines(analysis: Analysis, axes: Axes, low: np.ndarray, high: np.nd
     """g(x, y, 0) = 0 in a box of one slow and one fast variable, by the sign of g_y."""
     system, epsilon = analysis.study.system, analysis.scene.epsilon
     y = system.y[0]
-    u, v, points = mesh(low, high, LINE)
-    g = at_zero(system.fast[y], system)
-    values = np.ma.masked_invalid(evaluate([g], system, epsilon, points)[:, 0])
-    size = float(np.ma.median(np.abs(values)))
+    g_y = derivative(at_zero(system.fast[y], system), y)
     labelled: set[str] = set()
-    contours = axes.contour(u, v, values.reshape(LINE, LINE), levels=[0.0])
-    lines = contours.allsegs[0]
-    contours.remove()
-    for line in map(np.asarray, lines):
-        near, slope = evaluate([g, derivative(g, y)], system, epsilon, line).T
-        # At a pole g changes sign too, without being small there.
-        usable = np.abs(near) < 0.1 * size
+    for line in critical_lines(system, epsilon, low, high):
+        slope = evaluate([g_y], system, epsilon, line)[:, 0]
         for stable, label, style in ((True, "attracting", "-"), (False, "repelling", (0, (4, 2)))):
-            here = usable & ((slope < 0) == stable)
+            here = slope < 0 if stable else slope >= 0
             if here.any():
                 # One vertex more, so that the two kinds meet at a fold.
-                wide = here if stable else usable & (here | np.roll(here, 1) | np.roll(here, -1))
+                wide = here if stable else here | np.roll(here, 1) | np.roll(here, -1)
                 drawn = np.where(wide[:, None], line, np.nan)
                 name = None if label in labelled else f"$M_0$, {label}"
                 axes.plot(drawn[:, 0], drawn[:, 1], color=INK, lw=1.2, ls=style, label=name, zorder=2)

@@ -7,8 +7,11 @@ from typing import cast
 
 import numpy as np
 import sympy as sp
+from matplotlib.figure import Figure
 
+from gsp.algebra.differentiation import derivative
 from gsp.analysis.analysis import Analysis
+from gsp.charts.continuity import are_joined
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import parameter_vector
@@ -142,7 +145,7 @@ def on_branch(analysis: Analysis, x: np.ndarray) -> np.ndarray:
 
 def _or_nan(branch, point: np.ndarray) -> np.ndarray:
     try:
-        return branch.points(point)
+        return branch.points(point[None, :])[0]
     except BranchError:
         return np.full(len(branch.system.y), np.nan)
 
@@ -165,18 +168,66 @@ def slow_manifold(analysis: Analysis, x: np.ndarray) -> np.ndarray:
     return result
 
 
-def slow_curve(analysis: Analysis) -> np.ndarray:
-    """Points (m, 1 + n_fast) of the slow manifold over the region of the one slow variable."""
+def slow_curve(analysis: Analysis) -> tuple[np.ndarray, np.ndarray]:
+    """Points (m, 1 + n_fast) of the slow manifold over the region of the one slow variable, and M0 there (m, n_fast).
+
+    A row of nan stands where M0 does not go on from one point to the next.
+    """
     x = np.linspace(*analysis.study.region[analysis.study.system.x[0].name], LINE)[:, None]
-    return np.hstack([x, slow_manifold(analysis, x)])
+    on, leading = np.hstack([x, slow_manifold(analysis, x)]), on_branch(analysis, x)
+    low, high = fast_range(analysis, on)
+    joined = np.all(
+        [
+            are_joined(lambda at, i=i: on_branch(analysis, at)[:, i], x[:-1], x[1:], seen=(high - low) / LINE)
+            for i in range(leading.shape[1])
+        ],
+        axis=0,
+    )
+    breaks = np.flatnonzero(~joined) + 1
+    return np.insert(on, breaks, np.nan, axis=0), np.insert(leading, breaks, np.nan, axis=0)
+
+
+def critical_lines(
+    system: SlowFastSystem, epsilon: float, low: np.ndarray, high: np.ndarray
+) -> list[np.ndarray]:
+    """Lines (k, 2) of g(x, y, 0) = 0 in a box of one slow and one fast variable, without poles and jumps of g."""
+    g = at_zero(system.fast[system.y[0]], system)
+
+    def value(points: np.ndarray) -> np.ndarray:
+        return evaluate([g], system, epsilon, points)[:, 0]
+
+    u, v, points = mesh(low, high, LINE)
+    values, places = value(points).reshape(LINE, LINE), points.reshape(LINE, LINE, 2)
+    shown = values.copy()
+    for start, end in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        changed = np.sign(values[start]) * np.sign(values[end]) < 0
+        changed[changed] = ~are_joined(value, places[start][changed], places[end][changed])
+        shown[start][changed] = shown[end][changed] = np.nan
+    if not ((shown <= 0).any() and (shown >= 0).any()):
+        return []
+    contours = Figure().add_subplot().contour(u, v, np.ma.masked_invalid(shown), levels=[0.0])
+    return [_on_zero(g, system, epsilon, np.asarray(line), (high - low) / LINE) for line in contours.allsegs[0]]
+
+
+def _on_zero(
+    g: sp.Expr, system: SlowFastSystem, epsilon: float, line: np.ndarray, cell: np.ndarray
+) -> np.ndarray:
+    """Points (k, 2) of a contour of g, known to a `cell` of the mesh, by Newton's method across the line."""
+    equation = [g, *(derivative(g, state) for state in system.states)]
+    for _ in range(3):
+        value, *slope = evaluate(equation, system, epsilon, line).T[..., None]
+        slope = np.hstack(slope)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = value * slope / (slope**2).sum(axis=1, keepdims=True)
+        line = np.where((np.abs(step) < cell).all(axis=1, keepdims=True), line - step, line)
+    return line
 
 
 def slow_ends(analysis: Analysis) -> tuple[bool, list[float]]:
     """(whether any of the slow manifold over one slow variable is drawn, the values of it at which its terms stop
     falling)."""
-    on = slow_curve(analysis)
-    ends = ends_of(on, on_branch(analysis, on[:, :1]))
-    return bool(np.isfinite(on[:, 1]).any()), [float(value) for value in on[ends, 0]]
+    on, leading = slow_curve(analysis)
+    return bool(np.isfinite(on[:, 1]).any()), [float(value) for value in on[ends_of(on, leading), 0]]
 
 
 def ends_of(on: np.ndarray, leading: np.ndarray) -> np.ndarray:

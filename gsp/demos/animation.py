@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gsp.charts.motion import Body, Motion, check_motion_name, write_motion
+from gsp.charts.sampling import critical_lines, widened
 from gsp.charts.style import plain
 from gsp.demos.demo import body_of
 from gsp.errors import DeclarationError, GspError
@@ -22,8 +23,8 @@ SECONDS = 6.0
 # A longer one has more frames than a file for slides should.
 LONGEST = 120.0
 RTOL = 1e-8
-# Points along the critical manifold, and the room beside the run over which it is drawn.
-POINTS, ROOM = 400, 0.15
+# The critical manifold is drawn so far beside the run, in terms of its width.
+ROOM = 0.15
 
 
 def animate(
@@ -133,40 +134,11 @@ def _limit(study: Study) -> Trajectory | None:
 
 
 def _critical_curve(study: Study, full: Trajectory) -> np.ndarray | None:
-    """Points (2, k) of every branch over the slow variable as far as the run goes; None where there is no real one."""
-    slow, fast = (s.name for s in study.system.states)
-    low, high = float(full[slow].min()), float(full[slow].max())
-    room = ROOM * (high - low) or 1.0
-    x = np.linspace(low - room, high + room, POINTS)
-    floor, ceiling = float(full[fast].min()), float(full[fast].max())
-    margin = ROOM * (ceiling - floor) or 1.0
-    bounds = {fast: (floor - margin, ceiling + margin)}
-    pieces: list[np.ndarray] = []
-    for branch in study.critical.branches:
-        try:
-            found = [branch.roots(np.array([value]), bounds=bounds).ravel() for value in x]
-        except GspError:
-            continue
-        points = np.array([(value, root) for value, roots in zip(x, found) for root in roots])
-        if points.size:
-            pieces.append(_joined(points, (high - low + 2 * room) / POINTS, margin))
-    return np.concatenate(pieces, axis=1) if pieces else None
-
-
-def _joined(points: np.ndarray, step: float, reach: float) -> np.ndarray:
-    """Points of a curve in the order along it, (2, k): each next to the last, with a gap where none is near."""
-    left = list(range(len(points)))
-    order = [left.pop(0)]
-    rows: list[tuple[float, float]] = [tuple(points[order[0]])]
-    scale = np.array([step, reach / 20])
-    while left:
-        away = np.abs((points[left] - points[order[-1]]) / scale).max(axis=1)
-        nearest = int(np.argmin(away))
-        if away[nearest] > 4.0:
-            rows.append((np.nan, np.nan))
-        order.append(left.pop(nearest))
-        rows.append(tuple(points[order[-1]]))
-    return np.array(rows).T
+    """Points (2, k) of the critical manifold around the run, with gaps; None where there is no real one."""
+    run = [full[s.name] for s in study.system.states]
+    low, high = widened(np.min(run, axis=1), np.max(run, axis=1), ROOM)
+    lines = critical_lines(study.system, study.scene.epsilon, low, high)
+    return np.concatenate([np.insert(line, 0, np.nan, axis=0) for line in lines]).T if lines else None
 
 
 def _outline(part: dict) -> np.ndarray:

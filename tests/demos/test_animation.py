@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 from matplotlib.animation import FuncAnimation
 from PIL import Image
 
@@ -195,3 +196,17 @@ def test_a_title_is_text_and_no_mathematics(tmp_path: Path) -> None:
     scene = replace(seen(tmp_path), title=r"what $\frac{ costs", views={})
     title = still(animation._motion(gsp.study(scene)))._fig._suptitle.get_text()
     assert title.startswith(r"what \$\frac{ costs, $\epsilon")
+
+
+def test_the_critical_manifold_is_not_drawn_through_a_pole_beside_the_run() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    height = x - sp.Rational(1, 100) / (x - 1)
+    system = gsp.SlowFastSystem(slow={x: sp.Integer(-1)}, fast={y: height - y}, epsilon=epsilon)
+    scene = gsp.Scene(system, {"x": (1.05, 2)}, {"x": 2, "y": 1}, (0, 0.9), 0.02)
+    curve = animation._motion(gsp.study(scene)).curve
+    assert curve is not None
+    known = np.isfinite(curve).all(axis=0)
+    assert set(curve[0][known] > 1) == {True, False}
+    np.testing.assert_allclose(curve[1][known], sp.lambdify(x, height)(curve[0][known]), atol=1e-9)
+    down = known[:-1] & known[1:]
+    assert not (down & (np.diff(curve[0] > 1) != 0)).any()
