@@ -118,7 +118,8 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
                 LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 4, i]),
                 LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 5, i]),
             )
-        term = last * last / before if last < before else last
+        # Not last^2, which overflows from 1e154 on.
+        term = last * (last / before) if last < before else last
         largest = max(largest, term * weight)
     return math.sqrt(total / n), largest
 

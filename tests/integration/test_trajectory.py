@@ -266,6 +266,18 @@ def test_blow_up_keeps_the_last_good_point(method, rtol):
 
 
 @BOTH
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+def test_a_state_beyond_the_root_of_the_largest_number_ends_as_a_blow_up(method, rtol):
+    # y follows exp(x), x = tan t: squares overflow at 1e154, numbers at 1e308, both long before steps are lost in t.
+    field = SlowFastSystem(slow={x: 1 + x**2}, fast={y: sp.exp(x) - y}, epsilon=epsilon)
+    trajectory = integrate(
+        field, start={"x": 0, "y": 1}, span=(0, 3), epsilon=0.1, method=method, rtol=rtol, max_steps=20_000
+    )
+    assert trajectory.status in (Status.NON_FINITE, Status.SINGULAR_JACOBIAN)
+    assert trajectory["y"][-1] > 1e290
+
+
+@BOTH
 def test_the_border_of_the_domain_is_reached_and_not_crossed(method):
     field = VectorField({x: -1 - sp.sqrt(x)}, epsilon=None)
     trajectory = integrate(field, start={x: 1}, span=(0, 1), method=method, at=[0.25, 0.5, 0.75, 1.0])

@@ -376,6 +376,16 @@ def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
     assert abs(written.counters[ledger.STEPS] - loops.counters[ledger.STEPS]) <= 1
 
 
+@pytest.mark.parametrize("loops", [False, True])
+@pytest.mark.parametrize("method", [*WRITTEN, "dop853"])
+def test_how_large_a_state_is_costs_no_steps(method, loops, swing):
+    # Linear in x, whose square overflows from 1e154 on.
+    one, large = (Run(method, swing, (of, 0.0), [0.0, 9.0], loops=loops) for of in (1.0, 2.0**600))
+    assert one.advance(5_000) == large.advance(5_000) == ledger.FINISHED
+    tried = [int(run.counters[ledger.STEPS] + run.counters[ledger.REJECTED]) for run in (one, large)]
+    assert tried[1] <= 2 * tried[0]
+
+
 @pytest.mark.parametrize("method", WRITTEN)
 def test_a_pivot_of_zero_is_left_to_the_loops(method):
     """x' = x + y, y' = -x at the step for which the shift is just the first entry of the Jacobian."""

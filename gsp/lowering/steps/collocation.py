@@ -376,7 +376,7 @@ class _Writer:
                 # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
                 last, before = real.largest([last, before]), real.largest(earlier)
             falls = builder.fcmp_ordered("<", last, before)
-            term = builder.select(falls, builder.fdiv(builder.fmul(last, last), before), last)
+            term = builder.select(falls, builder.fmul(last, builder.fdiv(last, before)), last)
             gaps.append(builder.fmul(term, weight))
         self.keep(self.norm(total, self.n), radau_block.ERROR)
         self.keep(real.largest(gaps), radau_block.GAP)

@@ -157,5 +157,5 @@ def _gap(vectors: StateVectors, before: list[Any], last: list[Any]) -> list[Any]
         smaller = builder.fmul(a, vectors.alike(LAST_TERM, a))
         larger = builder.fmul(b, vectors.alike(LAST_BUT_ONE, b))
         less = builder.fcmp_ordered("<", smaller, larger)
-        terms.append(builder.select(less, builder.fdiv(builder.fmul(smaller, smaller), larger), smaller))
+        terms.append(builder.select(less, builder.fmul(smaller, builder.fdiv(smaller, larger)), smaller))
     return terms
