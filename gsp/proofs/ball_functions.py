@@ -26,6 +26,7 @@ _FUNCTIONS: dict[Any, Callable[[arb], arb]] = {
     sp.tanh: balls.tanh,
     sp.sinh: balls.sinh,
     sp.cosh: balls.cosh,
+    sp.sech: balls.sech,
     sp.atan: balls.atan,
 }
 _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
@@ -93,7 +94,8 @@ class BallFunction(Program):
     """
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
-        super().__init__(arguments, sp.cse(list(outputs), optimizations="basic", order="none"))
+        bounded = [_without_quotients_of_cosh(e) if e.has(sp.cosh) else e for e in outputs]
+        super().__init__(arguments, sp.cse(bounded, optimizations="basic", order="none"))
 
     @property
     def operations(self) -> int:
@@ -175,6 +177,26 @@ class BallFunction(Program):
             return self._operation(lambda ball: balls.root_power(ball, p, q), self._written(base))
         inside = self._operation(balls.product, self._written(exponent), self._written(sp.log(base)))
         return self._operation(balls.exp, inside)
+
+
+def _without_quotients_of_cosh(expression: sp.Expr) -> sp.Expr:
+    """With sech(u) for 1/cosh(u) and tanh(u) for sinh(u)/cosh(u), which are finite over wide balls."""
+
+    def by_sech(power: sp.Pow) -> sp.Expr:
+        return sp.sech(power.base.args[0]) ** -power.exp
+
+    def by_tanh(product: sp.Mul) -> sp.Expr:
+        powers = product.as_powers_dict()
+        for factor, power in list(powers.items()):
+            if factor.func is sp.sech and (sinh := sp.sinh(*factor.args)) in powers:
+                shared = sp.Min(power, powers[sinh])
+                product *= (sp.tanh(*factor.args) / (factor * sinh)) ** shared
+        return product
+
+    found = expression.replace(
+        lambda e: e.is_Pow and e.base.func is sp.cosh and e.exp.is_Integer and e.exp.is_negative, by_sech
+    )
+    return found.replace(lambda e: e.is_Mul and e.has(sp.sech), by_tanh)
 
 
 def _fraction(product: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

@@ -148,6 +148,11 @@ def cosh(ball: arb) -> arb:
     return ball.abs_lower().cosh().union(ball.abs_upper().cosh())
 
 
+def sech(ball: arb) -> arb:
+    """1/cosh, at the least and the largest modulus: the ball of a large cosh reaches below 1, and may hold 0."""
+    return (1 / ball.abs_lower().cosh()).union(1 / ball.abs_upper().cosh())
+
+
 def atan(ball: arb) -> arb:
     """The inverse tangent."""
     return rising(arb.atan, ball)

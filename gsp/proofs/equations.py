@@ -16,6 +16,7 @@ from gsp.critical.branch import Branch
 from gsp.kernels.evaluate import evaluate_many
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
+from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 
 # Newton's method over doubles: so many steps, and done at rounding.
@@ -99,7 +100,9 @@ class Equations:
 
     def nearby(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives at points (k, n), (k, m): D_y F (k, m, m) and D_x F (k, m, n), rounded."""
-        values = self._doubles(np.hstack([x, y]), _NO_PARAMETERS)
+        points = np.hstack([x, y])
+        values = self._doubles(points, _NO_PARAMETERS)
+        self._mend(points, values)
         m, n = self.m, self.n
         return values[:, m : m + m * m].reshape(-1, m, m), values[:, m + m * m :].reshape(-1, m, n)
 
@@ -112,6 +115,7 @@ class Equations:
         # Kernels on arrays made once: LAPACK's call and copies would take most of the time.
         for _ in range(STEPS):
             evaluate_many(self._doubles.address, point, _NO_PARAMETERS, out)
+            self._mend(point, out[:, : self.m + self.m**2])
             step[:] = out[0, : self.m]
             factors[:] = self._by_y_in(out)
             if not factorise(factors, pivots):
@@ -156,6 +160,7 @@ class Equations:
         """How the root moves along `way` (n,) to first order (m,), and the sign of det D_y F; None where that is 0."""
         point, out = self._room(x, y)
         evaluate_many(self._doubles.address, point, _NO_PARAMETERS, out)
+        self._mend(point, out)
         factors, pivots = self._by_y_in(out).copy(), np.empty(self.m, np.int64)
         if not factorise(factors, pivots):
             return None
@@ -167,6 +172,20 @@ class Equations:
     def _room(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The point (1, n + m), and an array for all that is compiled."""
         return np.concatenate([x, y])[None], np.empty((1, self._doubles.outputs))
+
+    def _mend(self, points: np.ndarray, values: np.ndarray) -> None:
+        """Put balls' middles into the first `values` (k, any) where doubles overflowed on the way: balls do not."""
+        if np.isfinite(values).all():
+            return
+        for point, row in zip(points, values):
+            places = np.flatnonzero(~np.isfinite(row)).tolist()
+            if places and np.isfinite(point).all():
+                at = [balls.exact(v) for v in point.tolist()]
+                exact = self._values(at) if places[0] < self.m else [arb(0)] * self.m
+                exact += self._slopes(at) if places[-1] >= self.m else []
+                for place in places:
+                    if exact[place].is_finite():
+                        row[place] = float(exact[place].mid())
 
     def _by_y_in(self, out: np.ndarray) -> np.ndarray:
         return out[0, self.m : self.m + self.m**2].reshape(self.m, self.m)

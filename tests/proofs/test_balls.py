@@ -15,7 +15,7 @@ from gsp.proofs.ball_functions import BallFunction
 
 CASES = 300
 WHOLE = 10_000
-ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "atan", "sqrt")
+ELEMENTARY = ("exp", "log", "sin", "cos", "tanh", "sinh", "cosh", "sech", "atan", "sqrt")
 
 
 def interval(random_, *, positive: bool = False) -> tuple[float, float]:
@@ -192,3 +192,26 @@ def test_a_constant_is_a_factor_without_a_test_of_widths() -> None:
     code = BallFunction([x, y], [3 * x * y])._code
     assert [function for _, function, *_ in code].count(operator.mul) == 1
     assert [function for _, function, *_ in code].count(balls.product) == 1
+
+
+@pytest.mark.parametrize(
+    ("write", "most"),
+    [
+        (lambda u, v: 1 / sp.cosh(u), 1.0),
+        (lambda u, v: sp.sinh(u) / sp.cosh(u) ** 2, 1.0),
+        (lambda u, v: 3 * v * sp.sinh(u) ** 2 / (2 * sp.cosh(u) ** 3), 1.5),
+        (lambda u, v: sp.sinh(u) / sp.cosh(u), 1.0),
+        (lambda u, v: v / (sp.cosh(u) * (1 + sp.cosh(v))), 1.0),
+    ],
+)
+def test_quotients_by_a_cosh_are_bounded_over_any_ball(write, most: float) -> None:
+    u, v = sp.symbols("u v")
+    expression = write(u, v)
+    function = BallFunction([u, v], [expression])
+    wide = function([balls.hull(-1e9, 1e8), balls.hull(0.5, 1.0)])[0]
+    assert float(wide.abs_upper()) < 1.0001 * most
+    for place in (-40.0, -0.5, 0.0, 2.0, 30.0):
+        (found,) = function([arb(place), arb(0.75)])
+        known = float(expression.subs({u: sp.Rational(place), v: sp.Rational(3, 4)}).evalf(30))
+        assert float(found.mid()) == pytest.approx(known, rel=1e-14)
+        assert not (wide > known or wide < known)

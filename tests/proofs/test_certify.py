@@ -12,6 +12,7 @@ import sympy as sp
 import gsp
 from gsp.errors import BranchError, DeclarationError, GspError, UnsupportedFunctionError
 from gsp.proofs import certification as module
+from gsp.proofs import refutation
 from gsp.proofs.verdict import ProofVerdict
 from gsp.slow_tubes.certify import certify
 from tests.cases import thinned
@@ -398,3 +399,31 @@ def test_a_branch_that_is_symmetric_about_the_middle_is_cut_across_its_symmetry(
     found = certify(odd, region={"x": (-1, 1), "z": region}, most_boxes=300)
     assert found.verdict is PROVED
     assert float(found.gap) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("width", [sp.Rational(1, 10**5), sp.Rational(1, 250000000)])
+def test_a_sliver_beyond_doubles_is_refuted(power: int, width: sp.Rational) -> None:
+    # sinh and cosh overflow all over, and their quotient with them; |y - x/2| grows where A/cosh > c.
+    rate, place = sp.Rational(263, 100), sp.Rational(7809957, 25000000)
+    dip = sp.Rational(3, 2) * rate / sp.cosh((x - place) / width) ** power
+    sliver = branch({y: (dip - rate) * (y - x / 2)})
+    found = certify(sliver, region={"x": (0, 1)}, most_boxes=100)
+    assert found.verdict is REFUTED
+    assert found.witness is not None
+    low, high = found.witness.box["x"]
+    ends = [place + side * width * sp.acosh(sp.Rational(3, 2) ** sp.Rational(1, power)) for side in (-1, 1)]
+    assert any(low <= float(end) + 1e-15 and float(end) - 1e-15 <= high for end in ends)
+    # A lesser dip is no loss.
+    harmless = branch({y: (dip / 2 - rate) * (y - x / 2)})
+    kept = certify(harmless, region={"x": (0, 1)}, most_boxes=400)
+    assert kept.verdict is PROVED
+    assert 0.9 * 0.25 * 2.63 < kept.gap <= 0.25 * 2.63
+
+
+def test_overflow_is_no_missing_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The derivative of the logistic function by x is inf/inf in doubles; balls are too wide to decide.
+    monkeypatch.setattr(refutation, "LINE_BOXES", 10)
+    steep = 1 / (1 + sp.exp(250000000 * (x - sp.Rational(1, 3))))
+    found = certify(branch({y: (steep - 2) * (y - x / 2)}), region={"x": (0, 1)}, most_boxes=10)
+    assert found.verdict is UNDECIDED
