@@ -8,7 +8,7 @@ import sympy as sp
 from matplotlib.figure import Figure
 
 from gsp.charts.manifolds import slow_line
-from gsp.charts.sampling import on_branch, slow_curve, slow_ends
+from gsp.charts.sampling import slow_curve, slow_ends
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, HyperbolicityError
@@ -221,11 +221,13 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
     curve: SeriesManifold,
 ) -> None:
     # What a picture reads off an analysis, of the sheet right up to its fold at y = -2/3.
-    study = SimpleNamespace(branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0)})
+    study = SimpleNamespace(
+        branch=curve.branch, system=curve.branch.system, region={"y": (-0.66, 1.0), "x": (1, 2.5)}
+    )
     analysis = SimpleNamespace(
         scene=SimpleNamespace(epsilon=0.05), series=curve, short_series=curve, study=study
     )
-    on = slow_curve(analysis)
+    on, leading = slow_curve(analysis)
     drawn = np.isfinite(on[:, 1])
     first = int(np.argmax(drawn))
     assert first > 0
@@ -235,10 +237,10 @@ def test_the_slow_manifold_is_drawn_as_far_as_its_terms_fall_and_the_end_is_mark
     assert np.abs(solved.evaluate(on[first:, :1]) - on[first:, 1:]).max() < 0.05 * np.abs(on[first:, 1]).max()
     assert slow_ends(analysis) == (True, [on[first, 0]])
     axes = Figure().add_subplot()
-    slow_line(analysis, axes, on, on_branch(analysis, on[:, :1]))
+    slow_line(analysis, axes, on, leading)
     assert [line.get_label() for line in axes.lines][1] == "its terms stop falling"
     # Far from the fold there is no end to mark.
-    study.region = {"y": (0.5, 1.0)}
+    study.region |= {"y": (0.5, 1.0)}
     assert slow_ends(analysis) == (True, [])
 
 
