@@ -29,14 +29,22 @@ class _Step(sp.Function):
         return sp.S.Zero
 
 
-_OVER_THE_REALS = ((sp.Abs, _Absolute), (sp.sign, _Sign), (sp.Heaviside, _Step))
+class _Power(sp.Function):
+    """b^n, n a symbol or b a product: SymPy's own slope n b^n b'/b is 0/0 where b vanishes."""
+
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
+        base, exponent = self.args
+        return exponent * base ** (exponent - 1) if argindex == 1 else sp.log(base) * base**exponent
+
+
+_OVER_THE_REALS: dict[Any, Any] = {sp.Abs: _Absolute, sp.sign: _Sign, sp.Heaviside: _Step, sp.Pow: _Power}
 
 
 def derivative(expression: Any, symbol: sp.Symbol) -> Any:
     """Derivative of a real expression that can be evaluated wherever it exists.
 
     Two things SymPy leaves to the reader: |u|, sign(u) and a step are taken of real u, off u = 0, and
-    d(x^n)/dx = n x^n/x, which is 0/0 at x = 0, becomes n x^(n-1).
+    d(u^n)/dx = n u^n u'/u, which is 0/0 at u = 0, becomes n u^(n-1) u'.
     """
     if not expression.has(symbol):
         return sp.S.Zero
@@ -49,17 +57,28 @@ def derivative(expression: Any, symbol: sp.Symbol) -> Any:
         others = [factor for factor in expression.args if factor != symbol]
         if not any(factor.has(symbol) for factor in others):
             return sp.Mul(*others)
-    if expression.has(*(theirs for theirs, _ in _OVER_THE_REALS)):
-        for theirs, ours in _OVER_THE_REALS:
-            expression = expression.replace(theirs, ours)
-        result = sp.diff(expression, symbol)
-        for theirs, ours in _OVER_THE_REALS:
+    if any(map(_is_left, expression.atoms(*_OVER_THE_REALS))):
+        result = sp.diff(expression.replace(_is_left, _over_the_reals), symbol)
+        for theirs, ours in _OVER_THE_REALS.items():
             result = result.replace(ours, theirs)
     else:
         result = sp.diff(expression, symbol)
     if any(not power.exp.is_number for power in result.atoms(sp.Pow)):
         result = sp.powsimp(result, combine="exp")
     return result
+
+
+def _is_left(piece: Any) -> bool:
+    """Whether SymPy leaves the slope of `piece` to the reader."""
+    if piece.func is sp.Pow:
+        base, exponent = piece.args
+        # The slope of any other power of a number has one power of its base.
+        return not exponent.is_Integer and not (exponent.is_Rational and not (base.is_Mul or base.is_Pow))
+    return piece.func in _OVER_THE_REALS
+
+
+def _over_the_reals(piece: Any) -> Any:
+    return _OVER_THE_REALS[piece.func](*piece.args)
 
 
 def slopes(expressions: Iterable[Any], symbols: Iterable[sp.Symbol]) -> dict[tuple[int, int], Any]:

@@ -11,6 +11,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import entries, slopes, without_overflow
 from gsp.algebra.laurent import laurent
+from gsp.algebra.substitution import substituted
 from gsp.critical.branch import Branch
 from gsp.critical.sheet_points import Allowance, solve_each
 from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
@@ -129,9 +130,15 @@ class Sampler:
     # -- values ------------------------------------------------------------------------------------
 
     def compiled(self, outputs: Sequence[sp.Expr]):
-        """`outputs` as a compiled function of z."""
-        system = self.system
-        return compile_over(system, tuple(outputs))
+        """`outputs` as a compiled function of z.
+
+        Whole exponents are put in: n (n - 1) u^(n - 2) is 0 at n = 1 and u = 0 as well.
+        """
+        whole = {s: value for s, value in self.system.parameters.items() if value.is_Integer}
+        powers = {power for e in outputs for power in e.atoms(sp.Pow)}
+        raised = {s for power in powers for s in power.exp.free_symbols & whole.keys()}
+        put_in = {s: whole[s] for s in raised}
+        return compile_over(self.system, [substituted(e, put_in) if put_in else e for e in outputs])
 
     def _derivatives(self, outputs: Sequence[sp.Expr]):
         """`outputs` as a compiled function of z; where they overflow as they stand, in a form that does not."""

@@ -397,3 +397,23 @@ def test_an_exact_epsilon_counts_as_its_number() -> None:
         for e in (sp.Rational(1, 100), 0.01)
     ]
     assert r[0] == r[1]
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+@pytest.mark.parametrize(
+    "g",
+    [
+        {u: x * (u / 4) ** a / (1 + (u / 4) ** a) - u},
+        {u: x - u - (u / 4) ** a},
+        {u: (x / 4) ** a / (1 + (x / 4) ** a) - u},
+        {u: x - u, v: x / (1 + (u / 4) ** a) - v},
+    ],
+    ids=["gene", "power", "of the slow one", "repressed"],
+)
+def test_a_power_is_smooth_at_zero_whether_its_exponent_is_a_parameter_or_written_out(g, power: int) -> None:
+    region = {"x": (0, 2), "u": (0, 2), "v": (0, 3)}
+    verdict = judge(g, {name: region[name] for name in ("x", *map(str, g))}, a=power)
+    assert verdict.holds
+    assert verdict.kind is Kind.ATTRACTING
+    assert not verdict.losses
+    assert condition(verdict, "graph").value == 0.0

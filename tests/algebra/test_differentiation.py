@@ -1,0 +1,45 @@
+"""Derivatives of powers where their base vanishes, where SymPy's own are 0/0."""
+
+from __future__ import annotations
+
+import pytest
+import sympy as sp
+
+from gsp.algebra.differentiation import derivative
+
+u, v, n, K = sp.symbols("u v n K")
+POWERS = [
+    u**n,
+    (u / 40) ** n,
+    (u / K) ** n,
+    (u * v / K) ** n,
+    ((u - v) / K) ** (2 * n),
+    (u**2 / K) ** n,
+    u * u**n,
+    1 / (1 + (u / K) ** n),
+    (u / K) ** n / (1 + (u / K) ** n),
+    sp.exp(sp.sin((u / K) ** n)),
+    (1 + u * v) ** n * (u / K) ** n,
+]
+
+
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("power", POWERS, ids=str)
+def test_a_power_with_a_symbol_in_its_exponent_has_the_derivative_of_the_written_one(power, times: int) -> None:
+    slope, written = power, power.xreplace({n: sp.Integer(2)})
+    for _ in range(times):
+        slope, written = derivative(slope, u), sp.diff(written, u)
+    for place in (0, sp.Rational(1, 3)):
+        # Each part is worked out by itself, as machine code does it.
+        there = {u: sp.Float(place), v: sp.Float(0.5), K: sp.Float(4), n: sp.Float(2)}
+        assert float(slope.xreplace(there)) == pytest.approx(float(written.subs(there)), rel=1e-12), slope
+
+
+@pytest.mark.parametrize("power", [(u * v) ** sp.Rational(3, 2), ((u / K) ** 2) ** sp.Rational(3, 2)], ids=str)
+def test_a_broken_power_of_a_product_has_a_slope_where_a_factor_vanishes(power) -> None:
+    assert derivative(power, u).xreplace({u: sp.Float(0), v: sp.Float(0.5), K: sp.Float(4)}) == 0
+
+
+def test_the_slope_in_the_exponent_is_the_logarithm_s() -> None:
+    assert derivative(u**n, n) == u**n * sp.log(u)
+    assert derivative((v / 3) ** u, u) == (v / 3) ** u * sp.log(v / 3)
