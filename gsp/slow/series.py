@@ -27,7 +27,7 @@ from gsp.results.card import Card
 from gsp.slow.components import Components
 from gsp.slow.coordinates import Chart, moving
 from gsp.slow.expansion import Expansion
-from gsp.slow.truncation import AHEAD, best, errors, past, units
+from gsp.slow.truncation import AHEAD, best, errors, least, past, units
 from gsp.systems.arguments import check_flag, check_noun
 from gsp.systems.flow import as_points, check_epsilon, check_order
 
@@ -229,18 +229,17 @@ class SeriesManifold(Card):
         when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
         without digits do not count: the order before the first of them is the last.
         """
-        _, estimates, single = self._estimates(x, epsilon, near)
-        found = best(estimates)
-        return int(found[0]) if single else found
+        _, orders, _, single = self._cut(x, epsilon, near)
+        return int(orders[0]) if single else orders
 
     def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
         """Estimated error |h - sum| at the optimal order, in the fast variables' Euclidean norm.
 
         Three times the envelope of the next two terms, summed as a geometric series: no bound, but meant to be above
         the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
+        Where the terms after it rise by smaller and smaller factors, it is three times the last of these.
         """
-        _, estimates, single = self._estimates(x, epsilon, near)
-        error = np.fmin.reduce(estimates, axis=1)
+        _, _, error, single = self._cut(x, epsilon, near)
         return float(error[0]) if single else error
 
     # -- evaluation --------------------------------------------------------------------------------
@@ -262,12 +261,14 @@ class SeriesManifold(Card):
         places = [system.states.index(symbol) for symbol in self.coordinates]
         return array, z[:, places], single
 
-    def _estimates(self, x, epsilon: float, near) -> tuple[np.ndarray, np.ndarray, bool]:
-        """(terms, estimated errors (m, order + 1) at every order, single), NaN at orders whose terms have no digits."""
+    def _cut(self, x, epsilon: float, near) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+        """(terms, the best orders (m,), the errors (m,) there, single); terms without digits do not count."""
         ahead = self._ahead
         terms, coordinates, single = ahead._terms(x, epsilon, near)
         sizes = ahead._known_sizes(coordinates, terms, epsilon)
-        return terms, errors(sizes, self.order, unit=units(coordinates)), single
+        estimates = errors(sizes, self.order, unit=units(coordinates))
+        orders = best(estimates)
+        return terms, orders, least(sizes, orders, estimates), single
 
     def _known_sizes(self, coordinates: np.ndarray, terms: np.ndarray, epsilon: float) -> np.ndarray:
         """Sizes (m, k) of `terms` (m, k, n_fast), NaN where they have no digits: those say nothing about the error."""
@@ -389,9 +390,8 @@ def best_sum(
     series: SeriesManifold, x, epsilon: float, *, near=None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """h_epsilon (m, n_fast) over `x` at each point's own `optimal_order`, these orders and the errors (m,), at once."""
-    terms, estimates, _ = series._estimates(x, epsilon, near)
-    orders = best(estimates)
-    return terms.cumsum(axis=1)[np.arange(len(terms)), orders], orders, np.fmin.reduce(estimates, axis=1)
+    terms, orders, left_out, _ = series._cut(x, epsilon, near)
+    return terms.cumsum(axis=1)[np.arange(len(terms)), orders], orders, left_out
 
 
 def series_of(expansion: Expansion, order: int) -> SeriesManifold:

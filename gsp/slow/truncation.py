@@ -2,8 +2,11 @@
 
 The remainder after order k is about the first terms left out, as long as they fall. A single term may be small by
 accident, where h_k has a zero, and says nothing then: what counts is an envelope of the terms, in which dips are
-bridged by their neighbours, and the larger of the next two. Where the terms fall slowly they add up to more than the
-first of them, so they are summed as a geometric series. `sizes` are (m, k) throughout, NaN where a term is not known.
+bridged by their neighbours, and the larger of the next two. Where a series diverges its terms rise by larger and larger
+factors. Those that rise by smaller and smaller ones come out of a dip, near a zero of several of them, or out of a
+layer's tail, and the error may be as large as the last of them. Where the terms fall slowly they add up to more than
+the first of them, so they are summed as a geometric series. `sizes` are (m, k) throughout, NaN where a term is not
+known.
 """
 
 from __future__ import annotations
@@ -45,6 +48,19 @@ def errors(sizes: np.ndarray, order: int, *, unit: np.ndarray | float = 1.0) -> 
     estimate = SAFETY * np.where(np.isnan(left_out), kept, left_out)
     floor = ROUNDING * (np.reshape(unit, (-1, 1)) + np.fmax.accumulate(sizes[:, : order + 1], axis=1))
     return np.where(np.isnan(kept), np.nan, np.maximum(estimate, floor))
+
+
+def least(sizes: np.ndarray, orders: np.ndarray, estimates: np.ndarray) -> np.ndarray:
+    """Estimated errors (m,) at the best `orders` (m,) of `estimates`, with terms that rise more and more slowly."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factors = sizes[:, 1:] / sizes[:, :-1]
+    # From a term that is 0 any factor is a smaller one than that before.
+    slower = ~(factors[:, 1:] <= 1.0) & ~(factors[:, 1:] >= factors[:, :-1])
+    # Of each term the last that is reached from it so.
+    reached = np.hstack([sizes, np.full((len(sizes), AHEAD), np.nan)])
+    for k in range(sizes.shape[1] - 2, 1, -1):
+        reached[:, k] = np.where(slower[:, k - 1], np.fmax(sizes[:, k], reached[:, k + 1]), sizes[:, k])
+    return np.fmax(np.fmin.reduce(estimates, axis=1), SAFETY * reached[np.arange(len(orders)), orders + AHEAD])
 
 
 def best(estimates: np.ndarray) -> np.ndarray:

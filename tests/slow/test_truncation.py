@@ -14,7 +14,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import BeyondReachWarning, HyperbolicityError
 from gsp.slow.series import JITTER, LONGEST, SeriesManifold, best_sum, expand
 from gsp.slow.solved_manifold import solve_manifold
-from gsp.slow.truncation import AHEAD, best, errors, past
+from gsp.slow.truncation import AHEAD, best, errors, least, past
 from gsp.systems.system import SlowFastSystem
 from tests.example_systems import michaelis_menten, saddle, van_der_pol
 
@@ -93,6 +93,39 @@ def test_an_accidentally_small_term_does_not_end_the_search() -> None:
         chosen = series.optimal_order(point, epsilon)
         error = abs(series.terms(point, epsilon)[: chosen + 1].sum() - solved.evaluate(point)[0])
         assert error <= series.truncation_error(point, epsilon) <= 30 * error
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_the_error_is_honest_near_a_zero_of_several_terms(order: int) -> None:
+    # A Hill function of exponent 4: near x = 0 three terms in a row are small. The manifold through all of time is
+    # h(x) = the integral of exp(-s) hill(x - epsilon s) over s > 0.
+    hill = x**4 / (1 + x**4)
+    branch = solve_critical(SlowFastSystem(slow={x: 1}, fast={y: hill - y}, epsilon=eps)).branches[0]
+    series = expand(branch, order=order)
+    places, height = np.concatenate([[0.0], np.geomspace(1e-4, 0.9, 30)]), sp.lambdify(x, hill)
+    nodes, weights = np.polynomial.legendre.leggauss(600)
+    s, weights = 20 * (nodes + 1), 20 * weights
+    for epsilon in (0.1, 0.2, 0.3):
+        true = height(places[:, None] - epsilon * s) @ (weights * np.exp(-s))
+        orders = np.asarray(series.optimal_order(places, epsilon))
+        sums = series.terms(places, epsilon)[..., 0].cumsum(axis=1)[np.arange(len(places)), orders]
+        assert (np.abs(sums - true) / series.truncation_error(places, epsilon)).max() < 2.0
+
+
+def test_terms_that_rise_more_and_more_slowly_come_out_of_a_dip() -> None:
+    def told(row: list[float]) -> tuple[int, float]:
+        sizes = np.array([row])
+        estimates = errors(sizes, 4)
+        orders = best(estimates)
+        return orders[0], least(sizes, orders, estimates)[0]
+
+    for small in ([1e-6, 1e-4, 8e-3], [0.0, 0.0, 0.0]):
+        order, error = told([1.0, *small, 0.2, 3.0, 40.0])
+        assert order < 2
+        assert error >= 0.2
+    # A series that diverges rises by larger and larger factors: it is best cut at once.
+    rising = [1.0, 0.01, 0.02, 0.08, 0.4, 2.4, 16.8]
+    assert told(rising) == (0, pytest.approx(errors(np.array([rising]), 4)[0, 0]))
 
 
 def test_the_best_order_is_looked_for_two_orders_further() -> None:
