@@ -60,9 +60,9 @@ def _line(analysis: Analysis, axes: Axes, name: str) -> None:
     for i in range(real.shape[1]):
         label = r"$\mathrm{Re}\,\lambda$" if real.shape[1] == 1 else rf"$\mathrm{{Re}}\,\lambda_{{{i + 1}}}$"
         axes.plot(x[:, 0], real[:, i], color=SERIES[i % len(SERIES)], label=label)
-    gap = analysis.hyperbolicity.gap
+    gap = analysis.hyperbolicity.known_gap
     axes.axhline(0.0, color=INK, lw=0.8)
-    axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {gap:.3g}")
+    axes.axhspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
     axes.set_xlim(x[0, 0], x[-1, 0])
     low, high = margins(np.append(real.ravel(), 0.0), 0.08)
     axes.set_ylim(low, high)
@@ -85,7 +85,7 @@ def _map(analysis: Analysis, axes: Axes, names: list[str]) -> None:
     )
     cast(Axes, bar.ax).tick_params(length=3)
     worst = int(np.nanargmin(np.abs(shown)))
-    label = f"least: gap {analysis.hyperbolicity.gap:.3g}"
+    label = f"least of the samples: {analysis.hyperbolicity.gap:.3g}"
     axes.plot(*x[worst], "o", mfc="none", color=VERMILION, ms=9, mew=1.8, ls="none", clip_on=False, label=label)
     name_axes(axes, *names)
     legend(axes)
@@ -95,9 +95,9 @@ def _plane(analysis: Analysis, axes: Axes) -> None:
     values = _sampled(analysis, COARSE)[1].ravel()
     values = values[np.isfinite(values)]
     real, imaginary = np.real(values), np.imag(values)
-    gap = analysis.hyperbolicity.gap
+    gap = analysis.hyperbolicity.known_gap
     axes.axvline(0.0, color=INK, lw=0.8)
-    axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {gap:.3g}")
+    axes.axvspan(-gap, gap, color=PALE, lw=0, zorder=0, label=f"gap {analysis.hyperbolicity.shown_gap(3)}")
     axes.plot(real, imaginary, ".", color=BLUE, ms=5, ls="none", label=r"$\lambda$ over the region")
     axes.set_xlim(*margins(np.append(real, [0.0, 0.2 * gap]), 0.08))
     axes.set_ylim(*margins(np.append(imaginary, [-gap, gap]), 0.08))

@@ -48,7 +48,7 @@ def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json:
         return
     if "choice" not in analysis.lost:
         click.echo(str(analysis.choice.verdict))
-    click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.gap:.4g} in fast time")
+    click.echo(f"{analysis.hyperbolicity.kind}, gap {analysis.hyperbolicity.shown_gap(4)} in fast time")
     for condition in analysis.hyperbolicity.conditions:
         if not condition.holds:
             click.echo(f"over the region as a whole: {condition}")

@@ -117,9 +117,13 @@ class Hyperbolicity(Card):
         )
 
     @property
-    def _shown_gap(self) -> str:
-        proved = self.certificate if self.is_proved else None
-        return f"{self.gap:.6g}" if proved is None else at_least(proved.gap)
+    def known_gap(self) -> float:
+        """The gap that is proved, where one is, else that at the samples."""
+        return self.certificate.gap if self.certificate is not None and self.is_proved else self.gap
+
+    def shown_gap(self, digits: int = 6) -> str:
+        """`known_gap` as text: "at least" it, rounded down, where it is proved."""
+        return f"at least {at_least(self.known_gap, digits)}" if self.is_proved else f"{self.gap:.{digits}g}"
 
     def with_proof(self, *, epsilon: float | None = None, most_boxes: int | None = None) -> Hyperbolicity:
         """The verdict with its `certificate`: what `certify` proves over the region with `most_boxes` boxes.
@@ -163,12 +167,12 @@ class Hyperbolicity(Card):
         return values[0] if single else values
 
     def __repr__(self) -> str:
-        return f"Hyperbolicity({self.kind}, gap{'>' * self.is_proved}={self._shown_gap}, {self.evidence})"
+        shown = f">={at_least(self.known_gap)}" if self.is_proved else f"={self.gap:.6g}"
+        return f"Hyperbolicity({self.kind}, gap{shown}, {self.evidence})"
 
     def __str__(self) -> str:
         newline = "\n"
-        least = "at least " * self.is_proved
-        lines = [f"{self.kind}, gap {least}{self._shown_gap} in fast time; {self.evidence}"]
+        lines = [f"{self.kind}, gap {self.shown_gap()} in fast time; {self.evidence}"]
         lines += [f"  {condition}" for condition in self.conditions]
         lines += [f"  lost: {str(loss).replace(newline, newline + '        ')}" for loss in self.losses]
         lines += [f"  looked at: {loss.headline}" for loss in self.looked_at]

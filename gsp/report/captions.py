@@ -154,15 +154,18 @@ def _manifold(analysis: Analysis, setter: Typesetter) -> Markup:
 def _distance(analysis: Analysis, setter: Typesetter) -> Markup:
     return Markup(
         "Distance of such runs to the slow manifold in fast time. The dashed guide falls at the gap, {}, the slowest "
-        "rate in the region; no run may be flatter. In the grey zone the series and the runs are known no better."
+        "rate at the samples; no run may be flatter. In the grey zone the series and the runs are known no better."
     ).format(number(analysis.hyperbolicity.gap))
 
 
 def _eigenvalues(analysis: Analysis, setter: Typesetter) -> Markup:
+    found = analysis.hyperbolicity
+    half = number(found.known_gap, bound=at_least) if found.is_proved else number(found.gap)
+    who, where = ("None", "throughout") if found.is_proved else ("At the samples none", "there")
     return Markup(
-        "Real parts of the fast eigenvalues over the region, in fast time. None enters the strip of half-width {}, "
-        "the gap: the manifold is {} throughout."
-    ).format(number(analysis.hyperbolicity.gap), analysis.hyperbolicity.kind)
+        "Real parts of the fast eigenvalues over the region, in fast time. {} enters the strip of half-width {}, "
+        "the gap: the manifold is {} {}."
+    ).format(who, half, found.kind, where)
 
 
 def _proof(analysis: Analysis, setter: Typesetter) -> Markup:

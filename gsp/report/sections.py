@@ -189,15 +189,15 @@ class Page:
         return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in told.items()]
 
     def gap(self) -> Markup:
-        """The least |Re lambda| that was met, and what is proved of it."""
+        """The least |Re lambda| that is proved, else that at the samples."""
         found = self.analysis.hyperbolicity
-        text = Markup("{} in fast time").format(number(found.gap, 4))
-        certificate = found.certificate
-        if certificate is None or not certificate.stable + certificate.unstable:
-            return text
-        least = number(certificate.gap, 4, bound=at_least)
-        boxes = "1 box" if len(certificate.boxes) == 1 else f"{len(certificate.boxes)} boxes"
-        return text + Markup(", proved to be at least {} in {}").format(least, boxes)
+        sampled = number(found.gap, 4)
+        if found.certificate is None or not found.is_proved:
+            return Markup("{} in fast time").format(sampled)
+        count = len(found.certificate.boxes)
+        boxes = "1 box" if count == 1 else f"{count} boxes"
+        least = number(found.known_gap, 4, bound=at_least)
+        return Markup("at least {} in fast time, proved in {}; {} at the samples").format(least, boxes, sampled)
 
     def is_proved(self) -> bool:
         """Whether the kind is proved over the region."""

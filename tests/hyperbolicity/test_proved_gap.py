@@ -1,5 +1,6 @@
 """The gap that is said is the proved one where there is a proof, and never without a caveat where samples missed it."""
 
+import pytest
 import sympy as sp
 
 from gsp import SlowFastSystem, classify, solve_critical
@@ -34,3 +35,21 @@ def test_a_gap_that_enclosures_confirm_stands_alone() -> None:
     system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - 2 * y}, epsilon=eps)
     found = classify(solve_critical(system).branches[0], region={"x": (0, 1)})
     assert repr(found) == "Hyperbolicity(attracting, gap=2, sampled at 257 points)"
+
+
+@pytest.mark.parametrize("digits", [1, 2, 3, 4, 6])
+def test_a_proved_gap_is_never_rounded_up(digits: int) -> None:
+    system = SlowFastSystem(
+        slow={x: sp.Integer(1)}, fast={y: x - y * sp.Rational(1987654321, 10**9)}, epsilon=eps
+    )
+    branch = solve_critical(system).branches[0]
+    proved = classify(branch, region={"x": (0, 1)}, prove=True)
+    assert proved.is_proved
+    assert proved.known_gap == proved.certificate.gap
+    said = proved.shown_gap(digits).removeprefix("at least ")
+    assert said != proved.shown_gap(digits)
+    assert proved.known_gap * (1 - 10.0 ** (1 - digits)) < float(said) <= proved.known_gap
+    # What is met at samples is no bound, and rounded to the nearest.
+    met = classify(branch, region={"x": (0, 1)})
+    assert met.known_gap == met.gap
+    assert met.shown_gap(digits) == f"{met.gap:.{digits}g}"
