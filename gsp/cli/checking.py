@@ -51,7 +51,8 @@ def check(scene: Scene, prove: bool, output: Path | None, as_json: bool) -> None
         print_json({"name": scene.name, "holds": verdict.holds, **hyperbolicity_as_json(verdict)})
     else:
         click.echo(str(verdict))
-    click.get_current_context().exit(0 if verdict.holds else 1)
+    fails = not all(condition.holds for condition in verdict.conditions)
+    click.get_current_context().exit(0 if verdict.holds else 1 if fails else 3)
 
 
 @cli.command()

@@ -22,8 +22,9 @@ from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.region import ImageBox, Interval
 from gsp.systems.scattered_points import halton
 
-# Ball operations of one evaluation, times boxes, that are spent: about 30 ms. The number of boxes is held between two.
-OPERATIONS, FEWEST, MOST = 20_000, 16, 128
+# Ball operations of one evaluation, times boxes, that are spent: up to half a second. The number of boxes is held
+# between two, and while each doubling decides much of what is left it grows LONGER times.
+OPERATIONS, FEWEST, MOST, LONGER = 20_000, 16, 512, 8
 # Sheets that are followed when none is singled out.
 SHEETS = 4
 # Points that are sampled in what is left, and in each box of it.
@@ -131,7 +132,13 @@ class _Search:
             y, good = self.sampler.over(middle[None, :], sample[None, :])
             if not good[0]:
                 break
-            covering = cover(self.equations, self.whole, y[0], most_boxes=most - self.tried)
+            covering = cover(
+                self.equations,
+                self.whole,
+                y[0],
+                most_boxes=most - self.tried,
+                at_most=LONGER * most - self.tried,
+            )
             if covering.interrupted:
                 raise KeyboardInterrupt
             self.tried += covering.tried

@@ -103,9 +103,17 @@ class Hyperbolicity(Card):
 
     @property
     def holds(self) -> bool:
-        """Whether every condition holds at the samples, and none is refuted."""
+        """Whether every condition holds at the samples, and no loss is left between them: none is refuted, and what
+        enclosures do not exclude is proved. Where nothing has an enclosure the samples decide.
+        """
         refuted = self.certificate is not None and self.certificate.verdict.name == "REFUTED"
-        return not refuted and all(condition.holds for condition in self.conditions)
+        return not refuted and not self.is_open and all(condition.holds for condition in self.conditions)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether enclosures leave room for a loss between the samples."""
+        found = self.exclusion
+        return found is not None and not (found.is_complete or found.reason or self.is_proved)
 
     @property
     def is_proved(self) -> bool:

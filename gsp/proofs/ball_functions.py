@@ -18,6 +18,13 @@ from gsp.algebra.functions import NON_SMOOTH
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 
+
+class _Logistic(sp.Function):
+    """1/(1 + exp(u))."""
+
+    nargs = 1
+
+
 _FUNCTIONS: dict[Any, Callable[[arb], arb]] = {
     sp.exp: balls.exp,
     sp.log: balls.log,
@@ -27,10 +34,11 @@ _FUNCTIONS: dict[Any, Callable[[arb], arb]] = {
     sp.sinh: balls.sinh,
     sp.cosh: balls.cosh,
     sp.sech: balls.sech,
+    _Logistic: balls.logistic,
     sp.atan: balls.atan,
 }
 _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
-KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS)) + ", sqrt, tan and powers"
+KNOWN = ", ".join(sorted(f.__name__ for f in _FUNCTIONS if f is not _Logistic)) + ", sqrt, tan and powers"
 
 
 def without_enclosure(expression: Any, over: str) -> UnsupportedFunctionError:
@@ -94,7 +102,7 @@ class BallFunction(Program):
     """
 
     def __init__(self, arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) -> None:
-        bounded = [_without_quotients_of_cosh(e) if e.has(sp.cosh) else e for e in outputs]
+        bounded = [_bounded(e) if e.has(sp.cosh, sp.exp) else e for e in outputs]
         super().__init__(arguments, sp.cse(bounded, optimizations="basic", order="none"))
 
     @property
@@ -179,24 +187,35 @@ class BallFunction(Program):
         return self._operation(balls.exp, inside)
 
 
-def _without_quotients_of_cosh(expression: sp.Expr) -> sp.Expr:
-    """With sech(u) for 1/cosh(u) and tanh(u) for sinh(u)/cosh(u), which are finite over wide balls."""
+def _bounded(expression: sp.Expr) -> sp.Expr:
+    """With functions that are finite over wide balls: sech(u) for 1/cosh(u), tanh(u) for sinh(u)/cosh(u), and the
+    logistic function L(u) for 1/(1 + exp(u)), L(-u) for exp(u) L(u).
+    """
 
-    def by_sech(power: sp.Pow) -> sp.Expr:
-        return sp.sech(power.base.args[0]) ** -power.exp
+    def reciprocal(power: sp.Pow) -> sp.Expr:
+        if power.base.func is sp.cosh:
+            return sp.sech(power.base.args[0]) ** -power.exp
+        constant, rest = power.base.as_coeff_Add()
+        factor, function = rest.as_coeff_Mul()
+        if function.func is sp.exp and all(c.is_Rational and c.is_positive for c in (constant, factor)):
+            return (_Logistic(function.args[0] + sp.log(factor / constant)) / constant) ** -power.exp
+        return power
 
-    def by_tanh(product: sp.Mul) -> sp.Expr:
-        powers = product.as_powers_dict()
-        for factor, power in list(powers.items()):
-            if factor.func is sp.sech and (sinh := sp.sinh(*factor.args)) in powers:
-                shared = sp.Min(power, powers[sinh])
-                product *= (sp.tanh(*factor.args) / (factor * sinh)) ** shared
+    def joined(product: sp.Mul) -> sp.Expr:
+        functions = {f for f in (p.as_base_exp()[0] for p in product.args) if f.func in (sp.sech, _Logistic)}
+        for function in functions:
+            (u,) = function.args
+            for factor in product.args:
+                base, power = factor.as_base_exp()
+                if function.func is sp.sech and base == sp.sinh(u) and power.is_Integer and power > 0:
+                    shared = min(power, product.as_powers_dict()[function])
+                    product *= (sp.tanh(u) / (function * base)) ** shared
+                elif function.func is _Logistic and factor.func is sp.exp and (factor.args[0] - u).is_number:
+                    product *= _Logistic(-u) * sp.exp(factor.args[0] - u) / (function * factor)
         return product
 
-    found = expression.replace(
-        lambda e: e.is_Pow and e.base.func is sp.cosh and e.exp.is_Integer and e.exp.is_negative, by_sech
-    )
-    return found.replace(lambda e: e.is_Mul and e.has(sp.sech), by_tanh)
+    found = expression.replace(lambda e: e.is_Pow and e.exp.is_Integer and e.exp.is_negative, reciprocal)
+    return found.replace(lambda e: e.is_Mul and e.has(sp.sech, _Logistic), joined)
 
 
 def _fraction(product: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

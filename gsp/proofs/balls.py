@@ -153,6 +153,11 @@ def sech(ball: arb) -> arb:
     return (1 / ball.abs_lower().cosh()).union(1 / ball.abs_upper().cosh())
 
 
+def logistic(ball: arb) -> arb:
+    """1/(1 + exp), at both ends: the ball of a wide exponential reaches below 0."""
+    return rising(lambda end: 1 / (1 + end.exp()), ball)
+
+
 def atan(ball: arb) -> arb:
     """The inverse tangent."""
     return rising(arb.atan, ball)

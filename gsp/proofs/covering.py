@@ -29,6 +29,8 @@ LOSS_IN_SIGHT = 2.0**-7
 MOST_CORNERS = 64
 # A side this many units in the last place wide is a point: nothing is gained by cutting it.
 THIN = 8
+# A doubling of the budget is worth another when it decided so much of what was left.
+WORTH = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,23 +128,27 @@ def cover(
     near: np.ndarray,
     *,
     most_boxes: int,
+    at_most: int | None = None,
     spectral: bool = True,
     progress: Callable[[float], object] | None = None,
 ) -> Covering:
     """Cover `region` from its middle, where the branch is near `near` (m,); not `spectral`, by tubes alone.
 
     The widest part is looked at first, so that whenever the budget of `most_boxes` ends, or Ctrl-C comes, what is
-    left is spread thinly.
+    left is spread thinly. With `at_most` the budget is doubled up to it while that decides a `WORTH` of what was left.
     """
     covering = Covering(Part(region, np.asarray(near, dtype=float)))
     order = itertools.count()
     waiting = [(-1.0, next(order), covering.root)]
-    decided = 0.0
+    decided, left, budget = 0.0, 1.0, most_boxes
     try:
         while waiting:
-            if covering.tried >= most_boxes:
-                covering.exhausted = True
-                break
+            if covering.tried >= budget:
+                longest = at_most or most_boxes
+                if budget >= longest or 1.0 - decided > (1.0 - WORTH) * left:
+                    covering.exhausted = True
+                    break
+                left, budget = 1.0 - decided, min(2 * budget, longest)
             share, _, part = heapq.heappop(waiting)
             covering.tried += 1
             tube = enclose(equations, part.box, part.near)

@@ -10,11 +10,17 @@ import pytest
 import sympy as sp
 
 import gsp
+from gsp.algebra.precision import precision
 from gsp.errors import UnsupportedFunctionError
-from gsp.hyperbolicity.exclusion import MOST, Exclusion
+from gsp.hyperbolicity.exclusion import LONGER, MOST, Exclusion
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
+from gsp.proofs import balls
+from gsp.proofs.covering import cover
+from gsp.proofs.equations import Equations
+from gsp.readers.loading import load
 from gsp.scenes.study import study_of
 from tests.cases import crossed, sampled, thinned
+from tests.literature import FOLDER
 
 x, y, z, w, u, eps = sp.symbols("x y z w u epsilon")
 SLOW = (x, z, w)
@@ -39,7 +45,7 @@ def is_told(found: Hyperbolicity, place: dict[str, float]) -> bool:
         return not found.holds
     assert found.exclusion is not None
     told = any(all(low <= place[n] <= high for n, (low, high) in box.items()) for box in found.exclusion.left)
-    return told and "not excluded" in found.evidence
+    return told and "not excluded" in found.evidence and not found.holds
 
 
 def test_a_dip_between_all_samples_is_found() -> None:
@@ -76,7 +82,7 @@ def test_ridges_in_any_direction_are_found_or_not_excluded(seed: int) -> None:
     found = judge({y: -(1 - Q(11, 10) / (1 + (phase / width) ** 2)) * y}, SLOW)
     assert found.kind is Kind.LOST or "not excluded" in found.evidence
     if found.exclusion is not None:
-        assert found.exclusion.tried <= MOST
+        assert found.exclusion.tried <= LONGER * MOST
         assert 0.0 < found.exclusion.share <= 1.0
 
 
@@ -181,3 +187,26 @@ def test_a_kink_is_told_in_the_words_of_the_model_and_not_of_its_derivative() ->
     with pytest.raises(UnsupportedFunctionError, match="abs, sign, min or max among the rates") as refused:
         found.with_proof()
     assert "Heaviside" not in str(refused.value)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", ["chemostat", "enzyme_states", "earthquake"])
+def test_the_budget_follows_the_work_that_is_left(name: str) -> None:
+    found = study_of(load(FOLDER / f"{name}.toml")).hyperbolicity
+    assert found.exclusion is not None
+    assert found.exclusion.is_complete
+    assert 128 < found.exclusion.tried <= LONGER * MOST
+    assert found.holds
+
+
+@pytest.mark.parametrize(("rate", "done"), [(x**2 - Q(3, 5) * x + Q(9, 100) + Q(1, 100), True), (y**2, False)])
+def test_a_budget_grows_while_that_decides_something(rate: sp.Expr, done: bool) -> None:
+    # The square (x - 3/10)^2 written out is wide over a box; with y^2 the derivative is 0 all along y = 0.
+    equations = Equations((x,), (y,), (-rate * y,))
+    with precision(balls.PRECISION):
+        fixed = cover(equations, ((0.0, 1.0),), np.zeros(1), most_boxes=16)
+        longer = cover(equations, ((0.0, 1.0),), np.zeros(1), most_boxes=16, at_most=128)
+    assert (fixed.tried, fixed.exhausted) == (16, True)
+    assert longer.exhausted is not done
+    assert (16 < longer.tried <= 128) is done
+    assert (not longer.undecided) is done

@@ -202,9 +202,14 @@ def test_a_constant_is_a_factor_without_a_test_of_widths() -> None:
         (lambda u, v: 3 * v * sp.sinh(u) ** 2 / (2 * sp.cosh(u) ** 3), 1.5),
         (lambda u, v: sp.sinh(u) / sp.cosh(u), 1.0),
         (lambda u, v: v / (sp.cosh(u) * (1 + sp.cosh(v))), 1.0),
+        (lambda u, v: v / (1 + sp.exp(u)), 1.0),
+        (lambda u, v: 1 / (2 + 3 * sp.exp(u)) ** 2, 0.25),
+        (lambda u, v: sp.exp(u) / (1 + sp.exp(u)) ** 2, 1.0),
+        (lambda u, v: 6 * sp.exp(-u) / (2 + 3 * sp.exp(-u)) ** 2, 1.0),
+        (lambda u, v: sp.exp(-3 * u) * sp.cosh(v) / (5 + sp.exp(-3 * u)), 1.55),
     ],
 )
-def test_quotients_by_a_cosh_are_bounded_over_any_ball(write, most: float) -> None:
+def test_quotients_by_a_cosh_or_a_gate_are_bounded_over_any_ball(write, most: float) -> None:
     u, v = sp.symbols("u v")
     expression = write(u, v)
     function = BallFunction([u, v], [expression])

@@ -422,8 +422,21 @@ def test_a_sliver_beyond_doubles_is_refuted(power: int, width: sp.Rational) -> N
 
 
 def test_overflow_is_no_missing_point(monkeypatch: pytest.MonkeyPatch) -> None:
-    # The derivative of the logistic function by x is inf/inf in doubles; balls are too wide to decide.
+    # The derivative by x is inf/inf in doubles; balls are too wide to decide.
     monkeypatch.setattr(refutation, "LINE_BOXES", 10)
-    steep = 1 / (1 + sp.exp(250000000 * (x - sp.Rational(1, 3))))
+    u = 250000000 * (x - sp.Rational(1, 3))
+    steep = 1 / (sp.exp(u) + sp.exp(-u))
     found = certify(branch({y: (steep - 2) * (y - x / 2)}), region={"x": (0, 1)}, most_boxes=10)
     assert found.verdict is UNDECIDED
+
+
+@pytest.mark.parametrize("steepness", [10**4, 250000000])
+def test_a_steep_gate_is_decided(steepness: int) -> None:
+    gate = 1 / (1 + sp.exp(-steepness * (x - sp.Rational(1, 3))))
+    proved = certify(branch({y: (gate - 2) * (y - x / 2)}), region={"x": (0, 1)}, most_boxes=200)
+    assert proved.verdict is PROVED
+    assert 0.99 < proved.gap <= 1.0
+    # gate (1 - gate) is 1/4 at most, and nearly 0 all over.
+    for depth, verdict in ((3, PROVED), (5, REFUTED)):
+        found = certify(branch({y: (depth * gate * (1 - gate) - 1) * y}), region={"x": (0, 1)}, most_boxes=400)
+        assert found.verdict is verdict

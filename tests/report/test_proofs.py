@@ -44,10 +44,13 @@ def test_a_refutation_makes_the_verdict_lost(monkeypatch: pytest.MonkeyPatch) ->
     from gsp.hyperbolicity import hyperbolicity as module
     from gsp.hyperbolicity.exclusion import Exclusion
 
-    # With nothing looked at between its samples the verdict holds; the proof refutes it.
+    # With nothing looked at between its samples the verdict is open; the proof refutes it.
     monkeypatch.setattr(module, "exclude", lambda *_: Exclusion(0, ({"x": (-1.0, 1.0)},), 1.0))
     rate = 1 - sp.Rational(11, 10) * sp.exp(-(((x - sp.Rational(3086, 10000)) * 2000) ** 2))
-    assert classify(branch(-rate * y), region={"x": (-1, 1)}).holds
+    sampled = classify(branch(-rate * y), region={"x": (-1, 1)})
+    assert all(condition.holds for condition in sampled.conditions)
+    assert sampled.is_open
+    assert not sampled.holds
     found = classify(branch(-rate * y), region={"x": (-1, 1)}, prove=True)
     assert found.kind is Kind.LOST
     assert not found.holds
