@@ -29,8 +29,6 @@ LARGEST_LAYER = 0.5
 PIECE = 0.15
 # Errors over the span are looked at on so many times.
 GRID_POINTS = 97
-# Seconds are the least of so many runs.
-RUNS = 5
 MAX_STEPS = 1_000_000
 # What a run over a smaller share of the span costs says nothing about the whole of it.
 LEAST_SHARE = 1e-3
@@ -49,8 +47,9 @@ class Candidate:
     """One model: its predicted relative error over the span, and what a run over the span costs.
 
     `order` is that of a reduced flow, else None. `holds_until` is the time up to which the model meets the tolerance
-    and stays valid. `seconds`, `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it
-    goes, of the full system extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
+    and stays valid. `timings` are the seconds of a run by each measurement, and `seconds` the least of them. They,
+    `steps` and `field_calls` are for the span: of a reduced flow measured, as far as it goes, of the full system
+    extrapolated from a piece; `preparation` seconds come once, whatever is run afterwards.
     `valid` says whether the model serves the whole span, and if not, `why_not`, with the `failure` of its run. The
     predicted error of the full system is that of its integrator. A model that was not looked at has nan.
     """
@@ -59,7 +58,7 @@ class Candidate:
     order: int | None
     predicted: float = float("nan")
     holds_until: float = float("nan")
-    seconds: float = float("nan")
+    timings: tuple[float, ...] = ()
     preparation: float = float("nan")
     steps: float = float("nan")
     field_calls: float = float("nan")
@@ -68,18 +67,35 @@ class Candidate:
     failure: Failure | None = None
 
     @property
+    def seconds(self) -> float:
+        """The least of the timings; nan where it was not timed."""
+        return min(self.timings, default=float("nan"))
+
+    @property
     def label(self) -> str:
         """Kind and order."""
         return str(self.kind) if self.order is None else f"{self.kind} {self.order}"
 
 
-def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Candidate:
-    """The reduced flow of `order`: predicted, and timed."""
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that is still to be timed: its `runs`, and the `cost` of one over the span by what they take.
+
+    Without runs it has no cost.
+    """
+
+    candidate: Candidate
+    runs: tuple[Callable[[], Trajectory], ...] = ()
+    cost: Callable[..., float] = float
+
+
+def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Trial:
+    """The reduced flow of `order`, predicted."""
     prediction = outlook.prediction
     first, last = scene.span
     if order not in prediction.runs:
         why = f"not looked at: the series is run through order {max(prediction.runs)} only"
-        return Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why)
+        return Trial(Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why))
     after = first + outlook.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
@@ -113,18 +129,22 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
     end = last if whole else min(max(holds, first + PIECE * (last - first)), prediction.covered(order))
     if not end - first > LEAST_SHARE * (last - first):
         why = why or f"it ends as it begins: {prediction.runs[order].status.meaning}"
-        return Candidate(
-            ModelKind.REDUCED, order, predicted, holds,
-            preparation=outlook.preparation[order], why_not=why, failure=failure,
+        return Trial(
+            Candidate(
+                ModelKind.REDUCED, order, predicted, holds,
+                preparation=outlook.preparation[order], why_not=why, failure=failure,
+            )
         )  # fmt: skip
-    seconds, run = _timed(
-        lambda: run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
-    )
-    share = (end - first) / (last - first)
-    return Candidate(
-        ModelKind.REDUCED, order, predicted, holds, seconds / share, outlook.preparation[order],
+
+    def again() -> Trajectory:
+        return run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
+
+    share, run = (end - first) / (last - first), again()
+    candidate = Candidate(
+        ModelKind.REDUCED, order, predicted, holds, (), outlook.preparation[order],
         run.stats.steps / share, run.stats.field_calls / share, not why, why, failure,
     )  # fmt: skip
+    return Trial(candidate, (again,), lambda seconds: seconds / share)
 
 
 def _untold(prediction: Prediction, order: int) -> str:
@@ -137,11 +157,11 @@ def _untold(prediction: Prediction, order: int) -> str:
 
 def solved_candidate(
     outlook: Outlook, reduced: Sequence[Candidate], scene: Scene, rtol: float
-) -> tuple[Candidate, SurfaceOutlook | None]:
+) -> tuple[Trial, SurfaceOutlook | None]:
     """The flow on the solved manifold: tried when no reduced flow is exact enough, for it takes seconds to solve."""
 
-    def left_out(why: str) -> tuple[Candidate, None]:
-        return Candidate(ModelKind.SOLVED, None, holds_until=scene.span[0], why_not=why), None
+    def left_out(why: str) -> tuple[Trial, None]:
+        return Trial(Candidate(ModelKind.SOLVED, None, holds_until=scene.span[0], why_not=why)), None
 
     serving = next((c for c in reduced if c.valid), None)
     if serving is not None:
@@ -159,7 +179,11 @@ def solved_candidate(
     after, last = scene.span[0] + outlook.layer, scene.span[1]
     times = np.linspace(after, last, GRID_POINTS)
     predicted = float(surface.errors(times).max())
-    seconds, run = _timed(lambda: run_model(surface.flow, surface.start, scene, scene.span, rtol))
+
+    def again() -> Trajectory:
+        return run_model(surface.flow, surface.start, scene, scene.span, rtol)
+
+    run = again()
     why, failure = "", None
     if not run.status.ok:
         failure = Failure.END
@@ -175,10 +199,10 @@ def solved_candidate(
     holds = _held(surface, times, (1.0 - INTEGRATION) * scene.tolerance) if why else last
     preparation = outlook.shared + surface.preparation
     candidate = Candidate(
-        ModelKind.SOLVED, None, predicted, holds, seconds, preparation,
+        ModelKind.SOLVED, None, predicted, holds, (), preparation,
         float(run.stats.steps), float(run.stats.field_calls), not why, why, failure,
     )  # fmt: skip
-    return candidate, surface
+    return Trial(candidate, (again,)), surface
 
 
 def _held(surface: SurfaceOutlook, times: np.ndarray, limit: float) -> float:
@@ -188,7 +212,7 @@ def _held(surface: SurfaceOutlook, times: np.ndarray, limit: float) -> float:
     return float(times[max(int(np.argmin(np.append(good, False))) - 1, 0)])
 
 
-def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Candidate, Interval]:
+def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -> tuple[Trial, Interval]:
     """The full system, its cost extrapolated from the layer and a piece of the span behind it."""
     first, last = scene.span
     begun = time.perf_counter()
@@ -205,25 +229,31 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     preparation = time.perf_counter() - begun
     over = first + min(layer, LARGEST_LAYER * (last - first))
     middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))
-    seconds, run = _timed(lambda: run_model(flow, start, scene, (first, end), rtol, method=method))
-    shorter, half = _timed(lambda: run_model(flow, start, scene, (first, middle), rtol, method=method))
+
+    def until(t: float) -> Trajectory:
+        return run_model(flow, start, scene, (first, t), rtol, method=method)
+
+    run = until(end)
     if not run.status.ok:
         # What it would cost to the end is not known.
         candidate = Candidate(
             ModelKind.FULL, None, rtol, float(run.t[-1]), preparation=preparation, why_not=run.message
         )
-        return candidate, (first, end)
+        return Trial(candidate), (first, end)
     done = run.stats.steps
     more = _density(run.t, middle) * (last - end)
     # The cost of a call is not paid again, that of a step is.
-    extra = max(done - half.stats.steps, 1)
-    each = float(np.clip((seconds - shorter) / extra, 0.1 * seconds / done, seconds / done))
+    extra = max(done - until(middle).stats.steps, 1)
+
+    def over_the_span(whole: float, half: float) -> float:
+        each = float(np.clip((whole - half) / extra, 0.1 * whole / done, whole / done))
+        return whole + each * more
+
     total = done + more
     candidate = Candidate(
-        ModelKind.FULL, None, rtol, last, seconds + each * more, preparation,
-        total, run.stats.field_calls * total / done, True,
+        ModelKind.FULL, None, rtol, last, (), preparation, total, run.stats.field_calls * total / done, True,
     )  # fmt: skip
-    return candidate, (first, end)
+    return Trial(candidate, (lambda: until(end), lambda: until(middle)), over_the_span), (first, end)
 
 
 def _density(times: np.ndarray, middle: float) -> float:
@@ -252,13 +282,3 @@ def run_model(
         method=method,
         max_steps=MAX_STEPS,
     )
-
-
-def _timed(run: Callable[[], Trajectory]) -> tuple[float, Trajectory]:
-    best, found = float("inf"), None
-    for _ in range(RUNS):
-        begun = time.perf_counter()
-        found = run()
-        best = min(best, time.perf_counter() - begun)
-    assert found is not None
-    return best, found

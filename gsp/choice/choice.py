@@ -24,6 +24,7 @@ from gsp.choice.candidates import (
     run_model,
     solved_candidate,
 )
+from gsp.choice.costs import Cost, cost_beside, timed
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
 from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown, serving_of
@@ -40,9 +41,6 @@ from gsp.systems.region import Interval
 
 # Errors on the piece are measured at so many times.
 PIECE_POINTS = 33
-# Reducing has to save a tenth, or it is not worth a second model: quasi-steady states saved 5 % where flames were
-# computed, less than they cost in accuracy. Models within a tenth of one another cost the same.
-WORTH_IT = 0.9
 AS_FAR = 0.9
 # A reduced flow that holds for less than this share of the span does not pay for being switched on and off.
 SMALLEST_SHARE = 0.05
@@ -190,12 +188,13 @@ def choose(
     )
     layer = outlook.layer if outlook else 0.0
     fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
-    full, piece = full_candidate(flow, start, scene, max(layer, fast_time * np.log(1.0 / rtol)), rtol)
-    reduced = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []
+    whole, piece = full_candidate(flow, start, scene, max(layer, fast_time * np.log(1.0 / rtol)), rtol)
+    trials = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []
     surface = None
     if outlook and solve:
-        solved, surface = solved_candidate(outlook, reduced, scene, rtol)
-        reduced.append(solved)
+        solved, surface = solved_candidate(outlook, [trial.candidate for trial in trials], scene, rtol)
+        trials.append(solved)
+    *reduced, full = timed([*trials, whole])
     ending = ""
     if outlook and max(outlook.prediction.runs) <= max(wanted):
         ending = f"{outlook.astray}." if outlook.astray else study.cut(max(wanted) + 1)
@@ -243,10 +242,9 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
     """(model, the reduced one that serves part of the span), given every candidate's cost."""
     valid = [c for c in reduced if c.valid]
     if valid:
-        cheapest = min(c.seconds for c in valid)
         # Sorted by order: of equals the simplest.
-        best = next(c for c in valid if WORTH_IT * c.seconds <= cheapest)
-        return (full if full.valid and best.seconds > WORTH_IT * full.seconds else best), None
+        best = next(c for c in valid if not any(cost_beside(o, c) is Cost.LESS for o in valid))
+        return (full if full.valid and cost_beside(best, full) is not Cost.LESS else best), None
     flows = [c for c in reduced if c.order is not None]
     if not flows:
         return full, None

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.choice.candidates import INTEGRATION, LARGEST_LAYER, Candidate, ModelKind
+from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
 
@@ -24,9 +25,13 @@ class Answer(StrEnum):
     """Whether a scene may be reduced."""
 
     YES = "yes"
+    AS_FAST = "yes, at about the same cost"
     NO_GAIN = "yes, but it does not pay"
     IN_PART = "for part of the span"
     NO = "no"
+
+
+_ALLOWED = {Cost.LESS: Answer.YES, Cost.SAME: Answer.AS_FAST, Cost.MORE: Answer.NO_GAIN}
 
 
 @dataclass(frozen=True)
@@ -86,12 +91,12 @@ def judge(evidence: Evidence) -> Verdict:
         return Verdict(Answer.NO, why, "" if full.valid else f"The full system {full.why_not}.")
     shown = serving_of(model, reduced)
     if shown is not None:
-        pays = shown is model
+        cost = cost_beside(shown, full) if full.valid else Cost.LESS
         return Verdict(
-            Answer.YES if pays else Answer.NO_GAIN,
+            _ALLOWED[cost],
             f"{named(shown)} keeps to {wanted}; {_off(shown, evidence)}",
-            _speed(shown, full, pays=pays),
-            "" if pays else "Reduce for the formula; to compute a run take the full system.",
+            _speed(shown, full, cost),
+            "" if cost is Cost.LESS else "Reduce for the formula; to compute a run take the full system.",
         )
     length = scene.span[1] - scene.span[0]
     if partial is not None and partial.holds_until - scene.span[0] - evidence.layer < SMALLEST_PART * length:
@@ -146,16 +151,15 @@ def seconds_shown(seconds: float) -> str:
     return f"{1e6 * seconds:.3g} us" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"
 
 
-def _speed(shown: Candidate, full: Candidate, *, pays: bool) -> str:
+def _speed(shown: Candidate, full: Candidate, cost: Cost) -> str:
     if not full.valid:
         return f"It alone was seen to reach the end: the full system {full.why_not}."
-    ratio = full.seconds / shown.seconds
     times = f"{seconds_shown(shown.seconds)} a run against {seconds_shown(full.seconds)} of the full system"
-    if not pays:
-        return f"It {'saves too little time' if ratio > 1.0 else 'takes longer'}: {times}."
+    if cost is not Cost.LESS:
+        return f"It {cost}: {times}."
     runs = max(1.0, np.ceil((shown.preparation - full.preparation) / (full.seconds - shown.seconds)))
     return (
-        f"It is {ratio:.2g} times as fast, {times}; its preparation pays after {runs:.0f} run"
+        f"It is {full.seconds / shown.seconds:.2g} times as fast, {times}; its preparation pays after {runs:.0f} run"
         f"{'s' if runs > 1 else ''}."
     )
 

@@ -25,7 +25,7 @@ def test_an_order_whose_base_point_is_beyond_the_sheet_does_not_refuse_those_bel
     outlook = foresee(gene, (0, 1, 2, 3))
     assert max(outlook.prediction.runs) == 4
     assert "order 5" in outlook.astray
-    assert choose(gene, solve=False).verdict.answer is Answer.NO_GAIN
+    assert choose(gene, solve=False).verdict.answer not in (Answer.NO, Answer.IN_PART)
 
 
 def test_a_layer_that_carries_the_start_beyond_its_sheet_is_told() -> None:

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp import load, models
-from gsp.choice import candidates, forecast
+from gsp.choice import costs, forecast
 from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
 from gsp.choice.choice import _end_of, choose, select
 from gsp.choice.forecast import foresee, foresee_surface, layer_left
@@ -20,7 +20,7 @@ from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.methods import choose_method
 from gsp.integration.surface_flow import flow_on
-from gsp.integration.trajectory import Trajectory, integrate
+from gsp.integration.trajectory import integrate
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
@@ -171,7 +171,7 @@ def test_the_prediction_agrees_with_the_residual_carried_by_the_slow_flow() -> N
 def candidate(order: int | None, seconds: float, **changes) -> Candidate:
     kind = ModelKind.FULL if order is None else ModelKind.REDUCED
     given = {"predicted": 1e-7, "holds_until": 1.0, "preparation": 0.1, "steps": 10, "field_calls": 100}
-    return Candidate(kind, order, seconds=seconds, **({"valid": True} | given | changes))
+    return Candidate(kind, order, timings=(seconds, seconds), **({"valid": True} | given | changes))
 
 
 def test_the_cheapest_valid_model_is_chosen_and_of_equals_the_simplest() -> None:
@@ -235,16 +235,16 @@ def test_the_steps_of_the_full_system_are_foreseen_within_a_factor_of_two(name: 
     assert run.stats.steps / 2 <= choice.candidates[-1].steps <= 2 * run.stats.steps
 
 
-def by_counted_steps(run) -> tuple[float, Trajectory]:
+def by_counted_steps(run) -> float:
     """Seconds as if a call cost three of them and a step a tenth."""
-    trajectory = run()
-    return 3.0 + 0.1 * trajectory.stats.steps, trajectory
+    return 3.0 + 0.1 * run().stats.steps
 
 
 def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkeypatch) -> None:
-    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     asked = scene(-x, x - y, span=(0, 10), epsilon=0.05)
-    full, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-9)
+    trial, piece = full_candidate(asked.system, asked.start, asked, 0.5, 1e-9)
+    (full,) = costs.timed([trial])
     assert piece == (0.0, 0.5 + PIECE * 9.5)
     assert full.seconds == pytest.approx(3.0 + 0.1 * full.steps, rel=1e-12)
     method = choose_method(compile_flow(asked.system), 1e-9)
@@ -253,10 +253,10 @@ def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkey
 
 
 def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatch) -> None:
-    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     asked = replace(models.load("van_der_pol"), span=(0, 2), tolerance=1e-3)
     outlook = foresee(asked, [0])
-    found = reduced_candidate(outlook, 0, asked, 1e-4)
+    (found,) = costs.timed([reduced_candidate(outlook, 0, asked, 1e-4)])
     assert not found.valid
     end = max(found.holds_until, 2 * PIECE)
     run = run_model(outlook.flows[0], outlook.starts[0], asked, (0, end), 1e-4)
@@ -272,7 +272,7 @@ BENDING = {"f": -x + y**2 / 5, "g": x - y + sp.Rational(3, 10) * x * y}
 
 @pytest.mark.parametrize("region", [(-5, 5), (0.5, 5)], ids=["to the end", "until the region is left"])
 def test_a_choice_does_not_depend_on_when_the_clock_began(region, monkeypatch) -> None:
-    monkeypatch.setattr(candidates, "_timed", by_counted_steps)
+    monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     asked = scene(**BENDING, region={"x": region}, tolerance=1e-3)
     here, later = (choose(replace(asked, span=(t, t + 2)), orders=(0, 1), solve=False) for t in (0, 7))
     assert later.layer == pytest.approx(here.layer, rel=1e-6)

@@ -1,0 +1,96 @@
+"""What a model costs beside another: timed in turn, twice, by a clock that the tests hold."""
+
+from dataclasses import replace
+
+import pytest
+
+from gsp import models
+from gsp.choice import costs
+from gsp.choice.candidates import Candidate, ModelKind, Trial
+from gsp.choice.choice import choose, select
+from gsp.choice.costs import MEASUREMENTS, RUNS, Cost, cost_beside, timed
+from gsp.choice.simulation import simulate
+from gsp.choice.verdict import Answer, Evidence, judge
+from gsp.report import choice_as_json
+
+PLAIN = replace(models.load("linear"), tolerance=1e-3)
+
+
+class Clock:
+    """Time that passes in runs alone, and in which order they were made."""
+
+    def __init__(self) -> None:
+        self.now, self.made = 0.0, []
+
+    def __call__(self) -> float:
+        return self.now
+
+    def trial(self, order: int | None, *seconds: float) -> Trial:
+        """A model whose successive runs take `seconds`."""
+        left = iter(seconds)
+
+        def run() -> None:
+            self.made.append(order)
+            self.now += next(left)
+
+        kind = ModelKind.FULL if order is None else ModelKind.REDUCED
+        return Trial(Candidate(kind, order, 1e-7, 1.0, valid=True), (run,))  # pyright: ignore
+
+
+@pytest.fixture
+def clock(monkeypatch) -> Clock:
+    held = Clock()
+    monkeypatch.setattr(costs, "clock", held)
+    return held
+
+
+def test_models_are_timed_in_turn_and_each_measurement_keeps_its_least(clock) -> None:
+    one, full = timed([clock.trial(1, 5, 2, 4, 3, 9, 7), clock.trial(None, 8, 8, 8, 6, 6, 6)])
+    assert clock.made == [1, None] * (RUNS * MEASUREMENTS)
+    assert (one.timings, full.timings) == ((2, 3), (8, 6))
+    assert (one.seconds, full.seconds) == (2, 6)
+    (left,) = timed([Trial(Candidate(ModelKind.SOLVED, None))])
+    assert left.timings == ()
+    assert left.seconds != left.seconds
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "cost", "answer", "words"),
+    [
+        (2.0, 2.5, Cost.LESS, Answer.YES, "1.5 times as fast"),
+        (2.0, 3.2, Cost.SAME, Answer.AS_FAST, "about the same time"),
+        (3.2, 2.0, Cost.SAME, Answer.AS_FAST, "about the same time"),
+        (2.9, 2.9, Cost.SAME, Answer.AS_FAST, "about the same time"),
+        (4.0, 5.0, Cost.MORE, Answer.NO_GAIN, "takes longer"),
+    ],
+)
+def test_a_saving_that_two_measurements_do_not_share_is_about_the_same(
+    clock, first, second, cost, answer, words
+) -> None:
+    one, full = timed([clock.trial(1, *3 * [first], *3 * [second]), clock.trial(None, *6 * [3.0])])
+    assert cost_beside(one, full) is cost
+    model, _ = select(full, [one], (0.0, 1.0))
+    assert model is (one if cost is Cost.LESS else full)
+    found = judge(Evidence(scene=PLAIN, candidates=(one, full), model=model))
+    assert found.answer is answer
+    assert words in found.speed
+
+
+@pytest.mark.parametrize(("later", "answer"), [(1.0, Answer.YES), (1e4, Answer.AS_FAST)])
+def test_choose_the_report_and_simulate_share_what_was_measured(later, answer, monkeypatch) -> None:
+    # A reduced step takes a hundredth of a full one, and in the second measurement `later` times as long.
+    counts: dict[int, int] = {}
+
+    def seconds(run) -> float:
+        made = run()
+        counts[id(run)] = counts.get(id(run), 0) + 1
+        if len(made.flow.states) == 2:
+            return float(made.stats.steps)
+        return made.stats.steps * (0.01 if counts[id(run)] <= RUNS else 0.01 * later)
+
+    monkeypatch.setattr(costs, "_seconds", seconds)
+    choice = choose(PLAIN, orders=(1,), solve=False)
+    assert choice.verdict.answer is answer
+    assert choice_as_json(choice)["verdict"]["answer"] == str(answer)
+    run = simulate(PLAIN, choice=choice)
+    assert (run.reduced_share > 0.5) is (answer is Answer.YES)
