@@ -43,6 +43,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """
     if len(session.items) > MANY:
         compile_together(os.environ.get("PYTEST_XDIST_WORKER", ""))
+    # It asks who refers to the generators of its plugins, trio's for one, which what is left to itself no longer tells.
+    importlib.import_module("hypothesis")
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 10, 10)
