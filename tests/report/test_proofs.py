@@ -1,12 +1,15 @@
 """The certificate beside the verdict, and in a report: its words, its numbers and its picture."""
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 
 import matplotlib.patches
 import numpy as np
 import pytest
 import sympy as sp
+from matplotlib.figure import Figure
 
 import gsp
 from gsp import charts
@@ -14,6 +17,7 @@ from gsp.analysis.analysis import Analysis, analyse
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
 from gsp.report import hyperbolicity_as_json, write_report
+from gsp.report.sections import Page
 from tests.analyses import analysis_of
 
 x, y, eps = sp.symbols("x y epsilon")
@@ -135,3 +139,19 @@ def test_json_has_no_certificate_where_none_was_asked_for() -> None:
     content = hyperbolicity_as_json(classify(branch(x - 2 * y), region={"x": (0, 1)}))
     assert content["certificate"] is None
     assert content["exclusion"] == {"boxes": 1, "left": [], "share": 0, "reason": ""}
+
+
+def test_what_is_said_of_the_gap_is_what_is_proved(van_der_pol: Analysis) -> None:
+    found = van_der_pol.hyperbolicity
+    assert found.is_proved
+    told = re.match(r"at least ([0-9.e-]+) in fast time, proved in ", str(Page(van_der_pol).gap()))
+    assert told is not None
+    assert float(told[1]) <= found.known_gap
+    axes = Figure().add_subplot()
+    charts.eigenvalues(van_der_pol, axes)
+    (label,) = [text for text in axes.get_legend_handles_labels()[1] if text.startswith("gap")]
+    assert label.startswith("gap at least ")
+    assert float(label.split()[-1]) <= found.known_gap
+    # Without a proof it is that of the samples.
+    sampled = dataclasses.replace(van_der_pol, hyperbolicity=dataclasses.replace(found, certificate=None))
+    assert str(Page(sampled).gap()) == f"{found.gap:.4g} in fast time"
