@@ -112,14 +112,20 @@ def factor_list(expression: sp.Expr) -> tuple[sp.Rational, list[tuple[sp.Expr, i
     found = quotient(expression)
     if found is None:
         return sp.Integer(1), [(expression, 1)]
-    top = found.numerator
-    if top.is_constant():
-        return rational(top.leading_coefficient() if top != 0 else flint.fmpq(0)), []
-    powers = [(top, 1)]
-    if len(top) <= FACTOR_TERMS and max(top.degrees()) <= FACTOR_DEGREE:
-        powers = [(piece, int(k)) for piece, k in top.factor()[1]]
+    return _factor_list(found, found.numerator)
+
+
+def _factor_list(
+    found: Quotient, polynomial: flint.fmpq_mpoly
+) -> tuple[sp.Rational, list[tuple[sp.Expr, int]]]:
+    """(c, [(factor, multiplicity), ...]) of one of the polynomials of a quotient."""
+    if polynomial.is_constant():
+        return rational(polynomial.leading_coefficient() if polynomial != 0 else flint.fmpq(0)), []
+    powers = [(polynomial, 1)]
+    if len(polynomial) <= FACTOR_TERMS and max(polynomial.degrees()) <= FACTOR_DEGREE:
+        powers = [(piece, int(k)) for piece, k in polynomial.factor()[1]]
     result = []
-    constant = top.leading_coefficient()
+    constant = polynomial.leading_coefficient()
     for piece, k in powers:
         primitive = primitive_multiple(piece * (1 / flint.fmpq(piece.leading_coefficient())))[0]
         constant = constant / primitive.leading_coefficient() ** k
@@ -140,7 +146,7 @@ def factored(expression: sp.Expr) -> sp.Expr:
         return expression
     product: sp.Expr = sp.Integer(1)
     for polynomial, sign in ((found.numerator, 1), (found.denominator, -1)):
-        constant, powers = factor_list(found.expression(polynomial))
+        constant, powers = _factor_list(found, polynomial)
         product *= constant**sign * sp.Mul(*[e ** (sign * k) for e, k in powers])
     return product
 

@@ -89,10 +89,21 @@ def _left_null_space(rows: list[dict]) -> list[list[sp.Expr]]:
     monomials = sorted({m for row in rows for m in row}, key=str)
     if not monomials:
         return [[sp.Integer(int(i == j)) for j in range(len(rows))] for i in range(len(rows))]
-    matrix = sp.Matrix([[row.get(m, 0) for row in rows] for m in monomials])
+    places = {m: i for i, m in enumerate(monomials)}
+    entries = {(places[m], j): c for j, row in enumerate(rows) for m, c in row.items()}
+    matrix = sp.SparseMatrix(len(monomials), len(rows), entries)
     null = DomainMatrix.from_Matrix(matrix).to_field().nullspace().to_Matrix()
-    vectors = [coprime_numerators(list(null.row(i))) for i in range(null.rows)]
-    return [_with_leading_sign(vector) for vector in vectors if vector is not None]
+    found: dict[int, dict[int, sp.Expr]] = {}
+    for (i, j), entry in null.todok().items():
+        found.setdefault(i, {})[j] = entry
+    vectors = []
+    for i in range(null.rows):
+        places = sorted(found[i])
+        row = coprime_numerators([found[i][j] for j in places])
+        if row is not None:
+            known = dict(zip(places, _with_leading_sign(row)))
+            vectors.append([known.get(j, sp.S.Zero) for j in range(null.cols)])
+    return vectors
 
 
 def _with_leading_sign(vector: list[sp.Expr]) -> list[sp.Expr]:
@@ -142,9 +153,10 @@ def _linear(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[s
     if numerators is None:
         return []
     vectors = nonnegative_basis(_left_null_space(_coefficient_rows(numerators, states)))
-    integrals = [sp.Add(*[c * z for c, z in zip(vector, states)]) for vector in vectors]
+    held = [[i for i, c in enumerate(vector) if c != 0] for vector in vectors]
+    integrals = [sp.Add(*[vector[i] * states[i] for i in places]) for vector, places in zip(vectors, held)]
     # Single states first, then in the order of the first state they contain.
-    return sorted(integrals, key=lambda phi: [i for i, z in enumerate(states) if phi.has(z)])
+    return [integrals[k] for k in sorted(range(len(integrals)), key=held.__getitem__)]
 
 
 def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degree: int) -> list[sp.Expr]:

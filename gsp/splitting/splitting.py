@@ -334,7 +334,7 @@ def _route(coordinates: Mapping[sp.Symbol, sp.Expr], states, epsilon) -> str:
     many = len(new) > 1
     integral = "are {} first integrals" if many else "is a {} first integral"
     listed = ", ".join(s.name for s in new)
-    if all(phi.is_polynomial(*states) and sp.Poly(phi, *states).total_degree() == 1 for phi in new.values()):
+    if jacobian(new.values(), states).free_symbols.isdisjoint(states):
         return f"The directions N are constant, so {listed} {integral.format('linear')} of the layer problem:"
     return (
         f"The directions N depend on the state; {listed} {integral.format('nonlinear')} of the layer problem:"

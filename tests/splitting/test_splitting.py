@@ -502,3 +502,11 @@ def test_columns_are_chosen_by_elimination_and_not_one_minor_after_another(count
 def _layer(result: Splitting) -> sp.Matrix:
     """What carries 1/epsilon."""
     return sp.Matrix([laurent(rate, eps, order=-1).get(-1, 0) for rate in result.field.rates])
+
+
+@pytest.mark.exhaustive
+def test_a_thousand_states_are_split() -> None:
+    # SymPy's dense polynomials in so many states recurse once for each.
+    result = split(_fast_pairs(500))
+    assert len(result.system.x) == len(result.system.y) == 500
+    assert "constant" in result.route

@@ -1,0 +1,43 @@
+"""Columns by elimination: the greedy choice of independent ones, part by part, against one rank at a time."""
+
+from __future__ import annotations
+
+import random
+
+import flint
+import pytest
+
+from gsp.algebra.elimination_over_rationals import connected_parts, independent_columns
+
+
+def matrix_of(rows: int, columns: int, share: float, seed: int) -> flint.fmpq_mat:
+    drawn = random.Random(seed)
+    numbers = [
+        flint.fmpq(drawn.randint(-3, 3), drawn.randint(1, 4)) if drawn.random() < share else flint.fmpq(0)
+        for _ in range(rows * columns)
+    ]
+    return flint.fmpq_mat(rows, columns, numbers)
+
+
+@pytest.mark.parametrize("share", [0.15, 0.4, 1.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_column_is_chosen_where_it_raises_the_rank_of_those_before_it(share: float, seed: int) -> None:
+    matrix = matrix_of(6, 9, share, seed)
+    entries = matrix.table()
+    order = random.Random(seed).sample(range(9), 8)
+    greedy: list[int] = []
+    for j in order:
+        if flint.fmpq_mat([[row[i] for i in (*greedy, j)] for row in entries]).rank() > len(greedy):
+            greedy.append(j)
+    assert independent_columns(matrix, order) == greedy
+
+
+def test_parts_have_every_row_and_column_once_and_no_entry_between_them() -> None:
+    places = [(0, 3), (2, 3), (2, 0), (1, 1)]
+    parts = connected_parts(places, 4, 5)
+    assert sorted(i for rows, _ in parts for i in rows) == list(range(4))
+    assert sorted(j for _, columns in parts for j in columns) == list(range(5))
+    part = {("row", i): k for k, (rows, _) in enumerate(parts) for i in rows}
+    part |= {("column", j): k for k, (_, columns) in enumerate(parts) for j in columns}
+    assert all(part["row", i] == part["column", j] for i, j in places)
+    assert len(parts) == 6
