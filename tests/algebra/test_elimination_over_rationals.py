@@ -40,4 +40,4 @@ def test_parts_have_every_row_and_column_once_and_no_entry_between_them() -> Non
     part = {("row", i): k for k, (rows, _) in enumerate(parts) for i in rows}
     part |= {("column", j): k for k, (_, columns) in enumerate(parts) for j in columns}
     assert all(part["row", i] == part["column", j] for i, j in places)
-    assert len(parts) == 6
+    assert len(parts) == 5
