@@ -41,15 +41,15 @@ class Ending:
     @property
     def complaint(self) -> str:
         """What is wrong with this ending, empty when it is a result or a refusal with its reason."""
-        if self.status < 0 or self.status not in (0, 1, 2):
+        if self.status < 0 or self.status not in (0, 1, 2, 3):
             return f"ended with status {self.status}"
         if "Traceback" in self.errors or "Traceback" in self.output:
             return "ended in a traceback"
         if self.status == 2 and not re.search(r"gsp: \S+ .{20,}", self.errors):
             return "refused without a reason"
-        if self.status < 2 and not self.output.strip():
+        if self.status != 2 and not self.output.strip():
             return "printed nothing"
-        if self.status == 1 and self.verb != "check":
+        if self.status in (1, 3) and self.verb != "check":
             return "failed without a refusal"
         if self.seconds > SECONDS:
             return f"took {self.seconds:.0f} s of CPU time"
