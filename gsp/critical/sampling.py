@@ -31,8 +31,9 @@ COARSE_SOBOL = 6
 SOME = 8
 # Eigenvalues that are followed, the vectors by which they are found, and their relative accuracy.
 FOLLOWED, VECTORS, ACCURACY = 2, 40, 1e-9
-# A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts.
-EDGE = 1e-9
+# A point is in a box when it lies outside by less than this, relative to its width: a loss on the edge counts. Points
+# of a branch are found so well.
+EDGE = 1e-12
 # Least singular value of g_y, relative to the largest, at which Newton's method has lost half of its digits.
 NEARLY_SINGULAR = 1e-4
 

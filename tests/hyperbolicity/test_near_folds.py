@@ -40,7 +40,8 @@ def gap_of_van_der_pol(distance: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("distance", "width", "bounds"), crossed([2e-3, 1e-4, 1e-7], [1.0, 1.866, 1e-3], [{}, {"x": (0.999, 2.2)}])
+    ("distance", "width", "bounds"),
+    crossed([2e-3, 1e-4, 1e-7, 1e-9], [1.0, 1.866, 1e-3], [{}, {"x": (0.999, 2.2)}]),
 )
 def test_the_gap_next_to_a_fold_is_its_own(distance, width, bounds) -> None:
     region = {"y": (-2 / 3 + distance, -2 / 3 + distance + width), **bounds}
