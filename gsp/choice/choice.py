@@ -57,8 +57,9 @@ class Choice(Card, Tabular):
     none serves the whole span, for `simulate`; `manifold` is the solved manifold when that was chosen. `verdict` is the
     answer to "may I reduce?", the same wherever it is shown. `fast_error` is what the fast variables of the model it
     speaks of are predicted to be off by behind the layer, and `layer_error` in it; not numbers where there is no such
-    model, or where the fast variables are among `names`. `ending` says why the series ends where it does
-    not tell the error of one of the orders asked for.
+    model, or where the fast variables are among `names`. Where their series does not converge, `fast_error` is measured
+    on `fast_measured` (t0, t1), the part of the piece behind their layer. `ending` says why the series ends
+    where it does not tell the error of one of the orders asked for.
     """
 
     study: Study
@@ -78,6 +79,7 @@ class Choice(Card, Tabular):
     ending: str = ""
     fast_error: float = float("nan")
     layer_error: float = float("nan")
+    fast_measured: Interval | None = None
 
     @property
     def scene(self) -> Scene:
@@ -188,7 +190,8 @@ def choose(
     )
     layer = outlook.layer if outlook else 0.0
     fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
-    whole, piece = full_candidate(flow, start, scene, max(layer, fast_time * np.log(1.0 / rtol)), rtol)
+    gone = max(layer, fast_time * np.log(1.0 / rtol))
+    whole, piece = full_candidate(flow, start, scene, gone, rtol)
     trials = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []
     surface = None
     if outlook and solve:
@@ -200,7 +203,12 @@ def choose(
         ending = f"{outlook.astray}." if outlook.astray else study.cut(max(wanted) + 1)
     model, partial = select(full, reduced, scene.span)
     names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
-    fast_error, layer_error = _fast_errors(serving_of(model, reduced), outlook, surface)
+    serving = serving_of(model, reduced)
+    fast_error, layer_error = _fast_errors(serving, outlook, surface)
+    fast_measured = None
+    if outlook and serving and serving.order is not None and np.isfinite(layer_error) and np.isnan(fast_error):
+        fast_measured = _behind(gone, piece)
+        fast_error = _fast_measured(outlook, serving.order, scene, fast_measured, rtol)
     verdict = judge(
         Evidence(
             scene=scene,
@@ -214,6 +222,7 @@ def choose(
             names=names,
             fast_error=fast_error,
             layer_error=layer_error,
+            fast_measured=fast_measured,
         )
     )
     expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
@@ -235,6 +244,7 @@ def choose(
         ending=ending,
         fast_error=fast_error,
         layer_error=layer_error,
+        fast_measured=fast_measured,
     )
 
 
@@ -269,6 +279,23 @@ def _fast_errors(
     return surface.fast_errors(times)
 
 
+def _fast_measured(outlook: Outlook, order: int, scene: Scene, times: Interval, rtol: float) -> float:
+    """The largest relative error of the fast variables of a reduced flow at `times`, against a full run."""
+    grid, span = np.linspace(*times, PIECE_POINTS), (scene.span[0], times[1])
+    exact = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
+    reference = run_model(outlook.study.system, outlook.study.start, scene, span, exact, at=grid)
+    own = run_model(outlook.flows[order], outlook.starts[order], scene, span, rtol, at=grid)
+    if not (own.status.ok and reference.status.ok):
+        return float("nan")
+    return max(float(np.abs(own[n] - reference[n]).max()) / size for n, size in outlook.fast.scale.items())
+
+
+def _behind(layer: float, piece: Interval) -> Interval:
+    """The part of the piece behind a layer, or its end where the layer takes most of it."""
+    # Only the full system is chosen where the layer takes most of the piece.
+    return piece[0] + min(layer, (1.0 - PIECE) * (piece[1] - piece[0])), piece[1]
+
+
 def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, float]:
     """Where in the slow variables the partial model holds last."""
     if partial is None or outlook is None or partial.order is None:
@@ -291,9 +318,7 @@ def _measured(
     rtol: float,
 ) -> tuple[float, float]:
     """(predicted, measured) error of the model on the piece, the layer left out."""
-    # Only the full system is chosen where the layer takes most of the piece.
-    begin = piece[0] + min(layer, (1.0 - PIECE) * (piece[1] - piece[0]))
-    grid = np.linspace(begin, piece[1], PIECE_POINTS)
+    grid = np.linspace(*_behind(layer, piece), PIECE_POINTS)
     reference = run_model(flow, start, scene, piece, max(CLEARER * scene.tolerance, SMALLEST_RTOL), at=grid)
     if model.kind is ModelKind.FULL or outlook is None:
         own = run_model(flow, start, scene, piece, rtol, at=grid)

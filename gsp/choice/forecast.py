@@ -57,10 +57,19 @@ class Outlook:
     astray: str
 
     def fast_errors(self, order: int, times: np.ndarray) -> tuple[float, float]:
-        """The fast variables' predicted relative errors: the largest at `times` (m,), and that in the initial layer."""
-        fast = replace(self.prediction, names=tuple(s.name for s in self.study.system.y))
+        """The fast variables' predicted relative errors: the largest at `times` (m,), and that in the initial layer.
+
+        The first is not a number where their series does not converge along the run.
+        """
+        fast = self.fast
         begun = layer_left(self.inner, np.zeros(1), fast.epsilon, fast.scale)
-        return float(fast.errors(order, times).max()), float(begun[0])
+        behind = float(fast.errors(order, times).max()) if fast.converges(order, times) else float("nan")
+        return behind, float(begun[0])
+
+    @property
+    def fast(self) -> Prediction:
+        """The prediction for the fast variables."""
+        return replace(self.prediction, names=tuple(s.name for s in self.study.system.y))
 
     def errors(self, order: int, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) at `times` (m,), with what is left of the initial layer."""
@@ -183,7 +192,7 @@ class SurfaceOutlook:
     def fast_errors(self, times: np.ndarray) -> tuple[float, float]:
         """As those of an `Outlook`."""
         prediction = self.outlook.prediction
-        scale = replace(prediction, names=tuple(s.name for s in self.outlook.study.system.y)).scale
+        scale = self.outlook.fast.scale
         begun = layer_left(self.outlook.inner, np.zeros(1), prediction.epsilon, scale)
         return float(self._errors(times, scale).max()), float(begun[0])
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -89,6 +90,21 @@ class Prediction:
             return ahead > 1
         errors = self.errors(order, times)
         return bool((errors > VANISHED * self.rtol).any())
+
+    def converges(self, order: int, times: np.ndarray) -> bool:
+        """Whether each term left out moves the run at `times` (m,) by no more than the term before it.
+
+        The one before order 0 is the quantity itself. Terms that vanish are passed over.
+        """
+        orders = [k for k in (order - 1,) if k in self.runs] + self.compared(order)
+        if times[-1] > min(map(self.covered, orders)):
+            return False
+        moves = [
+            max(float(np.abs(own[name] - other[name]).max()) / self.scale[name] for name in self.names)
+            for own, other in pairwise(self.runs[k].sample(times) for k in orders)
+        ]
+        told = [move for move in (1.0, *moves) if move > VANISHED * self.rtol]
+        return told == sorted(told, reverse=True)
 
     def covered(self, order: int) -> float:
         """The time that the run of this order reaches."""

@@ -12,6 +12,7 @@ from gsp.choice.candidates import INTEGRATION, LARGEST_LAYER, Candidate, ModelKi
 from gsp.choice.costs import Cost, cost_beside
 from gsp.choice.prediction import Failure
 from gsp.scenes.scene import Scene
+from gsp.systems.region import Interval
 
 # A smaller epsilon is named down to this share of the scene's: further off the power law is no guide.
 SMALLEST_SHARE = 0.01
@@ -60,7 +61,8 @@ class Evidence:
     """What a verdict rests on: every candidate, the full system last, the `layer` in slow time, and the scene.
 
     `names` are the variables that the errors are of. `fast_error` is what the shown model's fast variables are
-    predicted to be off by behind the layer, and `layer_error` in it; not numbers where they count among `names`.
+    predicted to be off by behind the layer, or measured on `fast_measured` where their series does not converge, and
+    `layer_error` in it; not numbers where they count among `names`.
     `obstacle` says why there are no reduced candidates, `ending` why the series ends where the error of one of them is
     not told; `place` is where in the slow variables the `partial` one ends.
     """
@@ -76,6 +78,7 @@ class Evidence:
     names: Sequence[str] = ()
     fast_error: float = float("nan")
     layer_error: float = float("nan")
+    fast_measured: Interval | None = None
 
 
 def judge(evidence: Evidence) -> Verdict:
@@ -131,10 +134,23 @@ def _off(shown: Candidate, evidence: Evidence) -> str:
     """What a model is off by, of which variables."""
     of = f" in {', '.join(evidence.names)}" if evidence.names else ""
     text = f"it is predicted to be off by {shown.predicted:.1e}{of}"
-    if np.isfinite(evidence.fast_error):
-        text += f", in the fast variables by {evidence.fast_error:.1e} behind the initial layer"
+    if np.isfinite(evidence.layer_error):
+        text += f", in the fast variables {_off_behind(evidence)}"
         text += f" and by {evidence.layer_error:.1e} in it" if evidence.layer_error > 0.0 else ""
     return f"{text}."
+
+
+def _off_behind(evidence: Evidence) -> str:
+    """What the fast variables are off by behind the layer, and how that is known."""
+    if evidence.fast_measured is None:
+        return f"by {evidence.fast_error:.1e} behind the initial layer"
+    if np.isnan(evidence.fast_error):
+        return "by what their series, which does not converge, does not tell behind the initial layer"
+    begin, end = evidence.fast_measured
+    return (
+        f"by {evidence.fast_error:.1e} behind the initial layer (measured on t = {begin:.4g} to {end:.4g} only, as "
+        "their series does not converge)"
+    )
 
 
 def named(candidate: Candidate) -> str:

@@ -144,6 +144,7 @@ def choice_as_json(choice: Choice) -> dict[str, Any]:
         "speed_up": choice.speed_up,
         "fast_error": choice.fast_error,
         "layer_error": choice.layer_error,
+        "fast_measured": choice.fast_measured,
     }
     return plain(content)
 

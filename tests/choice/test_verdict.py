@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import sympy as sp
 from click.testing import CliRunner
@@ -13,6 +14,7 @@ from gsp.choice.choice import choose
 from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer, Evidence, judge
 from gsp.cli import cli
+from gsp.integration.trajectory import integrate
 from gsp.report import as_json, choice_as_json, write_report
 from gsp.report.sections import Page
 from gsp.report.wording import words
@@ -180,17 +182,40 @@ def test_the_report_decides_as_choose_does(name: str) -> None:
     assert may(shown["verdict"]["answer"]) == may(asked.verdict.answer) == may(told.verdict.answer)
 
 
-def test_the_answer_says_of_which_variables_it_speaks_and_what_the_fast_ones_are_off_by() -> None:
-    # x' = 1 is exact at order 0; y lags behind its switch by 0.89, and starts 1 off its manifold.
+TANH = sp.tanh(30 * (sp.Symbol("x") - sp.Rational(1, 2)))
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [(TANH, None), (TANH / 50, None), (sp.sin(sp.Symbol("x")), 0.05), (sp.exp(sp.Symbol("x") ** 2 / 4), 0.03)],
+    ids=["a switch", "a low switch", "a sine", "a growing one"],
+)
+def test_the_answer_says_of_which_variables_it_speaks_and_what_the_fast_ones_are_off_by(
+    target, expected
+) -> None:
+    # x' = 1 is exact at order 0, while y lags behind.
     x, y, epsilon = sp.symbols("x y epsilon")
-    system = SlowFastSystem(slow={x: 1}, fast={y: -y + sp.tanh(30 * (x - sp.Rational(1, 2)))}, epsilon=epsilon)
+    system = SlowFastSystem(slow={x: 1}, fast={y: -y + target}, epsilon=epsilon)
     scene = Scene(system, {"x": (0, 1)}, {"x": 0, "y": 0}, (0, 1), 0.05)
     choice = choose(scene, orders=(0,), solve=False)
     assert choice.candidates[0].predicted < 1e-12
-    assert choice.fast_error > 0.5
-    assert choice.layer_error == pytest.approx(1.0, rel=1e-6)
     assert "in x, in the fast variables by" in choice.verdict.accuracy
-    assert "1.0e+00 in it" in choice.verdict.accuracy
+    manifold = sp.lambdify(x, target, "numpy")
+    size = abs(manifold(np.linspace(0, 1, 1001))).max()
+    # The slow manifold lies about epsilon times the slope beside the critical one.
+    assert choice.layer_error == pytest.approx(abs(manifold(0.0)) / size, abs=0.1)
+    begin, end = choice.fast_measured or (choice.layer, 1.0)
+    times = np.linspace(begin, end, 33)
+    run = integrate(system, start=scene.start, span=(0, 1), epsilon=0.05, rtol=1e-10, atol=1e-13, at=times)
+    truth = abs(run["y"] - manifold(times)).max() / size
+    # A series that does not converge gives no number; what is told was measured, and where.
+    assert ("does not converge" in choice.verdict.accuracy) == (choice.fast_measured is not None)
+    assert (choice.fast_measured is None) == (expected is not None)
+    if expected is None:
+        assert choice.fast_error == pytest.approx(truth, rel=1e-3)
+        assert f"measured on t = {begin:.4g} to {end:.4g}" in choice.verdict.accuracy
+    else:
+        assert choice.fast_error == pytest.approx(expected, rel=0.5)
     # Asked for, they are among the errors themselves.
     asked = choose(scene, orders=(0,), solve=False, fast=True)
     assert not asked.candidates[0].valid
