@@ -5,6 +5,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import TopologicalSorter
@@ -38,7 +39,8 @@ def modules() -> list[tuple[str, Path]]:
         parts = path.relative_to(ROOT).with_suffix("").parts
         # What is public, and `python -m gsp`, are no packages.
         if parts not in (("__init__",), ("__main__",)):
-            found.append((parts[0], path))
+            # A package's faces name charts, and lie above all of them: nobody imports them.
+            found.append(("faces" if parts[1:] == ("faces",) else parts[0], path))
     return found
 
 
@@ -50,13 +52,29 @@ class Module:
     forbidden: tuple[str, ...]
     arguments: dict[str, int]
     prose: tuple[int, ...]
+    reached: frozenset[str]
+    is_dynamic: bool
 
 
 @cache
 def read(path: Path) -> Module:
     """Parsed once, by whichever test asks first."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    return Module(imports(nodes), tuple(forbidden(nodes)), arguments(nodes), tuple(decisions_on_prose(nodes)))
+    return Module(
+        imports(nodes),
+        tuple(forbidden(nodes)),
+        arguments(nodes),
+        tuple(decisions_on_prose(nodes)),
+        reached(nodes, NAMES),
+        any(map(is_dynamic, nodes)),
+    )
+
+
+def is_dynamic(node: ast.AST) -> bool:
+    """Whether a module is imported whose name is no string in the source."""
+    if not isinstance(node, ast.Call) or not node.args or isinstance(node.args[0], ast.Constant):
+        return False
+    return getattr(node.func, "attr", getattr(node.func, "id", "")) in {"import_module", "__import__"}
 
 
 def imports(nodes: list[ast.AST]) -> frozenset[str]:
@@ -102,6 +120,83 @@ def test_a_package_imports_exactly_what_the_table_says(name: str) -> None:
 
 def test_no_package_imports_itself_by_a_circle() -> None:
     list(TopologicalSorter({name: package["ours"] for name, package in PACKAGES.items()}).static_order())
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {module_of(path): path for path in ROOT.rglob("*.py") if path.parent != ROOT}
+# Modules that call `import_module` with what is no name in quotes, and why.
+BY_OTHER_MEANS = {
+    "gsp.results.registry": "the faces of a noun, by the package of its class",
+    "gsp.models": "a model's own module",
+    "gsp.results.table": "libraries of others",
+    "gsp.sweeps.tasks": "functions of users",
+}
+# Two modules of one noun, whose functions import one another when they are called.
+PAIRS = {
+    frozenset({"gsp.integration.reduced_flow", "gsp.integration.reduction_end.validity"}),
+    frozenset({"gsp.sweeps.tasks", "gsp.sweeps.verbs"}),
+}
+
+
+def reached(nodes: list[ast.AST], names: Container[str]) -> frozenset[str]:
+    """Modules that a module imports, in any function, or names in a string; types alone do not count."""
+    typing = {
+        id(inner)
+        for node in nodes
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    found: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and id(node) not in typing:
+            within = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in names else str(node.module) for name in within}
+    return frozenset(name for name in found if name in names)
+
+
+def circles(graph: Mapping[str, Collection[str]]) -> list[frozenset[str]]:
+    """Strongly connected components of two modules or more."""
+
+    def all_from(start: str) -> frozenset[str]:
+        seen, left = set(), [start]
+        while left:
+            for name in graph[left.pop()]:
+                if name not in seen:
+                    seen.add(name)
+                    left.append(name)
+        return frozenset(seen)
+
+    below = {name: all_from(name) for name in graph}
+    found = {frozenset(n for n in below[name] if name in below[n]) for name in graph}
+    return sorted((circle for circle in found if len(circle) > 1), key=sorted)
+
+
+def test_no_modules_are_a_circle_whether_by_import_or_by_name() -> None:
+    graph = {name: read(path).reached - {name} for name, path in NAMES.items()}
+    assert set(circles(graph)) == PAIRS
+
+
+def test_nobody_imports_the_faces_of_a_package() -> None:
+    assert [name for name, path in NAMES.items() if any(n.endswith(".faces") for n in read(path).imports)] == []
+
+
+def test_few_modules_import_by_other_means() -> None:
+    found = {name for name, path in NAMES.items() if read(path).is_dynamic}
+    assert found == set(BY_OTHER_MEANS)
+
+
+def test_a_circle_closed_by_a_name_in_a_string_is_found() -> None:
+    sources = {"gsp.a.b": "import_module('gsp.c.d')", "gsp.c.d": "def f():\n    from gsp.a import b"}
+    graph = {name: reached(list(ast.walk(ast.parse(text))), sources) for name, text in sources.items()}
+    assert circles(graph) == [frozenset(sources)]
 
 
 def test_symbols_and_compiled_loops_do_not_meet() -> None:

@@ -11,7 +11,6 @@ import pytest
 import gsp
 from gsp import models
 from gsp.algebra import ring
-from gsp.analysis.attempts import Missing, attempt
 from gsp.errors import (
     NO_REASON,
     BudgetError,
@@ -25,6 +24,7 @@ from gsp.errors import (
 )
 from gsp.readers.expressions import CHARACTERS, parse_expression
 from gsp.readers.toml import CLAIMS, read_model
+from gsp.results.attempts import Missing, attempt
 
 ROOT = Path(gsp.__file__).parent
 # Methods of text that find or cut something in it.

@@ -23,7 +23,7 @@ from gsp.readers.expressions import parse_expression
 from gsp.readers.nodes import CONSTANTS
 from gsp.readers.toml import _symbols
 from gsp.report import folder as reports
-from gsp.report.mathml import operator
+from gsp.results.mathml import operator
 from gsp.slow.series import expand
 from gsp.systems.system import SlowFastSystem, VectorField
 

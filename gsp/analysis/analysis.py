@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from gsp.analysis.attempts import Missing, attempt, made
 from gsp.analysis.fold_surroundings import Boundary, boundary_of
 from gsp.analysis.pictured_runs import ladder_of, landing_runs, phenomenon_of, reduced_run
 from gsp.choice.choice import Choice, choose
@@ -34,6 +33,7 @@ from gsp.fibres.base_points import BasePoint
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.trajectory import Trajectory
+from gsp.results.attempts import Missing, attempt, made
 from gsp.results.drawn import Drawn
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of

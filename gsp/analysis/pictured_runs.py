@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gsp.analysis.attempts import Missing, made
 from gsp.analysis.fold_surroundings import Boundary
 from gsp.comparison.comparison import on_manifold
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.results.attempts import Missing, made
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.singular.mixed_modes import MixedMode, mixed_mode

@@ -12,7 +12,6 @@ from functools import partial
 from matplotlib.axes import Axes
 
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.attempts import attempt
 from gsp.charts.accuracy import error_against_epsilon
 from gsp.charts.canard_orbits import canard_orbits, canard_section
 from gsp.charts.continuation import critical_curve, critical_sheet
@@ -31,21 +30,11 @@ from gsp.charts.style import check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
 from gsp.charts.views import view
 from gsp.charts.work_curves import work_precision
-from gsp.choice.simulation import Simulation
-from gsp.comparison.comparison import Comparison
-from gsp.comparison.failure_map import FailureMap
-from gsp.comparison.method_table import MethodTable
-from gsp.comparison.work_precision import WorkPrecision
-from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.errors import DeclarationError
-from gsp.integration.ensemble import Ensemble
-from gsp.integration.trajectory import Trajectory
-from gsp.orbits.canard_orbits.folded_canards import CanardOrbits
-from gsp.orbits.periodic.family import OrbitFamily
-from gsp.orbits.periodic.orbit import PeriodicOrbit
+from gsp.results.attempts import attempt
+from gsp.results.registry import draw
 from gsp.singular.mixed_modes import MixedMode
-from gsp.singular.singular_orbit import SingularOrbit
 from gsp.systems.arguments import check_noun
 
 __all__ = [
@@ -92,49 +81,6 @@ __all__ = [
     "view",
     "work_precision",
 ]
-
-
-def _spread(ensemble: Ensemble, axes: Axes | None = None) -> Axes:
-    return spread(ensemble, axes, name=ensemble.flow.states[0].name)
-
-
-def _failure_map(result: FailureMap, axes: Axes | None = None) -> Axes:
-    """Both maps, or on given Axes that along the run."""
-    return failure_map(result) if axes is None else failures_along(result, axes)
-
-
-# The chart of each kind of result.
-_CHARTS: Mapping[type, Callable[..., Axes]] = {
-    Analysis: phase_portrait,
-    CanardOrbits: canard_section,
-    Comparison: error_against_epsilon,
-    CriticalCurve: critical_curve,
-    CriticalSheet: critical_sheet,
-    Ensemble: _spread,
-    FailureMap: _failure_map,
-    MethodTable: method_errors,
-    MixedMode: mixed_mode,
-    OrbitFamily: canard_explosion,
-    PeriodicOrbit: periodic_orbit,
-    Simulation: switches,
-    SingularOrbit: singular_orbit,
-    Trajectory: trajectory,
-    WorkPrecision: work_precision,
-}
-
-
-def draw(result: object, axes: Axes | None = None) -> Axes:
-    """The chart of a result, whatever kind it is; what `result.plot()` calls.
-
-    Raises `DeclarationError` for an object that has no chart.
-    """
-    for kind in type(result).__mro__:
-        if kind in _CHARTS:
-            return _CHARTS[kind](result, axes)
-    raise DeclarationError(
-        f"there is no chart of a {type(result).__name__}.",
-        f"Those are of {', '.join(sorted(kind.__name__ for kind in _CHARTS))}.",
-    )
 
 
 def surroundings(analysis: Analysis) -> Axes:

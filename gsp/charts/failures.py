@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from textwrap import wrap
 
 import matplotlib
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, name_axes
+from gsp.charts.style import BLUE, INK, PALE, SKY, STYLE, WIDTH, chart, name_axes, png
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import EXPLICIT, MANIFOLD, NEWTON
 from gsp.systems.arguments import check_noun
@@ -72,6 +73,8 @@ def failure_map(result: FailureMap, *, stacked: bool = False) -> Axes:
         figure.legend(
             handles=_key(result), loc="outside upper center", ncols=columns, frameon=False, fontsize=9
         )
+    # What a notebook shows, and a card.
+    first._repr_png_ = partial(png, first)  # pyright: ignore[reportAttributeAccessIssue]
     return first
 
 

@@ -92,7 +92,7 @@ def _give(found: Tabular, output: Path | None, as_json: bool) -> None:
     """The table to a file, as JSON, or the result in words."""
     check_interrupt()
     if output is not None:
-        from gsp.tables import table_of
+        from gsp.results.tabular import table_of
 
         if output.suffix.lower() == ".csv":
             write_rows(table_of(found).as_rows(), output)

@@ -12,9 +12,9 @@ from gsp.charts import heading_of, shape, slow_ends
 from gsp.comparison.survey import HORIZON
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
-from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, span
 from gsp.results.bounds import at_least
+from gsp.results.mathml import Typesetter
 from gsp.singular.mixed_modes import MixedMode
 
 # What figures of views are called, before their names.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 from markupsafe import Markup
 
-from gsp.report.mathml import dotted
 from gsp.report.wording import fitted
+from gsp.results.mathml import dotted
 
 if TYPE_CHECKING:
     from gsp.report.sections import Page

@@ -10,13 +10,13 @@ import sympy as sp
 
 from gsp import charts
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.attempts import Missing, attempt
 from gsp.analysis.fold_surroundings import FoldOutlook
 from gsp.choice.choice import Choice
 from gsp.comparison.survey import Claim
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
 from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.integration.trajectory import Trajectory
+from gsp.results.attempts import Missing, attempt
 from gsp.results.plain import plain
 
 

@@ -17,12 +17,12 @@ from pathlib import Path
 
 from gsp import charts
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.attempts import Missing, attempt
 from gsp.demos.demo import demo
 from gsp.errors import OutputError
 from gsp.readers.writing import as_toml
 from gsp.report.content import as_json
 from gsp.report.page import render
+from gsp.results.attempts import Missing, attempt
 from gsp.results.interrupts import undisturbed
 from gsp.systems.arguments import check_noun, check_progress, shown
 

@@ -13,12 +13,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.attempts import Missing, attempt
 from gsp.demos.demo import Demo
 from gsp.demos.page import frame_script
 from gsp.report.captions import caption
 from gsp.report.sections import Page
 from gsp.report.wording import listed, number, scientific, signed, words
+from gsp.results.attempts import Missing, attempt
 
 
 def render(
@@ -35,7 +35,7 @@ def render(
     A section or a figure that cannot be made costs itself: its reason stands in its place.
     """
     environment = Environment(
-        loader=PackageLoader("gsp.report"),
+        loader=PackageLoader(__name__.rpartition(".")[0]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -12,8 +12,8 @@ from gsp.analysis.analysis import Analysis
 from gsp.analysis.fold_surroundings import FoldOutlook
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import HORIZON
-from gsp.report.mathml import Typesetter
 from gsp.report.wording import number, words
+from gsp.results.mathml import Typesetter
 from gsp.singular.singularities.folded_singularities import FoldedSingularity
 
 

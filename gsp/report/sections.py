@@ -10,16 +10,16 @@ import sympy as sp
 from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.attempts import Missing, attempt
 from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import named
 from gsp.hyperbolicity.hyperbolicity import Kind
-from gsp.report import mathml
 from gsp.report.claims import claims_of
-from gsp.report.mathml import Typesetter, dotted, indexed, numeral, operator, row
 from gsp.report.reach import failures, reach
 from gsp.report.wording import fitted, number, span, words
+from gsp.results import mathml
+from gsp.results.attempts import Missing, attempt
 from gsp.results.bounds import at_least
+from gsp.results.mathml import Typesetter, dotted, indexed, numeral, operator, row
 from gsp.systems.declaration import exact
 from gsp.systems.system import SlowFastSystem
 

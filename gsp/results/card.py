@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-
 
 class Card:
     """Gives a value its card in notebooks; nothing is imported before one is shown."""
@@ -11,7 +9,11 @@ class Card:
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        return importlib.import_module("gsp.cards").html(self)
+        from gsp.results.card_html import html
+
+        return html(self)
 
     def _repr_latex_(self) -> str | None:
-        return importlib.import_module("gsp.cards").latex(self)
+        from gsp.results.card_html import latex
+
+        return latex(self)

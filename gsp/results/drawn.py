@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 from gsp.results.card import Card
+from gsp.results.registry import draw
 
 
 class Drawn(Card):
@@ -15,4 +15,4 @@ class Drawn(Card):
 
     def plot(self, axes: Any = None, /) -> Any:
         """The chart of this result, on `axes` or on Axes of its own; returns the Axes."""
-        return importlib.import_module("gsp.charts").draw(self, axes)
+        return draw(self, axes)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from gsp.results import registry
+
+if TYPE_CHECKING:
+    from gsp.results.table import Table
 
 
 class Tabular:
@@ -19,7 +23,7 @@ class Tabular:
 
         Raises `OutputError` where xarray is not installed.
         """
-        return importlib.import_module("gsp.tables").table_of(self).to_xarray()
+        return table_of(self).to_xarray()
 
     def to_pandas(self) -> Any:
         """The result as a `pandas.DataFrame`, indexed by the dimensions of its main quantities.
@@ -27,7 +31,7 @@ class Tabular:
         Quantities of other dimensions are left out; `to_xarray` has them. Raises `OutputError` where pandas is not
         installed.
         """
-        return importlib.import_module("gsp.tables").table_of(self).to_pandas()
+        return table_of(self).to_pandas()
 
     def as_json(self) -> dict[str, Any]:
         """The result in plain values, which `json.dumps` takes as they are: nan and infinity are None.
@@ -35,4 +39,11 @@ class Tabular:
         `dimensions` maps names to lengths; under `coordinates` and `variables` every name has its `dimensions`, its
         `shape` and its `values`, nested lists in row-major order; `attributes` are text and numbers.
         """
-        return importlib.import_module("gsp.tables").table_of(self).as_json()
+        return table_of(self).as_json()
+
+
+def table_of(result: Tabular) -> Table:
+    """The table of a result, as its package makes it."""
+    make = registry.tables.find(result)
+    assert make is not None, f"the package of {type(result).__name__} gives it no table"
+    return make(result)

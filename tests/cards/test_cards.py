@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.cards import html, latex
+from gsp.results.card_html import html, latex
 from gsp.results.drawn import Drawn
 from tests.cases import sampled
 from tests.test_transport import CASES, noun

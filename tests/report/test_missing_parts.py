@@ -11,10 +11,10 @@ import pytest
 
 from gsp import analyse, charts, load
 from gsp.analysis import analysis
-from gsp.analysis.attempts import Missing, attempt, made
 from gsp.errors import DefectWarning, GspError, MissingPartError
 from gsp.report import write_report
 from gsp.report.sections import Page
+from gsp.results.attempts import Missing, attempt, made
 from gsp.scenes import study
 from tests.cases import sampled
 

@@ -21,9 +21,9 @@ from gsp.readers.expressions import parse_expression
 from gsp.readers.writing import as_toml
 from gsp.report import as_json, check_folder, write_report
 from gsp.report import folder as report_folder
-from gsp.report.mathml import Typesetter
 from gsp.report.sections import Page as Sections
 from gsp.report.wording import number, scientific, signed, words
+from gsp.results.mathml import Typesetter
 from gsp.scenes.scene import Scene
 from tests.analyses import analysis_of
 from tests.cases import thinned

@@ -13,8 +13,7 @@ import xarray
 
 import gsp
 from gsp.errors import OutputError
-from gsp.results.tabular import Tabular
-from gsp.tables import table_of
+from gsp.results.tabular import Tabular, table_of
 from tests.cases import thinned
 from tests.test_contract import hopf, michaelis
 from tests.test_transport import CASES, noun

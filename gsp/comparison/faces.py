@@ -1,4 +1,4 @@
-"""Comparisons, maps and choices as tables."""
+"""Charts and tables of the nouns of this package."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gsp.choice.choice import Choice
 from gsp.comparison.comparison import Comparison
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.method_table import MethodTable
 from gsp.comparison.survey import Claim
 from gsp.comparison.work_precision import WorkPrecision
-from gsp.tables.table import Column, Table, numbers, texts
+from gsp.results.registry import Makers, charts, tables
+from gsp.results.table import Column, Table, numbers, texts
 
 
-def comparison(found: Comparison) -> Table:
+@tables.of(Comparison)
+def _table_of_comparison(found: Comparison) -> Table:
     """Errors over order and epsilon, those of claims over claim and epsilon."""
     orders = tuple(found.errors)
     each, along = ("order",), ("epsilon",)
@@ -42,7 +43,8 @@ def comparison(found: Comparison) -> Table:
     return Table("Comparison", coordinates, variables, told, both)
 
 
-def failure_map(found: FailureMap) -> Table:
+@tables.of(FailureMap)
+def _table_of_failure_map(found: FailureMap) -> Table:
     """Both maps: over (epsilon, position) and over (epsilon, tolerance), a layer for each method."""
     coordinates = {
         "epsilon": Column(("epsilon",), found.epsilons),
@@ -62,7 +64,8 @@ def failure_map(found: FailureMap) -> Table:
     return Table("FailureMap", coordinates, variables, told, records=found.as_rows())
 
 
-def method_table(found: MethodTable) -> Table:
+@tables.of(MethodTable)
+def _table_of_method_table(found: MethodTable) -> Table:
     """Errors over method and epsilon, and what each method costs."""
     each, along = ("method",), ("epsilon",)
     coordinates = {
@@ -89,7 +92,8 @@ def method_table(found: MethodTable) -> Table:
     return Table("MethodTable", coordinates, variables, told, records=found.as_rows())
 
 
-def work_precision(found: WorkPrecision) -> Table:
+@tables.of(WorkPrecision)
+def _table_of_work_precision(found: WorkPrecision) -> Table:
     """What every curve needed at every tolerance; nan where a curve has no run."""
     rtols = sorted({point.rtol for curve in found.curves for point in curve.points}, reverse=True)
     each, both = ("curve",), ("curve", "rtol")
@@ -114,34 +118,22 @@ def work_precision(found: WorkPrecision) -> Table:
     return Table("WorkPrecision", coordinates, variables, told, records=found.as_rows())
 
 
-def choice(found: Choice) -> Table:
-    """A row for each candidate; what was decided is in the attributes."""
-    over = ("model",)
-    candidates = found.candidates
-    variables = {
-        name: Column(over, numbers(getattr(c, name) for c in candidates))
-        for name in ("order", "predicted", "holds_until", "seconds", "preparation", "steps", "field_calls")
-    }
-    variables["kind"] = Column(over, texts(c.kind for c in candidates))
-    variables["chosen"] = Column(over, np.array([c is found.model for c in candidates]))
-    variables["valid"] = Column(over, np.array([c.valid for c in candidates]))
-    variables["why_not"] = Column(over, texts(c.why_not for c in candidates))
-    coordinates = {
-        "model": Column(over, texts(c.label for c in candidates)),
-        "epsilon": Column((), np.array(found.epsilon)),
-        "tolerance": Column((), np.array(found.tolerance)),
-    }
-    told = {
-        "scene": found.scene.name, "answer": str(found.verdict.answer), "reason": found.reason,
-        "quantities": ", ".join(found.names), "layer": found.layer, "piece_begins": found.piece[0],
-        "piece_ends": found.piece[1], "predicted_on_piece": found.predicted_on_piece, "measured": found.measured,
-        "speed_up": found.speed_up, "ending": found.ending,
-    }  # fmt: skip
-    return Table("Choice", coordinates, variables, told, over)
-
-
 def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]) -> dict[str, Column]:
     return {
         f"{name}_measure": Column(dimensions, np.array([claim.measure for claim in claims.values()])),
         f"{name}_holds": Column(dimensions, np.array([claim.holds for claim in claims.values()])),
+    }
+
+
+@charts.late
+def _charts() -> Makers:
+    from gsp import charts as drawn
+
+    return {
+        Comparison: drawn.error_against_epsilon,
+        MethodTable: drawn.method_errors,
+        WorkPrecision: drawn.work_precision,
+        FailureMap: lambda found, axes: (
+            drawn.failure_map(found) if axes is None else drawn.failures_along(found, axes)
+        ),
     }

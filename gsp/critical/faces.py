@@ -1,22 +1,21 @@
-"""Curves, sheets and points of critical and slow manifolds as tables."""
+"""Charts, tables and equations of the nouns of this package."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
+import sympy as sp
 
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
 from gsp.critical.continuation.fold_curve import FoldCurve
-from gsp.slow.sampled_manifold import SampledManifold
-from gsp.slow.slow_points import SlowPoints
-from gsp.tables.table import Column, Names, Table, complexes, texts
+from gsp.critical.critical_manifold import Branch, CriticalManifold
+from gsp.results.equations import Equation
+from gsp.results.registry import Makers, charts, equations, tables
+from gsp.results.table import Column, Names, Table, complexes, texts
 
-_Curve = CriticalCurve | FoldCurve
 
-
-def curve(found: _Curve) -> Table:
+@tables.of(CriticalCurve, FoldCurve)
+def _table_of_curve(found: CriticalCurve | FoldCurve) -> Table:
     """A row for each point: its columns, stability, and the kind of a special one."""
     names = Names(found.names)
     point, which = names("point"), names("eigenvalue")
@@ -39,7 +38,8 @@ def curve(found: _Curve) -> Table:
     return Table(type(found).__name__, coordinates, variables, told, over)
 
 
-def sheet(found: CriticalSheet) -> Table:
+@tables.of(CriticalSheet)
+def _table_of_sheet(found: CriticalSheet) -> Table:
     """A row for each vertex; the triangles are rows of the vertices."""
     names = Names(found.names)
     point, which, triangle, corner = map(names, ("point", "eigenvalue", "triangle", "corner"))
@@ -56,34 +56,20 @@ def sheet(found: CriticalSheet) -> Table:
     return Table("CriticalSheet", coordinates, variables, told, over)
 
 
-def slow_points(found: SlowPoints) -> Table:
-    """A row for each point of the slow manifold."""
-    x, y = np.atleast_2d(found.x), np.atleast_2d(found.y)
-    own = {"order": np.atleast_1d(found.order), "error": np.atleast_1d(found.error)}
-    return _over_slow("point", found, x, y, own, {})
+@equations.of(CriticalManifold)
+def _equations_of_critical_manifold(value: CriticalManifold) -> list[Equation]:
+    return [equation for branch in value.branches for equation in _branch(branch)]
 
 
-def sampled_manifold(found: SampledManifold) -> Table:
-    """A row for each node that was solved for."""
-    told = {"kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate}
-    return _over_slow("node", found, found.nodes, found.values, {"error": found.node_errors}, told)
+@equations.of(Branch)
+def _branch(value: Branch) -> list[Equation]:
+    if value.graph is not None:
+        return [Equation(symbol, (e,)) for symbol, e in value.graph.items()]
+    return [Equation(e, (sp.Integer(0),)) for e in value.equations]
 
 
-def _over_slow(
-    row: str,
-    found: SlowPoints | SampledManifold,
-    x: np.ndarray,
-    y: np.ndarray,
-    own: Mapping[str, np.ndarray],
-    told: Mapping[str, str | float | int | None],
-) -> Table:
-    """Slow variables (m, slow) and epsilon as coordinates; fast ones (m, fast) and its `own` arrays as variables."""
-    system = found.branch.system
-    names = Names([s.name for s in (*system.x, *system.y, system.epsilon)])
-    over = (names(row),)
-    coordinates = {s.name: Column(over, x[:, i]) for i, s in enumerate(system.x)}
-    coordinates[system.epsilon.name] = Column((), np.array(found.epsilon))
-    variables = {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}
-    variables |= {names(name): Column(over, values) for name, values in own.items()}
-    ending = {"status": found.status.name, "message": found.message, "tolerance": found.tolerance}
-    return Table(type(found).__name__, coordinates, variables, {**ending, **told}, over)
+@charts.late
+def _charts() -> Makers:
+    from gsp import charts as drawn
+
+    return {CriticalCurve: drawn.critical_curve, CriticalSheet: drawn.critical_sheet}

@@ -11,7 +11,6 @@ import numpy as np
 
 from gsp.errors import OutputError
 from gsp.results.plain import plain
-from gsp.systems.flow import Flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +112,26 @@ class Names:
         return name
 
 
-def names_of(flow: Flow) -> Names:
+def names_of(flow: Any) -> Names:
     """Names with those of a flow's states, observables and parameters taken."""
     symbols = (*flow.states, *flow.observables, *flow.parameters)
     return Names([*(s.name for s in symbols), *([] if flow.epsilon is None else [str(flow.epsilon)])])
+
+
+def quantities_of(flow: Any) -> list[str]:
+    """Names of a flow's states and observables."""
+    return [symbol.name for symbol in (*flow.states, *flow.observables)]
+
+
+def constants_of(flow: Any, epsilon: float | None) -> dict[str, float]:
+    """Epsilon, where there is one, and the parameters by name."""
+    given = {} if flow.epsilon is None or epsilon is None else {str(flow.epsilon): float(epsilon)}
+    return given | {symbol.name: float(value) for symbol, value in flow.parameters.items()}
+
+
+def scalars(constants: Mapping[str, float]) -> dict[str, Column]:
+    """Columns without dimensions."""
+    return {name: Column((), np.array(value)) for name, value in constants.items()}
 
 
 def library(name: str, what: str) -> Any:

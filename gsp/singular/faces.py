@@ -1,18 +1,23 @@
-"""Singular orbits, mixed modes and passages through folds as tables."""
+"""Charts, tables and equations of the nouns of this package."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+import sympy as sp
 
+from gsp.results.equations import Equation
+from gsp.results.registry import Makers, charts, equations, tables
+from gsp.results.table import Column, Table, names_of, texts
 from gsp.singular.mixed_modes import MixedMode
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.singular.singular_orbit import SingularOrbit
-from gsp.tables.table import Column, Table, names_of, texts
+from gsp.singular.singularities.canard_value import CanardValue
 
 
-def singular_orbit(orbit: SingularOrbit) -> Table:
+@tables.of(SingularOrbit)
+def _table_of_singular_orbit(orbit: SingularOrbit) -> Table:
     """A row for each point of the slow pieces; for each piece how long it is, its fold and where the drop leads."""
     system = orbit.branch.system
     states = [s.name for s in system.states]
@@ -46,7 +51,8 @@ def singular_orbit(orbit: SingularOrbit) -> Table:
     return Table("SingularOrbit", coordinates, variables, told, over)
 
 
-def mixed_mode(mode: MixedMode) -> Table:
+@tables.of(MixedMode)
+def _table_of_mixed_mode(mode: MixedMode) -> Table:
     """A row for each swing: when it ends, its size, and whether it is a large one."""
     over = ("swing",)
     coordinates = {"swing": Column(over, np.arange(mode.sizes.size)), "t": Column(over, mode.times)}
@@ -58,7 +64,8 @@ def mixed_mode(mode: MixedMode) -> Table:
     return Table("MixedMode", coordinates, variables, told, over)
 
 
-def fold_passage(passage: FoldPassage) -> Table:
+@tables.of(FoldPassage)
+def _table_of_fold_passage(passage: FoldPassage) -> Table:
     """A row for each slow variable: the fold, its rates there, and what multiplies the powers of epsilon."""
     slow, fast = ("slow",), ("fast",)
     landing = [passage.drop.point.get(s.name, np.nan) for s in passage.system.y]
@@ -83,3 +90,16 @@ def fold_passage(passage: FoldPassage) -> Table:
 
 def _values(each: tuple[str, ...], places: Iterable[Mapping[str, float]], name: str) -> Column:
     return Column(each, np.array([place.get(name, np.nan) for place in places], dtype=float))
+
+
+@equations.of(CanardValue)
+def _equations_of_canard_value(value: CanardValue) -> list[Equation]:
+    parameter = sp.Symbol(str(value.parameter))
+    return [Equation(parameter, tuple(value.coefficients), epsilon=value.system.epsilon)]
+
+
+@charts.late
+def _charts() -> Makers:
+    from gsp import charts as drawn
+
+    return {MixedMode: drawn.mixed_mode, SingularOrbit: drawn.singular_orbit}

@@ -6,11 +6,10 @@ import base64
 
 from markupsafe import Markup
 
-from gsp.analysis.attempts import Missing, attempt
-from gsp.cards.equations import Equation, equations_of, symbols_of
-from gsp.charts import draw, png
-from gsp.report.mathml import Typesetter, math
-from gsp.results.drawn import Drawn
+from gsp.results import registry
+from gsp.results.attempts import Missing, attempt
+from gsp.results.equations import Equation, equations_of, symbols_of
+from gsp.results.mathml import Typesetter, math
 
 FRAME = Markup(
     '<div class="gsp-card" style="border:1px solid #8886;border-radius:6px;padding:.6em .9em;max-width:60em">'
@@ -36,7 +35,7 @@ FIGURE = Markup(
 def html(value: object) -> str:
     """A card: the kind of the value, its equations as MathML, what it prints, its figure. All text is escaped."""
     parts = [_mathematics(equations_of(value)), WORDS.format(str(value))]
-    if isinstance(value, Drawn):
+    if registry.charts.find(value) is not None:
         parts.append(_figure(value))
     return str(FRAME.format(type(value).__name__, Markup("").join(parts)))
 
@@ -61,9 +60,9 @@ def _mathematics(equations: list[Equation]) -> Markup:
     return TABLE.format(Markup("").join(lines))
 
 
-def _figure(value: Drawn) -> Markup:
+def _figure(value: object) -> Markup:
     name = type(value).__name__
-    picture = attempt(f"the figure of a {name}", lambda: png(draw(value)))
+    picture = attempt(f"the figure of a {name}", lambda: registry.draw(value)._repr_png_())
     if isinstance(picture, Missing):
         return WORDS.format(f"no figure: {picture.reason}")
     return FIGURE.format(f"Figure of the {name}", base64.b64encode(picture).decode("ascii"))

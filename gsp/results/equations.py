@@ -7,15 +7,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.critical.critical_manifold import Branch, CriticalManifold
-from gsp.integration.reduced_flow import ReducedFlow
-from gsp.report.mathml import Typesetter, dotted, row
-from gsp.scenes.scene import Scene
-from gsp.scenes.study import Study
-from gsp.singular.singularities.canard_value import CanardValue
-from gsp.slow.series import SeriesManifold
-from gsp.splitting.splitting import Splitting
-from gsp.systems.system import SlowFastSystem, VectorField
+from gsp.results import registry
+from gsp.results.mathml import Typesetter, dotted, row
 
 # Longer coefficients, in terms and in operations, are not set: a card is read at a glance.
 TERMS = 30
@@ -66,52 +59,19 @@ class Equation:
 
 def equations_of(value: object) -> list[Equation]:
     """The equations that say what `value` is, none for results that are numbers, or where one is too long to read."""
-    found = _equations(value)
+    found = all_equations_of(value)
     return found if all(equation.is_short for equation in found) else []
 
 
-def _equations(value: object) -> list[Equation]:
-    match value:
-        case Study() | Scene():
-            return _equations(value.scene.system if isinstance(value, Study) else value.system)
-        case SlowFastSystem():
-            return [
-                *_rates(value.slow.items()),
-                *_rates(value.fast.items(), factor=value.epsilon),
-            ]
-        case VectorField():
-            return _rates(value.equations.items())
-        case Splitting() if value.system is not None:
-            return [Equation(symbol, (value.coordinates[symbol],)) for symbol in value.system.states]
-        case CriticalManifold():
-            return [equation for branch in value.branches for equation in _equations(branch)]
-        case Branch():
-            if value.graph is not None:
-                return [Equation(symbol, (e,)) for symbol, e in value.graph.items()]
-            return [Equation(e, (sp.Integer(0),)) for e in value.equations]
-        case SeriesManifold():
-            return _series(value.readable(TERMS))
-        case ReducedFlow():
-            return _rates(zip(value.states, value.rates))
-        case CanardValue():
-            parameter = sp.Symbol(str(value.parameter))
-            return [Equation(parameter, tuple(value.coefficients), epsilon=value.system.epsilon)]
-        case _:
-            return []
+def all_equations_of(value: object) -> list[Equation]:
+    """The equations of `value`, however long."""
+    make = registry.equations.find(value)
+    return [] if make is None else make(value)
 
 
-def _rates(pairs: Iterable[tuple[sp.Symbol, sp.Expr]], factor: sp.Symbol | None = None) -> list[Equation]:
+def rates_of(pairs: Iterable[tuple[sp.Symbol, sp.Expr]], factor: sp.Symbol | None = None) -> list[Equation]:
+    """An equation for each pair of a symbol and its rate."""
     return [Equation(symbol, (rate,), dotted=True, factor=factor) for symbol, rate in pairs]
-
-
-def _series(series: SeriesManifold) -> list[Equation]:
-    system = series.branch.system
-    manifold = [Equation(y, tuple(h[y] for h in series.coefficients), epsilon=system.epsilon) for y in system.y]
-    flow = [
-        Equation(x, tuple(f[x] for f in series.reduced_field), dotted=True, epsilon=system.epsilon)
-        for x in system.x
-    ]
-    return [*manifold, *flow]
 
 
 def symbols_of(equations: Iterable[Equation]) -> list[sp.Symbol]:
