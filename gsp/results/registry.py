@@ -38,8 +38,8 @@ class Faces:
         """What makes the face of `value`, or of the nearest noun that it inherits from; None where there is none."""
         for noun in type(value).__mro__:
             _enter(*noun.__module__.split(".")[:2])
-            while self._late:
-                self._made.update(self._late.pop()())
+            for give in self._late:
+                self._made.update(give())
             if noun in self._made:
                 return self._made[noun]
         return None
