@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from gsp.hyperbolicity.hyperbolicity import classify
@@ -33,9 +34,17 @@ SHEETS = (
     # New here, and told otherwise in other units; the causes were not looked for yet.
     *("battery", "gene_dimers", "gene_dimers_from_nothing", "icealbedo"),
 )
+FOLDS_KEPT = (
+    "butera_rinzel_smith",
+    "chay",
+    "chay_keizer",
+    "stick_slip",
+    "gene_dimers",
+    "gene_dimers_from_nothing",
+)
 LEFT = {
-    "check": SHEETS,
-    "folds": SHEETS,
+    "check": tuple(name for name in SHEETS if name != "stick_slip"),
+    "folds": tuple(name for name in SHEETS if name not in FOLDS_KEPT),
     "expand": (),
     "choose": (
         *SHEETS,
@@ -71,6 +80,18 @@ def test_neither_units_nor_the_order_of_declaration_nor_what_ran_before_change_a
         if name not in LEFT[verb]:
             for powers in (mixed,) if verb == "choose" else (mixed, alike):
                 assert verdict(rescaled(plain, powers), verb) == expected[verb], (verb, powers)
+
+
+def test_a_sheet_is_followed_to_where_it_stands_in_units_in_which_it_is_large() -> None:
+    """Newton's method moves a point by its rounding, 1e-8 where V is 1e8, and the way there has no length."""
+    plain = scene("butera_rinzel_smith")
+    study = study_of(rescaled(plain, {s.name: 6 for s in plain.system.states}))
+    for h in np.linspace(*study.region["h"], 50):
+        x = np.array([[h]])
+        y = study.branch.points(x)
+        followed, good = study.branch.follow(x, start=(x[0], y[0]))
+        assert good.all()
+        assert np.allclose(followed, y, rtol=1e-9, atol=0.0)
 
 
 @pytest.mark.parametrize("name", REFERENCE)

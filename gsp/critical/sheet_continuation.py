@@ -100,7 +100,8 @@ class SheetContinuation:
         corrected, good = self.newton(x + step, predicted)
         moved = np.linalg.norm(predicted - y, axis=1) + np.linalg.norm(step, axis=1)
         correction = np.linalg.norm(corrected - predicted, axis=1)
-        return corrected, usable & good & (correction <= TRUSTED * moved + ROUNDING)
+        rounding = ROUNDING * (1.0 + np.linalg.norm(corrected, axis=1))
+        return corrected, usable & good & (correction <= TRUSTED * moved + rounding)
 
     def orientation(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Sign of det g_y: constant on a sheet, since it changes at folds only."""

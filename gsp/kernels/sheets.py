@@ -12,7 +12,7 @@ from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 from gsp.kernels.step_control import all_finite
 
-# A correction this share of the step before it may lead to another sheet; below the number it is rounding.
+# A correction this share of the step before it may lead to another sheet; below this share of 1 + |y| it is rounding.
 TRUSTED, ROUNDING = 0.25, 1e-9
 
 
@@ -101,7 +101,7 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
                 break
         for i in range(n):
             step[i] = z[m + i] - predicted[i]
-        if not converged or not norm(step) <= TRUSTED * moved + ROUNDING:
+        if not converged or not norm(step) <= TRUSTED * moved + ROUNDING * (1.0 + norm(z[m:])):
             return False
     if _linearise(jacobian, p, z, flat, factors, pivots) != orientation:
         return False
