@@ -1,15 +1,16 @@
 """Crossings: where along the steps of a run watched functions pass through zero.
 
-Every step is looked at in `SUBDIVISIONS` pieces of its dense output. A change of sign between neighbouring points
-is a crossing, and so are the two of a dip: where |g| has a minimum among the points, it is searched for a point of
-the other sign in between. The crossing is located on the dense output to rounding, and then by running the method
-again from the step's start to the crossing, so that time and state are as good as the steps are. Functions that are on
-their zeros together to rounding, on the dense output, are so in one instant, which is located once for all of them.
+Every step is looked at in `SUBDIVISIONS` pieces of its dense output, and in twice as many until cubics through the
+points tell what lies between them, or that it keeps clear of zero. A change of sign between neighbouring points is a
+crossing, or three where the extremes of the cubic between them have other signs, and so are the two of a dip: where
+|g| has a minimum among the points, it is searched for a point of the other sign in between. The crossing is located
+on the dense output to rounding, and then by running the method again from the step's start to the crossing, so that
+time and state are as good as the steps are. Functions that are on their zeros together to rounding, on the dense
+output, are so in one instant, which is located once for all of them.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -33,6 +34,11 @@ REFINEMENTS = 8
 SLOPE_WIDTH = 1e-3
 # A function is on its zero within so many units of rounding: of its terms, and of the time and the step.
 ROUNDING = 16 * 2.0**-52
+# A cubic through every second point of a step may miss those between by this share of the largest: through all of them
+# it misses a sixteenth of that, less than what an extreme between two crossings amounts to that are to be told apart.
+RESOLVED = 1e-3
+# Pieces of a step beyond which what is not smooth, such as a jump, is not looked at more closely.
+MOST_PIECES = 64 * SUBDIVISIONS
 # Steps between two looks when a run may end: what lies beyond its end is wasted.
 LOOK = 64
 
@@ -204,10 +210,7 @@ class Search:
         piece = Piece(
             np.concatenate([seen.time, times]), np.concatenate([seen.state, states]), dense[: len(times)]
         )
-        shares = np.arange(SUBDIVISIONS) / SUBDIVISIONS
-        t = piece.times[:-1, None] + shares * np.diff(piece.times)[:, None]
-        t = np.append(t.ravel(), piece.times[-1])
-        g = self.values(t, piece.at(t))
+        t, g = self._sample(piece)
         crossings = []
         for column in range(len(self.watched)):
             for a, b, sense in self._brackets(column, t, g[:, column], piece):
@@ -221,6 +224,37 @@ class Search:
                 return True
         self._pass(times, states)
         return False
+
+    def _sample(self, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) at which the steps are looked at, and the functions (m, w) there."""
+        begun, lengths = piece.times[:-1, None], np.diff(piece.times)[:, None]
+        pieces, steps = SUBDIVISIONS, np.arange(len(lengths))
+        t = begun + np.arange(pieces) / pieces * lengths
+        t = np.append(t.ravel(), piece.times[-1])
+        g = self.values(t, piece.at(t))
+        # Of each step its own points, both ends among them.
+        places = pieces * steps[:, None] + np.arange(pieces + 1)
+        times, values = list(t[places]), list(g[places])
+        latest = g[places]
+        while pieces < MOST_PIECES:
+            steps = steps[~_is_resolved(latest)]
+            if len(steps) == 0:
+                break
+            between = begun[steps] + (np.arange(pieces) + 0.5) / pieces * lengths[steps]
+            found = self.values(between.ravel(), piece.at(between.ravel())).reshape(*between.shape, -1)
+            pieces *= 2
+            latest = np.empty((len(steps), pieces + 1, g.shape[1]))
+            for i, k in enumerate(steps):
+                latest[i, ::2], latest[i, 1::2] = values[k], found[i]
+                values[k] = latest[i]
+                times[k] = np.insert(times[k], np.arange(1, pieces // 2 + 1), between[i])
+        if pieces == SUBDIVISIONS:
+            return t, g
+        # The end of a step is the beginning of the next.
+        return (
+            np.concatenate([*(of[:-1] for of in times), t[-1:]]),
+            np.concatenate([*(of[:-1] for of in values), g[-1:]]),
+        )
 
     def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: Piece) -> list[Instant]:
         """The crossings (time, sense, column), in the order of the run, by their instants."""
@@ -390,13 +424,35 @@ class Search:
             sign[0] = 0.0 if not np.isnan(sign[0]) else np.nan
         result = []
         known = np.flatnonzero(sign != 0.0)
-        for i, j in itertools.pairwise(known):
-            if sign[i] * sign[j] < 0.0:
-                result.append((float(t[i]), float(t[j]), int(sign[j])))
-            elif sign[i] == sign[j]:
-                result += self._dip(column, int(i), int(j), sign[i], t, g, bend, piece)
+        begins, ends = known[:-1], known[1:]
+        dips = self._may_dip(begins, ends, np.abs(g), bend) & (sign[begins] == sign[ends])
+        for k in np.flatnonzero(dips | (sign[begins] * sign[ends] < 0.0)):
+            of = self._dip if dips[k] else self._between
+            result += of(column, int(begins[k]), int(ends[k]), sign, t, g, piece)
         self._signs[column] = 0.0 if len(known) == 0 or np.isnan(sign[known[-1]]) else sign[known[-1]]
         return result
+
+    def _between(self, column, i, j, sign, t, g, piece):
+        """The crossing between points i and j of different signs, or all of them where the cubic through four points
+        has its extremes on the other sides."""
+        points, signs = [float(t[i])], [int(sign[i])]
+        near = slice(max(i - 1, 0), j + 2)
+        if j == i + 1 and np.isfinite(g[near]).all() and len(g[near]) == 4:
+            s = (t[near] - t[i]) / (t[j] - t[i])
+            # Beside a far shorter step the powers are dependent to rounding, and what is found is of no use.
+            cubic = np.linalg.lstsq(np.vander(s, 4), g[near] / np.abs(g[near]).max())[0]
+            extremes = np.roots(np.polyder(cubic))
+            for share in sorted(
+                extremes[(extremes.imag == 0.0) & (extremes.real > 0.0) & (extremes.real < 1.0)].real
+            ):
+                at = float(t[i] + share * (t[j] - t[i]))
+                if self._value(column, at, piece) * signs[-1] < 0.0:
+                    points.append(at)
+                    signs.append(-signs[-1])
+        if signs[-1] == sign[i]:
+            points.append(float(t[j]))
+            signs.append(int(sign[j]))
+        return list(zip(points, points[1:], signs[1:]))
 
     def _crossed(self, column: int, a: float, b: float, sense: int, piece: Piece) -> float:
         """The change of sign between `a`, where the sign is -sense, and `b`, to rounding."""
@@ -412,22 +468,48 @@ class Search:
         assert found is not None
         return found
 
-    def _dip(self, column, i, j, sign, t, g, bend, piece):
-        """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
-        near = min(abs(g[i]), abs(g[j]))
-        bound = DIP * bend[max(i - 2, 0) : j + 1].max(initial=0.0)
-        if j == i + 1 and near > bound:
-            return []
+    @staticmethod
+    def _may_dip(i: np.ndarray, j: np.ndarray, size: np.ndarray, bend: np.ndarray) -> np.ndarray:
+        """Whether between the points i and j (k,) a function of this size (m,) may dip through zero."""
+        # The second differences at the points from i - 1 to i + 2.
+        bound = DIP * np.lib.stride_tricks.sliding_window_view(np.pad(bend, 2), 4).max(axis=1)[i]
         # A minimum between i and j shows as a descent before and an ascent after, or at the ends of what is known.
-        falls = i == 0 or not abs(g[i]) > abs(g[i - 1])
-        rises = j == len(g) - 1 or not abs(g[j]) > abs(g[j + 1])
-        if j == i + 1 and not (falls and rises):
-            return []
+        falls = ~(size[i] > size[np.maximum(i - 1, 0)])
+        rises = ~(size[j] > size[np.minimum(j + 1, len(size) - 1)])
+        return (j > i + 1) | (~(np.minimum(size[i], size[j]) > bound) & falls & rises)
+
+    def _dip(self, column, i, j, sign, t, g, piece):
+        """The two crossings between points i and j of the same sign, where |g| dips through zero between them."""
         a, b = float(t[i]), float(t[j])
-        lowest, value = least(lambda s: sign * self._value(column, s, piece), a, b, below=0.0)
+        lowest, value = least(lambda s: sign[i] * self._value(column, s, piece), a, b, below=0.0)
         if not value < 0.0:
             return []
-        return [(a, lowest, -int(sign)), (lowest, b, int(sign))]
+        return [(a, lowest, -int(sign[i])), (lowest, b, int(sign[i]))]
+
+
+def _is_resolved(g: np.ndarray) -> np.ndarray:
+    """Of each step (k,) whether its points g (k, m + 1, w) tell where each function changes its sign.
+
+    They do where cubics through every second point come to those between, and where these are too small to matter.
+    """
+    known, between = g[:, ::2], g[:, 1::2]
+    last = known.shape[1] - 1
+    first = np.clip(np.arange(last) - 1, 0, last - 3)
+    # Weights of the four points around a middle, and beside the ends.
+    weights = np.where(
+        (np.arange(last) == 0)[:, None], [5, 15, -5, 1],
+        np.where((np.arange(last) == last - 1)[:, None], [1, -5, 15, 5], [-1, 9, 9, -1]),
+    ) / 16  # fmt: skip
+    with np.errstate(invalid="ignore"):
+        guess = sum(weights[:, q, None] * known[:, first + q] for q in range(4))
+        missed = np.abs(between - guess).max(axis=1)
+        size = np.abs(g)
+        is_clear = (g > 0.0).all(axis=1) | (g < 0.0).all(axis=1)
+        good = (missed <= RESOLVED * size.max(axis=1)) | (
+            is_clear & (missed <= size.min(axis=1) / SUBDIVISIONS)
+        )
+    # What is not a number is not resolved by more points.
+    return (good | ~np.isfinite(g).all(axis=1)).all(axis=1)
 
 
 def _reciprocal(value: float) -> float:

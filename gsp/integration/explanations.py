@@ -79,10 +79,15 @@ def _pole(flow: Flow, p: np.ndarray, record: Record) -> str:
         return ""
     with np.errstate(all="ignore"):
         ratio = y[:, i] / compile_flow(flow).rates(y, p)[:, i]
-        clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > CLEAR * np.abs(t)))[-3:]
-        if clear.size < 3:
+        clear = np.flatnonzero((size > GROWN * (1.0 + size[0])) & (np.abs(ratio) > CLEAR * np.abs(t)))
+        chosen = list(clear[-1:])
+        # Far enough apart that the slope of what is no power, such as exp(1/(T - t)), has changed.
+        for k in clear[::-1]:
+            if len(chosen) < 3 and abs(ratio[k]) >= 2.0 * abs(ratio[chosen[-1]]):
+                chosen.append(k)
+        if len(chosen) < 3:
             return ""
-        a, b, c = clear
+        c, b, a = chosen
         slopes = [(ratio[j] - ratio[i_]) / (t[j] - t[i_]) for i_, j in ((a, b), (b, c))]
         power = -1.0 / slopes[1]
         agree = abs(slopes[0] - slopes[1]) <= AGREEMENT * abs(slopes[1])

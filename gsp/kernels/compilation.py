@@ -55,7 +55,7 @@ def address_of(kernel: Any, signature: Any) -> int:
     The address is good for as long as the process lives.
     """
     if _Cache is None:
-        callback = cfunc(signature, cache=True, error_model="numpy")(kernel.py_func)
+        callback: Any = cfunc(signature, cache=True, error_model="numpy")(kernel.py_func)
         _callbacks.append(callback)
         return callback.address
     kernel.compile(signature.args)

@@ -10,7 +10,8 @@ import sympy as sp
 
 import gsp
 from gsp.errors import DeclarationError, GspError, Status
-from gsp.integration.events import Event
+from gsp.integration import crossings
+from gsp.integration.events import CompiledEvents, Event
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -397,3 +398,31 @@ def test_events_of_one_instant_are_one_instant_in_every_model(name, backward):
     for other in ("turned", "factor", "cubic"):
         assert run.events[other].times.tolist() == run.events["plain"].times.tolist()
         assert run.events[other].states.tolist() == run.events["plain"].states.tolist()
+
+
+@pytest.mark.parametrize("method", ["radau9", "radau13", "rodas5p", "dop853", None])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_crossings_that_lie_close_within_a_step_are_all_found(method, rtol) -> None:
+    """x = t, in steps as long as the run: a triple of crossings, and those of an oscillation that no step knows of."""
+    field = VectorField({x: sp.Integer(1)}, epsilon=None)
+    apart = sp.Rational(1, 10)
+    events = (
+        Event((x - 1) * (x - 1 - apart) * (x - 1 - 2 * apart), name="three"),
+        Event(sp.sin(5 * x), name="sine"),
+    )
+    run = integrate(field, start={"x": 0.1}, span=(0, 9.4), method=method, rtol=rtol, events=events)
+    found = [sorted(run.events[event.name].times) for event in events]
+    assert np.allclose(found[0], [0.9, 1.0, 1.1], atol=1e-9)
+    assert np.allclose(found[1], np.pi / 5 * np.arange(1, 16) - 0.1, atol=1e-9)
+
+
+def test_a_jump_is_looked_at_no_more_closely_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = VectorField({x: sp.Integer(1)}, epsilon=None)
+    looked: list[int] = []
+    values = CompiledEvents.values
+    monkeypatch.setattr(
+        CompiledEvents, "values", lambda self, t, states: looked.append(len(t)) or values(self, t, states)
+    )
+    run = integrate(field, start={"x": -1}, span=(0, 2), events=Event(sp.sign(x), name="jump"), max_steps=100)
+    assert run.events["jump"].times == pytest.approx([1.0])
+    assert sum(looked) <= 2 * crossings.MOST_PIECES * run.stats.steps

@@ -12,6 +12,7 @@ from gsp.errors import Status
 from gsp.integration.explanations import LOST, explain
 from gsp.integration.reduction_end.endings import begins
 from gsp.integration.restriction import real_or_nan
+from gsp.integration.trajectory import integrate
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, eps = sp.symbols("x y epsilon")
@@ -97,3 +98,11 @@ def test_observables_that_are_infinite_or_imaginary_throughout_are_no_numbers(un
     found = real_or_nan({x: x + 1, y: unreal})
     assert found[x] == x + 1
     assert found[y] is sp.nan
+
+
+def test_growth_that_is_no_power_is_not_told_as_one() -> None:
+    x, y = sp.symbols("x y")
+    field = VectorField({x: 1 + x**2, y: sp.exp(x) * (1 + x**2)}, epsilon=None)  # y = exp(tan t)
+    run = integrate(field, start={"x": 0, "y": 1}, span=(0, 3))
+    assert not run.status.ok
+    assert "y grows" not in run.message
