@@ -38,7 +38,7 @@ ROUNDING = 16 * 2.0**-52
 # it misses a sixteenth of that, less than what an extreme between two crossings amounts to that are to be told apart.
 RESOLVED = 1e-3
 # Pieces of a step beyond which what is not smooth, such as a jump, is not looked at more closely.
-MOST_PIECES = 64 * SUBDIVISIONS
+MOST_PIECES = 32 * SUBDIVISIONS
 # Steps between two looks when a run may end: what lies beyond its end is wasted.
 LOOK = 64
 
@@ -227,34 +227,36 @@ class Search:
 
     def _sample(self, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) at which the steps are looked at, and the functions (m, w) there."""
-        begun, lengths = piece.times[:-1, None], np.diff(piece.times)[:, None]
-        pieces, steps = SUBDIVISIONS, np.arange(len(lengths))
-        t = begun + np.arange(pieces) / pieces * lengths
-        t = np.append(t.ravel(), piece.times[-1])
+        begun, lengths, pieces = piece.times[:-1, None], np.diff(piece.times)[:, None], SUBDIVISIONS
+        t = np.append((begun + np.arange(pieces) / pieces * lengths).ravel(), piece.times[-1])
         g = self.values(t, piece.at(t))
         # Of each step its own points, both ends among them.
-        places = pieces * steps[:, None] + np.arange(pieces + 1)
-        times, values = list(t[places]), list(g[places])
-        latest = g[places]
-        while pieces < MOST_PIECES:
-            steps = steps[~_is_resolved(latest)]
-            if len(steps) == 0:
+        places = pieces * np.arange(len(lengths))[:, None] + np.arange(pieces + 1)
+        times, values, steps = t[places], g[places], np.arange(len(lengths))
+        looked: list[tuple[np.ndarray, np.ndarray]] = []
+        while True:
+            left = ~_is_resolved(values)
+            if not left.any() and not looked:
+                return t, g
+            # The end of a step is the beginning of the next.
+            looked.append((times[~left, :-1].ravel(), values[~left, :-1].reshape(-1, g.shape[1])))
+            steps = steps[left]
+            if pieces == MOST_PIECES or len(steps) == 0:
+                # More points tell no more of a jump or a kink than the first ones.
+                rest = places[steps, :-1].ravel()
+                looked.append((t[rest], g[rest]))
                 break
-            between = begun[steps] + (np.arange(pieces) + 0.5) / pieces * lengths[steps]
-            found = self.values(between.ravel(), piece.at(between.ravel())).reshape(*between.shape, -1)
+            times, values = times[left], values[left]
+            between = 0.5 * (times[:, 1:] + times[:, :-1])
+            found = self.values(between.ravel(), piece.at(between.ravel()))
             pieces *= 2
-            latest = np.empty((len(steps), pieces + 1, g.shape[1]))
-            for i, k in enumerate(steps):
-                latest[i, ::2], latest[i, 1::2] = values[k], found[i]
-                values[k] = latest[i]
-                times[k] = np.insert(times[k], np.arange(1, pieces // 2 + 1), between[i])
-        if pieces == SUBDIVISIONS:
-            return t, g
-        # The end of a step is the beginning of the next.
-        return (
-            np.concatenate([*(of[:-1] for of in times), t[-1:]]),
-            np.concatenate([*(of[:-1] for of in values), g[-1:]]),
-        )
+            finer = np.empty((len(times), pieces + 1)), np.empty((len(times), pieces + 1, g.shape[1]))
+            finer[0][:, ::2], finer[0][:, 1::2] = times, between
+            finer[1][:, ::2], finer[1][:, 1::2] = values, found.reshape(*between.shape, -1)
+            times, values = finer
+        known, of = (np.concatenate(parts) for parts in zip(*looked))
+        order = np.argsort(known if t[-1] >= t[0] else -known)
+        return np.append(known[order], t[-1]), np.concatenate([of[order], g[-1:]])
 
     def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: Piece) -> list[Instant]:
         """The crossings (time, sense, column), in the order of the run, by their instants."""

@@ -391,7 +391,7 @@ def test_events_of_one_instant_are_one_instant_in_every_model(name, backward):
         start=dict(zip((s.name for s in states), start)),
         span=span,
         events=events,
-        max_steps=20_000,
+        max_steps=2_000,
         **options,
     )
     assert run.events["plain"].times.size or backward
