@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gsp.errors import DeclarationError
-from gsp.sweeps.plan import Variable
+from gsp.sweeps.plan import Record, Variable
 from gsp.systems.arguments import shown
 
 if TYPE_CHECKING:
     from gsp.scenes.study import Study
     from gsp.sweeps.verbs import Verb
 
-Record = Mapping[str, Any]
 VERBS = (
     *("integrate", "classify", "certify", "compare", "choose", "failure_map", "canard_value", "periodic_orbit"),
 )

@@ -24,7 +24,7 @@ from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.singular.singularities.canard_value import canard_value
 from gsp.slow_tubes.certify import certify
-from gsp.sweeps.tasks import Record
+from gsp.sweeps.plan import Record
 from gsp.systems.flow import check_orders
 
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gsp.errors import DeclarationError, one_line
-from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Variable
+from gsp.sweeps.plan import COMPUTED, DIED, FAILED, Plan, Record, Variable
 from gsp.sweeps.store import STATUS, Store
-from gsp.sweeps.tasks import VERBS, Record, encoded, function_of, variables_of, verb_of
+from gsp.sweeps.tasks import VERBS, encoded, function_of, variables_of, verb_of
 from gsp.systems.arguments import check_positive
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -31,13 +32,15 @@ from gsp.algebra.laurent import laurent
 from gsp.algebra.sharing import plus, times
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical import spectrum
-from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.fast_blocks import FastBlocks
 from gsp.integration.reduction_end.sparse_fast_part import SparseFastPart
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.kernel_call import Call
 from gsp.systems.flow import Flow, Portable, Values
+
+if TYPE_CHECKING:
+    from gsp.integration.reduced_flow import ReducedFlow
 
 # A polynomial within these is freed of repeated factors in milliseconds.
 MOST_OPERATIONS, MOST_DEGREES = 200, 12
