@@ -1,6 +1,6 @@
 """Crossings: where along the steps of a run watched functions pass through zero.
 
-Every step is looked at in `SUBDIVISIONS` pieces of its dense output, and in twice as many until cubics through the
+Every step is looked at in several parts of its dense output (`pieces`), and in twice as many until cubics through the
 points tell what lies between them, or that it keeps clear of zero. A change of sign between neighbouring points is a
 crossing, or three where the extremes of the cubic between them have other signs, and so are the two of a dip: where
 |g| has a minimum among the points, it is searched for a point of the other sign in between. The crossing is located
@@ -20,10 +20,10 @@ import numpy as np
 from gsp.errors import Status
 from gsp.integration.loop import Run, advance
 from gsp.integration.methods import Method
+from gsp.integration.pieces import Piece
 from gsp.integration.room import Record
 from gsp.kernels import ledger
-from gsp.kernels.dense_output import interpolate_many
-from gsp.kernels.scan import DIP, SUBDIVISIONS
+from gsp.kernels.scan import DIP
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.roots import least, root
 
@@ -34,11 +34,6 @@ REFINEMENTS = 8
 SLOPE_WIDTH = 1e-3
 # A function is on its zero within so many units of rounding: of its terms, and of the time and the step.
 ROUNDING = 16 * 2.0**-52
-# A cubic through every second point of a step may miss those between by this share of the largest: through all of them
-# it misses a sixteenth of that, less than what an extreme between two crossings amounts to that are to be told apart.
-RESOLVED = 1e-3
-# Pieces of a step beyond which what is not smooth, such as a jump, is not looked at more closely.
-MOST_PIECES = 32 * SUBDIVISIONS
 # Steps between two looks when a run may end: what lies beyond its end is wasted.
 LOOK = 64
 
@@ -65,27 +60,6 @@ class Stepper:
             self.compiled, self.p, y, first, stops, self.method, self.rtol, self.atol, max_steps,
             rows_kept=LOOK, **more,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Consecutive steps of a run: `times` (k + 1,), `states` (k + 1, n), `dense` (k, rows, n)."""
-
-    times: np.ndarray
-    states: np.ndarray
-    dense: np.ndarray
-
-    def at(self, t: np.ndarray) -> np.ndarray:
-        """States (m, n) at times (m,) inside."""
-        out = np.empty((self.states.shape[1], len(t)))
-        interpolate_many(self.times, self.states, self.dense, t, out)
-        return out.T
-
-    def step(self, t: float) -> int:
-        """The step that `t` lies in."""
-        sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
-        found = int(np.searchsorted(sign * self.times, sign * t, side="right")) - 1
-        return min(max(found, 0), len(self.times) - 2)
 
 
 @dataclass(frozen=True)
@@ -210,7 +184,7 @@ class Search:
         piece = Piece(
             np.concatenate([seen.time, times]), np.concatenate([seen.state, states]), dense[: len(times)]
         )
-        t, g = self._sample(piece)
+        t, g = piece.sample(self.values)
         crossings = []
         for column in range(len(self.watched)):
             for a, b, sense in self._brackets(column, t, g[:, column], piece):
@@ -224,39 +198,6 @@ class Search:
                 return True
         self._pass(times, states)
         return False
-
-    def _sample(self, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
-        """Times (m,) at which the steps are looked at, and the functions (m, w) there."""
-        begun, lengths, pieces = piece.times[:-1, None], np.diff(piece.times)[:, None], SUBDIVISIONS
-        t = np.append((begun + np.arange(pieces) / pieces * lengths).ravel(), piece.times[-1])
-        g = self.values(t, piece.at(t))
-        # Of each step its own points, both ends among them.
-        places = pieces * np.arange(len(lengths))[:, None] + np.arange(pieces + 1)
-        times, values, steps = t[places], g[places], np.arange(len(lengths))
-        looked: list[tuple[np.ndarray, np.ndarray]] = []
-        while True:
-            left = ~_is_resolved(values)
-            if not left.any() and not looked:
-                return t, g
-            # The end of a step is the beginning of the next.
-            looked.append((times[~left, :-1].ravel(), values[~left, :-1].reshape(-1, g.shape[1])))
-            steps = steps[left]
-            if pieces == MOST_PIECES or len(steps) == 0:
-                # More points tell no more of a jump or a kink than the first ones.
-                rest = places[steps, :-1].ravel()
-                looked.append((t[rest], g[rest]))
-                break
-            times, values = times[left], values[left]
-            between = 0.5 * (times[:, 1:] + times[:, :-1])
-            found = self.values(between.ravel(), piece.at(between.ravel()))
-            pieces *= 2
-            finer = np.empty((len(times), pieces + 1)), np.empty((len(times), pieces + 1, g.shape[1]))
-            finer[0][:, ::2], finer[0][:, 1::2] = times, between
-            finer[1][:, ::2], finer[1][:, 1::2] = values, found.reshape(*between.shape, -1)
-            times, values = finer
-        known, of = (np.concatenate(parts) for parts in zip(*looked))
-        order = np.argsort(known if t[-1] >= t[0] else -known)
-        return np.append(known[order], t[-1]), np.concatenate([of[order], g[-1:]])
 
     def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: Piece) -> list[Instant]:
         """The crossings (time, sense, column), in the order of the run, by their instants."""
@@ -487,31 +428,6 @@ class Search:
         if not value < 0.0:
             return []
         return [(a, lowest, -int(sign[i])), (lowest, b, int(sign[i]))]
-
-
-def _is_resolved(g: np.ndarray) -> np.ndarray:
-    """Of each step (k,) whether its points g (k, m + 1, w) tell where each function changes its sign.
-
-    They do where cubics through every second point come to those between, and where these are too small to matter.
-    """
-    known, between = g[:, ::2], g[:, 1::2]
-    last = known.shape[1] - 1
-    first = np.clip(np.arange(last) - 1, 0, last - 3)
-    # Weights of the four points around a middle, and beside the ends.
-    weights = np.where(
-        (np.arange(last) == 0)[:, None], [5, 15, -5, 1],
-        np.where((np.arange(last) == last - 1)[:, None], [1, -5, 15, 5], [-1, 9, 9, -1]),
-    ) / 16  # fmt: skip
-    with np.errstate(invalid="ignore"):
-        guess = sum(weights[:, q, None] * known[:, first + q] for q in range(4))
-        missed = np.abs(between - guess).max(axis=1)
-        size = np.abs(g)
-        is_clear = (g > 0.0).all(axis=1) | (g < 0.0).all(axis=1)
-        good = (missed <= RESOLVED * size.max(axis=1)) | (
-            is_clear & (missed <= size.min(axis=1) / SUBDIVISIONS)
-        )
-    # What is not a number is not resolved by more points.
-    return (good | ~np.isfinite(g).all(axis=1)).all(axis=1)
 
 
 def _reciprocal(value: float) -> float:

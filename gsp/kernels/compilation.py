@@ -93,7 +93,8 @@ _warned = False
 
 def _cache_of_named_files() -> Any:
     """A cache with one file for each signature and processor, or None where numba is not known from within."""
-    if os.environ.get("GSP_PLAIN_NUMBA") or not _TRIED[0] <= _version() <= _TRIED[1]:
+    version = tuple(int(part) for part in numba.__version__.split(".")[:2])
+    if os.environ.get("GSP_PLAIN_NUMBA") or not _TRIED[0] <= version <= _TRIED[1]:
         return None
     try:
         from numba.core.caching import FunctionCache, IndexDataCacheFile
@@ -146,10 +147,6 @@ def _cache_of_named_files() -> Any:
                 _warn(error)
 
     return NamedFiles
-
-
-def _version() -> tuple[int, ...]:
-    return tuple(int(part) for part in numba.__version__.split(".")[:2])
 
 
 _Cache = _cache_of_named_files()

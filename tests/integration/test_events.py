@@ -10,8 +10,8 @@ import sympy as sp
 
 import gsp
 from gsp.errors import DeclarationError, GspError, Status
-from gsp.integration import crossings
 from gsp.integration.events import CompiledEvents, Event
+from gsp.integration.pieces import MOST_SUBDIVISIONS
 from gsp.integration.trajectory import Method, integrate
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -425,4 +425,4 @@ def test_a_jump_is_looked_at_no_more_closely_than_the_bound(monkeypatch: pytest.
     )
     run = integrate(field, start={"x": -1}, span=(0, 2), events=Event(sp.sign(x), name="jump"), max_steps=100)
     assert run.events["jump"].times == pytest.approx([1.0])
-    assert sum(looked) <= 2 * crossings.MOST_PIECES * run.stats.steps
+    assert sum(looked) <= 2 * MOST_SUBDIVISIONS * run.stats.steps

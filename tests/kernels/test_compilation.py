@@ -82,7 +82,7 @@ def test_processes_that_compile_at_once_never_share_a_file(
     package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(package))
-    files = [compilation._Cache(compilation._version)._cache_file for _ in range(2)]
+    files = [compilation._Cache(compilation._warn)._cache_file for _ in range(2)]
     waiting = {"float64": "code for doubles", "int64": "code for integers"}
     with monkeypatch.context() as at_once:
         # Neither has seen the other's, so that numba's index gives both the first free number.

@@ -17,7 +17,6 @@ from gsp.algebra.brevity import LISTED, listed
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.integration.crossings import (
     LOOK,
-    Piece,
     Search,
     Settled,
     Stepper,
@@ -25,6 +24,7 @@ from gsp.integration.crossings import (
 )
 from gsp.integration.loop import advance, standing
 from gsp.integration.methods import Method
+from gsp.integration.pieces import Piece
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, LossKind, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of

@@ -7,9 +7,10 @@ from enum import Enum
 
 import numpy as np
 
-from gsp.integration.crossings import Piece, Search, Settled, Stepper, Watched, settle_event
+from gsp.integration.crossings import Search, Settled, Stepper, Watched, settle_event
 from gsp.integration.loop import advance
 from gsp.integration.methods import Method
+from gsp.integration.pieces import Piece
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import Validity
 from gsp.lowering.compiled_flow import compile_flow
