@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 
+import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
-from gsp.errors import DeclarationError, Status
+from gsp.errors import BranchError, DeclarationError, Status
 from gsp.fibres.inner_expansion import InnerExpansion, expand_inner
 from gsp.fibres.shadowing import shadow
 from gsp.results.card import Card
@@ -105,8 +106,9 @@ def project(
     """Base point of the fast fibre through `start` on `manifold`, a series, a solved manifold or a branch.
 
     `start` names every state of the system in standard form. The series route goes through `order`, by default the
-    order of the smallest error among 0 to 4; it is exact where g is linear in y at epsilon = 0 and the layer's
-    rates are rational. With `numeric` backward shadowing is used instead, good to rounding plus the error of the slow
+    order of the smallest error among 0 to 4; its status is HYPERBOLICITY_LOST where the layer carries the start beyond
+    the end of the branch's sheet. It is exact where g is linear in y at epsilon = 0 and the layer's rates are rational.
+    With `numeric` backward shadowing is used instead, good to rounding plus the error of the slow
     manifold. On a repelling branch both run backward in time, along unstable fibres. Variables of `reconstruction`
     (name to rate, as for `restrict`) get base points too.
 
@@ -158,21 +160,31 @@ def base_point_of(inner: InnerExpansion, epsilon: float, order: int | None) -> B
     if order is None:
         order = min(range(len(left_out)), key=left_out.__getitem__)
     coefficients = {name: c[: order + 1] for name, c in base.items()}
+    values = {n: sum(float(c[k]) * epsilon**k for k in range(order + 1)) for n, c in coefficients.items()}
     kind = "exact" if inner.is_exact else "sampled"
     rounding = (4e-16 if inner.is_exact else 1e-14) * max(sizes)
     return BasePoint(
         branch=inner.branch,
         start=inner.start,
         epsilon=epsilon,
-        _values=MappingProxyType(
-            {n: sum(float(c[k]) * epsilon**k for k in range(order + 1)) for n, c in coefficients.items()}
-        ),
+        _values=MappingProxyType(values),
         order=order,
         coefficients=MappingProxyType(coefficients),
         error=max(left_out[order], rounding),
-        status=Status.SUCCESS,
+        status=Status.SUCCESS if _is_over_sheet(inner.branch, values) else Status.HYPERBOLICITY_LOST,
         route=f"{kind} series through order {order}",
     )
+
+
+def _is_over_sheet(branch: Branch, values: Mapping[str, float]) -> bool:
+    """Whether the branch has a point over the slow variables in `values`; an implicit sheet may have ended before."""
+    if branch.is_explicit:
+        return True
+    try:
+        branch.points(np.array([[values[s.name] for s in branch.system.x]]))
+    except BranchError:
+        return False
+    return True
 
 
 def _shadowed(branch: Branch, start, epsilon: float, reconstruction, surface) -> BasePoint:

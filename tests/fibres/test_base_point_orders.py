@@ -16,7 +16,7 @@ def point(
         base=coefficients,
         order=len(next(iter(coefficients.values()))) - 1,
         is_exact=is_exact,
-        branch=None,
+        branch=SimpleNamespace(is_explicit=True),
         start={},
     )
     return base_point_of(inner, epsilon, order)  # pyright: ignore[reportArgumentType]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp import models
+from gsp import load, models
 from gsp.comparison.comparison import compare, slope
 from gsp.critical.critical_manifold import solve_critical
-from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError
+from gsp.errors import BranchError, DeclarationError, GspError, HyperbolicityError, Status
 from gsp.fibres import inner_expansion
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import Problem, _sampled, expand_inner
@@ -24,6 +24,7 @@ from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
 from tests.cases import thinned
 from tests.example_systems import epsilon, x, y, z
+from tests.literature import FOLDER
 
 v, p, w, m, inertia, a, phi = sp.symbols("v p w m I a phi")
 SLEIGH = solve_critical(systems.sleigh()).branches[0]
@@ -379,3 +380,12 @@ def test_a_layer_on_one_side_of_a_switch_is_that_of_the_side(switching: sp.Expr,
     np.testing.assert_allclose(
         found.coefficients["x"], np.array(smooth.coefficients["x"], dtype=float), rtol=1e-9
     )
+
+
+@pytest.mark.parametrize(("order", "status"), [(0, Status.SUCCESS), (1, Status.HYPERBOLICITY_LOST)])
+def test_a_base_point_beyond_the_end_of_the_sheet_is_told_so(order, status) -> None:
+    # From no messengers the layer carries the proteins to p = -18, and the sheet of the dimers ends at -3.75.
+    study = study_of(load(FOLDER / "gene_dimers_from_nothing.toml"))
+    base = project(study.branch, study.start, epsilon=study.scene.epsilon, order=order)
+    assert base.status is status
+    assert status.name in str(base)
