@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import sympy as sp
 
+import gsp
 from gsp.collocation.gauss import gauss
+from gsp.errors import Status
 from gsp.orbits.periodic.collocation import Cycle
 from gsp.orbits.periodic.explosion import GROWN, ROWS, STEEP, explosions
 from gsp.orbits.periodic.floquet import isolation, joined, multipliers
 from gsp.orbits.periodic.mesh import FEWEST, GROWTH, MARGIN, adapted, growth_density, interval_errors
+from gsp.orbits.periodic.orbit import OrbitStats, PeriodicOrbit
 
 TURN = 2 * np.pi
 
@@ -138,3 +143,53 @@ def test_an_explosion_is_a_stretch_that_is_steep_and_long_and_grows_enough() -> 
     assert explosions(*rows(ROWS - 1, 1.1 * STEEP, 1.1 * GROWN)) == ()
     assert explosions(*rows(ROWS - 1, 0.9 * STEEP, 0.9 * GROWN)) == ()
     assert explosions(np.zeros(3), np.ones((1, 3))) == ()
+
+
+# -- what is read off the polynomials --------------------------------------------------------------
+
+
+def humped(place: int, top: float, at: float, half: float, flat: dict[int, float]) -> PeriodicOrbit:
+    """One state on five intervals: `top` - ((u - `at`)/`half`)^2 on one, u from 0 to 1 there, and constants.
+
+    The others are -1e6, but for those in `flat`.
+    """
+    scheme, mesh = gauss(2), np.linspace(0.0, 1.0, 6)
+    values = np.full((5, 3, 1), -1e6)
+    values[place, :, 0] = top - ((scheme.x - at) / half) ** 2
+    for j, level in flat.items():
+        values[j] = level
+    x = sp.Symbol("x")
+    return PeriodicOrbit(
+        flow=gsp.VectorField({x: -x}, epsilon=None),
+        epsilon=None,
+        parameters={},
+        period=1.0,
+        multipliers=np.array([1.0]),
+        divergence=0.0,
+        error=0.0,
+        period_error=0.0,
+        residual=0.0,
+        status=Status.SUCCESS,
+        stats=OrbitStats(0, 0, 5),
+        _cycle=Cycle(mesh, values, 1.0),
+        _constants=np.array([np.nan]),
+    )
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
+def test_a_hump_between_two_places_of_a_mesh_is_crossed_twice(share: float) -> None:
+    # It is above the level over 0.22 of the way from one Gauss point to the next: four samples a gap see it.
+    first, second = gauss(2).x[1:]
+    at, half = first + share * (second - first), 0.11 * (second - first)
+    orbit = humped(2, 1.0, at, half, {})
+    np.testing.assert_allclose(orbit.crossings("x"), (2 + at + np.array([-half, half])) / 5, rtol=1e-12)
+
+
+@pytest.mark.parametrize("highest", [0, 2, 4])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_extreme_beside_the_interval_of_the_largest_sample_is_found(highest: int, side: int) -> None:
+    # Between samples the neighbour reaches 1.25, at its samples it is under the 1 of the interval `highest`.
+    orbit = humped((highest + side) % 5, 1.25, 7 / 16, 1 / 16, {highest: 1.0})
+    assert orbit.maximum["x"] == pytest.approx(1.25, rel=1e-9)
+    below = replace(orbit, _cycle=orbit._cycle.times(-1.0))
+    assert below.minimum["x"] == pytest.approx(-1.25, rel=1e-9)
