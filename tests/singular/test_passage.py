@@ -320,6 +320,22 @@ def test_the_transcritical_canard_value_is_one() -> None:
     ] == pytest.approx(2)
 
 
+def test_the_side_of_a_pitchfork_counts_its_cubic_once_and_the_bending_of_the_rest() -> None:
+    # w = 2 x^2 to leading order, so that x' = y x + (2 - 1) x^3: a sixth of g_yyy, and what w adds.
+    of = system({y: 1}, {x: y * x + x * w - x**3 + eps, w: 2 * x**2 - w})
+    loss = entry_exit(branch(of, {"x": 0, "w": 0, "y": -1}), start={"y": -1}).loss
+    assert loss.coefficients["p"] == pytest.approx(1, rel=1e-10)
+    assert (loss.kind, loss.outcome) == (SpecialKind.PITCHFORK, Outcome.ESCAPE)
+
+
+def test_a_transcritical_escape_is_at_the_zero_of_a_hermite_polynomial() -> None:
+    # x = -epsilon v'/v makes epsilon x' = 2 t x + x^2 + 4 epsilon Hermite's equation: v = H_2(t/epsilon^(1/2)).
+    of = system({y: 1}, {x: 2 * y * x + x**2 + 4 * eps})
+    loss = entry_exit(branch(of, {"x": 0, "y": -1}), start={"y": -1}).loss
+    assert loss.coefficients["lambda"] == pytest.approx(5, rel=1e-12)
+    assert loss.escape(0.01) - loss.t == pytest.approx(-math.sqrt(0.01 / 2), rel=1e-9)
+
+
 @pytest.mark.exhaustive
 def test_a_transcritical_escape_takes_the_time_of_the_parabolic_cylinder() -> None:
     of = system({y: 1}, {x: y * x + x**2 + eps / 2})
