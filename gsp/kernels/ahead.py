@@ -20,10 +20,11 @@ from gsp.kernels.addresses import JET, METHOD
 from gsp.kernels.bordered_collocation import border, condense
 from gsp.kernels.compilation import address_of
 from gsp.kernels.compiling import told_when_compiling
+from gsp.kernels.corrections import correct_grid
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.evaluate import evaluate_many, observe
-from gsp.kernels.grid import runs_along
+from gsp.kernels.grid import read_grid, runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
 from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_explicit_room, read_room
@@ -73,6 +74,11 @@ IN_ORDER: tuple[tuple[Any, Any], ...] = (
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
     (observe, (_WHOLE, _KEPT[1], _REAL, _KEPT[0], _ROWS)),
     (read_explicit_room, (_WHOLE, _WHOLES, _REALS, _REALS, _ROWS, _WHOLES)),
+    (read_grid, (_WHOLE, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _ROWS)),
+    (
+        correct_grid,
+        (_WHOLES, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _ROWS, _WHOLES, _WHOLES),
+    ),
     (
         land,
         (

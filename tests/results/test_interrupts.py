@@ -50,12 +50,17 @@ def run(arguments, after):
         sys.argv = ["gsp", *arguments]
         status, begun = None, time.process_time()
         try:
-            signal.setitimer(signal.ITIMER_VIRTUAL, after)
-            gsp.cli.main()
-        except SystemExit as error:
-            status = error.code
+            try:
+                signal.setitimer(signal.ITIMER_VIRTUAL, after)
+                gsp.cli.main()
+            except SystemExit as error:
+                status = error.code
+            finally:
+                signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        except KeyboardInterrupt:
+            # Behind the end of the command, unless it has no status.
+            pass
         finally:
-            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
             with os.fdopen(writer, "w") as stream:
                 json.dump([status, time.process_time() - begun], stream)
             os._exit(0)
