@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
-from gsp.errors import UnsupportedFunctionError
+from gsp.errors import BranchError, Status, UnsupportedFunctionError
 from gsp.fibres import shadowing
 from gsp.fibres.base_points import project
 from gsp.fibres.shadowing import NEAR, shadow
@@ -96,3 +96,32 @@ def test_without_jets_heights_are_sums_and_their_error_is_the_largest_of_all_poi
     off = np.abs(sums - jets)[:, 0]
     assert off[0] < 1e-14
     assert 1e-9 < off[1] <= error < 1e-4
+
+
+class Run(dict):
+    """A run that is what its values say, at times 1, 2, ..."""
+
+    status = Status.SUCCESS
+
+    @property
+    def t(self) -> np.ndarray:
+        return 1.0 + np.arange(len(next(iter(self.values()))))
+
+
+@pytest.mark.parametrize("away", [0.0, 1.0])
+def test_a_run_that_leaves_again_and_comes_back_has_not_landed(away: float) -> None:
+    branch, rates, _ = driven(-2.0)
+    problem = shadowing.Problem.declare(branch, START, rates)
+    off = np.zeros(20)
+    off[0], off[4] = 1.0, away
+    run = Run({s.name: np.zeros(20) for s in problem.system.x} | {s.name: off for s in problem.system.y})
+
+    def height(points: np.ndarray) -> tuple[np.ndarray, float]:
+        return np.zeros((len(points), len(problem.system.y))), 0.0
+
+    if away:
+        with pytest.raises(BranchError, match="leaves the slow manifold"):
+            shadowing._landed(problem, run, height, 0.01, 1.0)
+    else:
+        first, second, _ = shadowing._landed(problem, run, height, 0.01, 1.0)
+        assert (first, second) == (1, 7)

@@ -605,3 +605,28 @@ def test_a_finished_surface_is_checked_all_over_its_region_and_serves_nowhere_el
     for point in ((1 + 1e-11, 100.5), (-1 - 1e-11, 100.5), (0, 101 + 1e-11), (0, 100 - 1e-11)):
         with pytest.raises(GspError, match=r"the manifold covers [xz] in \["):
             found.evaluate(point)
+
+
+def test_the_estimate_holds_what_the_ends_of_the_segments_leave() -> None:
+    # Every orbit solves the invariance equation: the residual does not see which of them was taken.
+    branch, box = branch_of(LINEAR), {"y": (0.0, 1.0)}
+    work = solved_manifold._Work(
+        branch, box, 0.1, 1e-6, solved_manifold._classified(branch, (*box.items(),)), None
+    )
+    grid = nodes(work.intervals, [9])
+    surface = interpolate(work.intervals, grid / 0.9)
+    work.selection = 1e-6
+    assert 1e-6 < work._checked(surface, grid, grid / 0.9).error_estimate < 1.1e-6
+
+
+def test_normal_rates_of_another_type_on_the_surface_are_told_with_their_place() -> None:
+    # M0 is w = sqrt(u), attracting; the surface handed over is w = -sqrt(u), which repels.
+    branch, box = solve_critical(UPWARDS).nearest({"u": 1, "w": 1}), {"u": (0.5, 1.0)}
+    verdict = solved_manifold._classified(branch, tuple(box.items()))
+    work = solved_manifold._Work(branch, box, 0.01, 1e-6, verdict, None)
+    grid = nodes(work.intervals, [17])
+    for sign, is_lost in ((1, False), (-1, True)):
+        found = work._checked(interpolate(work.intervals, sign * np.sqrt(grid)), grid, sign * np.sqrt(grid))
+        assert (found.status is Status.HYPERBOLICITY_LOST) is is_lost
+        assert np.isnan(found.evaluate(0.7)).all() == is_lost
+    assert "change their type on the slow manifold, at u = " in found.message

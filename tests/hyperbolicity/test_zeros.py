@@ -1,0 +1,40 @@
+"""Zero eigenvalues: which way a pitchfork is pushed, and how many other fast directions are unstable."""
+
+import pytest
+import sympy as sp
+
+from gsp.critical.critical_manifold import solve_critical
+from gsp.hyperbolicity.hyperbolicity import classify
+from gsp.hyperbolicity.losses import zeros
+from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.systems.system import SlowFastSystem
+
+x, y, z, w, eps = sp.symbols("x y z w epsilon")
+
+
+def loss_of(fast: dict, through: dict, kind: LossKind) -> Loss:
+    system = SlowFastSystem(slow={x: sp.Integer(1)}, fast=fast, epsilon=eps)
+    verdict = classify(solve_critical(system).nearest(through), region={"x": (-1, 1)})
+    (loss,) = [loss for loss in verdict.losses if loss.kind is kind]
+    return loss
+
+
+@pytest.mark.parametrize(("slope", "push"), [(2, 1), (2, 2), (-1, 1)])
+def test_the_push_at_a_pitchfork_is_less_the_slope_of_the_branch(slope: int, push: int) -> None:
+    # v = y - slope x has epsilon v' = x v - v^3 + epsilon (push - slope): no push where the two are equal.
+    v = y - slope * x
+    loss = loss_of(
+        {y: sp.expand(x * v - v**3) + push * eps}, {"x": -0.5, "y": -0.5 * slope}, LossKind.PITCHFORK
+    )
+    assert loss.coefficients["push"] == pytest.approx(push - slope, abs=zeros.ZERO_TERM)
+    assert loss.may_reduce is (push != slope)
+
+
+@pytest.mark.parametrize(("rates", "count"), [((-3, -2), 0), ((3, -2), 1), ((3, 2), 2)])
+def test_the_other_unstable_directions_at_a_zero_are_counted(rates: tuple[int, int], count: int) -> None:
+    v = y - 2 * x
+    fast = {y: sp.expand(x * v - v**3), z: rates[0] * z, w: rates[1] * w}
+    loss = loss_of(fast, {"x": -0.5, "y": -1.0, "z": 0, "w": 0}, LossKind.PITCHFORK)
+    assert loss.note == (
+        f"{count} of the other fast directions are unstable, so orbits leave anyway" if count else ""
+    )
