@@ -9,8 +9,7 @@ from typing import Any
 
 import sympy as sp
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
-
-from gsp.peers.translation import Language, Translator, Value
+from translation import Language, Translator, Value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,7 +27,7 @@ class ChoosingLanguage(Language):
 def translate(
     expressions: Sequence[sp.Expr], *, states: Mapping[sp.Symbol, Value], language: ChoosingLanguage
 ) -> list[Value]:
-    """`gsp.peers.translation.translate` with choices."""
+    """`translation.translate` with choices."""
     translator = _Chooser(language, dict(states))
     return [translator.value(expression) for expression in expressions]
 

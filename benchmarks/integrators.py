@@ -24,9 +24,9 @@ from problems import PROBLEMS, RING, Problem
 from rivals import PEERS
 
 import gsp
+from gsp.comparison.peers import Peer
 from gsp.comparison.work_precision import machine
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.peers import Peer
 
 Solver = Callable[[float, np.ndarray], np.ndarray]
 

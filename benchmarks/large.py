@@ -20,6 +20,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import sympy as sp
+from compiled_peers import DiffsolPeer
 from scipy.integrate import solve_ivp
 from scipy.sparse import csc_matrix
 
@@ -27,7 +28,6 @@ import gsp
 from gsp.comparison.work_runs import ModelKind, WorkCurve, WorkPoint
 from gsp.kernels.evaluate import evaluate
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.peers.compiled import DiffsolPeer
 
 LADDER = tuple(float(10.0**-k) for k in range(2, 10))
 TARGETS = (1e-3, 1e-5, 1e-7)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from choosing import ChoosingLanguage, translate
+from compiled_peers import MAX_STEPS, DiffsolPeer, NumbalsodaPeer
+from forward import Forward
 
+from gsp.comparison.peers import PEERS as OWN
+from gsp.comparison.peers import Peer, PeerRun, Solve
 from gsp.kernels.evaluate import evaluate
-from gsp.peers import PEERS as OWN
-from gsp.peers.forward import Forward
-from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
 from gsp.systems.flow import Flow
 
 # Steps of the explicit and of the slow one: more only delay the news that they fail.
@@ -247,5 +248,15 @@ class SundaePeer(Peer):
         return solve
 
 
-PEERS: tuple[Peer, ...] = (*OWN, CasadiPeer(), SundaePeer(), HeyokaPeer(), DiffraxPeer())
-"""All that there are adapters for, installed or not: those of `gsp.peers` and those of this module."""
+PEERS: tuple[Peer, ...] = (
+    *OWN,
+    NumbalsodaPeer(),
+    DiffsolPeer("BDF", "bdf"),
+    DiffsolPeer("ESDIRK34", "esdirk34"),
+    DiffsolPeer("TR-BDF2", "tr_bdf2"),
+    CasadiPeer(),
+    SundaePeer(),
+    HeyokaPeer(),
+    DiffraxPeer(),
+)
+"""All that there are adapters for, installed or not: the package's own, the compiled ones and those of this module."""

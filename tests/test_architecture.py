@@ -29,8 +29,6 @@ def drawing():
 
 
 PACKAGES = drawing().table()
-# What knows symbols may not know numba, and what is compiled may not know symbols, but for the two that join them.
-JOINING = {"peers"}
 
 
 def modules() -> list[tuple[str, Path]]:
@@ -196,7 +194,7 @@ def test_a_circle_closed_by_a_name_in_a_string_is_found() -> None:
 
 def test_symbols_and_compiled_loops_do_not_meet() -> None:
     for name, package in PACKAGES.items():
-        assert name in JOINING or not {"numba", "sympy"} <= set(package["others"]), name
+        assert not {"numba", "sympy"} <= set(package["others"]), name
 
 
 def test_the_page_has_the_table() -> None:

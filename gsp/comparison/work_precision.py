@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from gsp.comparison.comparison import layer_time, on_manifold, sense
+from gsp.comparison.peers import PEERS, Peer
 from gsp.comparison.work_runs import (
     ATOL_SHARE,
     ModelKind,
@@ -34,7 +35,6 @@ from gsp.fibres.base_points import project
 from gsp.fibres.inner_expansion import expand_inner
 from gsp.integration.methods import Method, check_method
 from gsp.integration.trajectory import trajectory_of
-from gsp.peers import PEERS, Peer
 from gsp.results.drawn import Drawn
 from gsp.results.files import write_rows
 from gsp.results.tabular import Tabular
@@ -225,11 +225,11 @@ def _methods(methods: Sequence[Method]) -> list[Method]:
 
 
 def _peers(peers: Sequence[Peer]) -> tuple[Peer, ...]:
-    found = check_each(peers, lambda peer: peer, what="peers", be="a sequence of gsp.peers.Peer")
+    found = check_each(peers, lambda peer: peer, what="peers", be="a sequence of gsp.comparison.peers.Peer")
     for peer in found:
         if not isinstance(peer, Peer):
             raise DeclarationError(
-                "peers is a sequence of gsp.peers.Peer.", got=f"{shown(peer)} in it", value=peer
+                "peers is a sequence of gsp.comparison.peers.Peer.", got=f"{shown(peer)} in it", value=peer
             )
     return found
 

@@ -9,12 +9,12 @@ from enum import StrEnum
 
 import numpy as np
 
+from gsp.comparison.peers import Peer
 from gsp.errors import GspError, Status, one_line
 from gsp.integration.methods import Method, program_of
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
-from gsp.peers import Peer
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow

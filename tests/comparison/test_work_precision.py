@@ -11,11 +11,11 @@ import pytest
 import sympy as sp
 
 from gsp import models
+from gsp.comparison.peers import PEERS, Peer, PeerRun
 from gsp.comparison.work_precision import work_precision
 from gsp.comparison.work_runs import ModelKind, WorkCurve, WorkPoint
 from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.integration.methods import Method
-from gsp.peers import PEERS, Peer, PeerRun
 from gsp.scenes.scene import Scene
 from gsp.systems.system import SlowFastSystem
 

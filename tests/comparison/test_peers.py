@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.comparison.peers import PEERS as OWN
+from gsp.comparison.peers import Peer
 from gsp.comparison.work_precision import work_precision
 from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.models import load
-from gsp.peers import PEERS as OWN
-from gsp.peers import Peer
-from gsp.peers.forward import Forward
-from gsp.peers.translation import Language, translate
 from gsp.systems.system import VectorField
 
 # The adapters of the benchmarks, which are scripts beside each other.
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(BENCHMARKS))
-    choosing, rivals = importlib.import_module("choosing"), importlib.import_module("rivals")
-PEERS = rivals.PEERS
+    choosing, forward, rivals, translation = map(
+        importlib.import_module, ("choosing", "forward", "rivals", "translation")
+    )
+PEERS, Forward = rivals.PEERS, forward.Forward
 
 x, y, k, n, epsilon = sp.symbols("x y k n epsilon")
 GRID = np.linspace(0.25, 2.0, 8)
@@ -141,11 +141,11 @@ def test_a_grid_that_turns_is_named(grid: list[float]) -> None:
         Forward(BERNOULLI, np.array([np.nan, 3.0]), np.array([0.5]), 0.0, np.array(grid))
 
 
-PLAIN = Language("plain", float, lambda a, b: a**b, lambda a: a**0.5, {sp.exp: np.exp})
+PLAIN = translation.Language("plain", float, lambda a, b: a**b, lambda a: a**0.5, {sp.exp: np.exp})
 
 
 def test_a_function_that_a_language_lacks_is_named() -> None:
-    said = translate([sp.exp(x) * x**3 / 2], states={x: 2.0}, language=PLAIN)
+    said = translation.translate([sp.exp(x) * x**3 / 2], states={x: 2.0}, language=PLAIN)
     assert said == [pytest.approx(4 * np.exp(2.0))]
     for rate, what in (
         (sp.sin(x), "sin"),
@@ -153,7 +153,7 @@ def test_a_function_that_a_language_lacks_is_named() -> None:
         (sp.sign(x), "Piecewise"),
     ):
         with pytest.raises(UnsupportedFunctionError, match=f"plain has no {what}"):
-            translate([rate], states={x: 2.0}, language=PLAIN)
+            translation.translate([rate], states={x: 2.0}, language=PLAIN)
 
 
 def test_the_peers_of_the_package_come_first() -> None:

@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
+from forward import Forward
 from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
+from translation import Language, translate
 
+from gsp.comparison.peers import Peer, PeerRun, Solve
 from gsp.kernels.call import call
-from gsp.peers.forward import Forward
-from gsp.peers.peer import MAX_STEPS, Peer, PeerRun, Solve
-from gsp.peers.translation import Language, translate
 from gsp.systems.flow import Flow
+
+# No run of a peer takes more steps; one that would is a failure of its own.
+MAX_STEPS = 1_000_000
 
 _POINTER = types.CPointer(types.float64)
 _SIGNATURE = types.void(types.float64, _POINTER, _POINTER, _POINTER)
