@@ -208,7 +208,7 @@ def solvers_of(
     fine, coarse = ladder(halves=not quick), ladder(halves=False)
     result = {OURS: (ours(problem, None), fine)}
     if not quick:
-        methods = [gsp.Method.RODAS5P, gsp.Method.RADAU9, gsp.Method.RADAU13]
+        methods = [gsp.Method.RADAU9, gsp.Method.RADAU13]
         methods += [] if problem.is_stiff else [gsp.Method.DOP853, gsp.Method.TAYLOR]
         result |= {f"{OURS} {method.name}": (ours(problem, method), fine) for method in methods}
     for peer in peers:

@@ -20,7 +20,7 @@ steps = {
         ).stats.steps
         for e in epsilons
     ]
-    for method in (gsp.Method.DOP853, gsp.Method.RODAS5P, gsp.Method.RADAU13)
+    for method in (gsp.Method.DOP853, gsp.Method.RADAU9, gsp.Method.RADAU13)
 }
 for method, counts in steps.items():
     print(f"{method.name:8}", *(f"{count:7}" for count in counts))

@@ -16,9 +16,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from gsp.demos import rodas5p_tableau
 from gsp.demos.program import Program
 from gsp.errors import printable
-from gsp.kernels import rodas5p_tableau
 
 # In the order in which they stand on the page: each uses those before.
 SCRIPTS = (

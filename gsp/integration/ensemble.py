@@ -253,7 +253,7 @@ def integrate_many(
     compiled = compile_flow(flow)
     # As in `integrate`: read between the steps, or landed on.
     reads = grid is not None and compiled.expressions.is_smooth
-    chosen = asked or choose_method(compiled, rtol, times=grid.size if reads and grid is not None else 0)
+    chosen = asked or choose_method(compiled, rtol)
     limit = check_step_limit(max_steps)
     count = check_threads(threads)
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)

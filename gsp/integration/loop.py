@@ -47,7 +47,7 @@ STATUS = {
 def remedy_of(status: Status, stats: Stats) -> str:
     """What to do about a run that ended so; `status.remedy` where the counters add nothing to it."""
     if status is Status.TOO_MANY_STEPS and stats.stiff:
-        return "the field is stiff here: use method=Method.RODAS5P"
+        return "the field is stiff here: use method=Method.RADAU9"
     if status is Status.SINGULAR_JACOBIAN:
         return "the Jacobian is infinite here, or too large: start beside this point or use Method.DOP853"
     return status.remedy
@@ -69,7 +69,7 @@ class Run(NamedTuple):
 
     `watch(times, states, dense)` sees every `rows_kept` steps as they are made, without the start, and ends the run by
     returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass through
-    zero; `y` may then begin with slow variables alone, `over_slow`. So many `times` are read between the steps.
+    zero; `y` may then begin with slow variables alone, `over_slow`.
     `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's `dense` has no rows.
     Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
     """
@@ -90,7 +90,6 @@ class Run(NamedTuple):
     first_step: float = 0.0
     keeps: bool = False
     tests: Tests | None = None
-    times: int = 0
     over_slow: bool = False
 
 
@@ -102,7 +101,7 @@ def run(asked: Run) -> Record:
     """
     if asked.method is not None:
         return advance(asked, asked.method)
-    chosen = choose_method(asked.compiled, asked.rtol, times=asked.times)
+    chosen = choose_method(asked.compiled, asked.rtol)
     tries = asked.compiled.is_stiff
     record = advance(asked, chosen, tries)
     if not tries or record.method is not Method.TAYLOR:
@@ -155,7 +154,6 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
         first_step,
         keeps,
         tests,
-        _,
         over_slow,
     ) = asked
     n, many = len(y), len(stops)

@@ -10,37 +10,20 @@ from typing import NamedTuple
 import numpy as np
 
 from gsp.errors import DeclarationError
-from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau
 from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
-from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.step_control import largest_rate
 from gsp.kernels.taylor import taylor
-from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, ROSENBROCK_LOOPS, CompiledFlow, Loops
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, CompiledFlow, Loops
 from gsp.lowering.steps.taylor import dense_rows
 from gsp.systems.arguments import shown
 
-# Which method meets a tolerance in the least time, measured over the eight stiff problems of `benchmarks/problems.py`
-# with each method's code for the flow, interleaved in one run, geometric means of the time at equal error. Rodas5P and
-# Radau of order 9 cross at an error of 5e-5 at the end and of 1e-4 over an output grid. What counts is the ladder of
-# tolerances that they make. It is flat: with the first border anywhere from 1e-4 to 1e-3 no target from 1e-3 to 1e-11,
-# at the end or over the grid, takes 5 % more. Order 13 takes as long as order 9 at the same tolerance from 1e-5 on, and
-# errs by a tenth: with the second border at 2e-5 in place of 1e-6 targets of 1e-6 to 1e-9 take up to 6 % less.
-_TIGHT_RTOL = 3e-4
-_TIGHTEST_RTOL = 2e-5
-# Over an output grid the dense output of Rodas5P is looked at on steps that do not end in a small term; that of Radau
-# is good as it is, and its errors are a tenth to a hundredth. At equal error with 100 times the two are level at 1e-3.
-# Above 1e-2 Radau's iteration fails where a field is steep (Lienard's at 0.1). Where loops do the work a step of
-# Radau's takes two and a half times as long as one of Rodas5P: over Brusselators of 200 and 1000 states that meets 1e-3
-# with 21 times in 0.6 of the time.
-_MANY_TIMES = 20
-_TIGHT_RTOL_OVER_GRIDS = 2e-2
-# Where loops do the work Rodas5P and Radau of order 9, which decomposes nine times as much a step, cross at 1e-6 with a
-# full Jacobian of 12 states, at 5e-7 with 20 and 2e-7 with 30. The sparse systems of a step are decomposed at once, and
-# they cross at errors of 1e-2 to 1e-5 on lines and networks of 60 to 1000 states.
-_TIGHT_RTOL_OF_LOOPS = 1e-6
+# Order 13 takes as long as order 9 at the same tolerance from 1e-5 on, and errs by a tenth: on the eight stiff problems
+# of `benchmarks/problems.py` targets of 1e-6 to 1e-9 take up to 6 % less with this border than with 1e-6.
+_TIGHT_RTOL = 2e-5
 # The default does not wait longer for its code than half a second: so many products, and parts of the expressions.
 _MOST_PRODUCTS = 5_000
 _MOST_PARTS = 3_000
@@ -49,14 +32,12 @@ _MOST_PARTS = 3_000
 class Method(Enum):
     """How to integrate.
 
-    RODAS5P: Rosenbrock, order 5, stiffly accurate; for fields with a fast time scale.
-    RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; the same, for tight tolerances.
+    RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; for fields with a fast time scale.
     DOP853: explicit Runge-Kutta, order 8; for reduced flows and other fields on one time scale.
     TAYLOR: explicit, order 12 to 20 by the tolerance; for smooth fields that are barely stiff or not at all, code for
     which takes a tenth of a second to build.
     """
 
-    RODAS5P = "rodas5p"
     RADAU5 = "radau5"
     RADAU9 = "radau9"
     RADAU13 = "radau13"
@@ -91,13 +72,6 @@ class Solver(NamedTuple):
 
 # The dense output of order 4 for 5 is checked and of order 7 for 8 corrected; the others are as good as the steps.
 _SOLVERS = {
-    Method.RODAS5P: Solver(
-        rodas5p,
-        rodas5p_tableau.DENSE_ROWS,
-        attrgetter("rosenbrock_program"),
-        grid.CHECKS_STEEP,
-        ROSENBROCK_LOOPS,
-    ),
     **{
         method: Solver(radau, stages, methodcaller("collocation_program", stages), check, COLLOCATION_LOOPS)
         for method, stages, check in zip(
@@ -145,23 +119,30 @@ def program_of(compiled: CompiledFlow, method: Method, rtol: float) -> np.ndarra
     return solver_of(method, rtol).program(compiled)
 
 
-def choose_method(compiled: CompiledFlow, rtol: float, *, times: int = 0) -> Method:
-    """What was measured to be fastest for such a flow at this tolerance, with so many `times` read off the steps."""
+def choose_method(compiled: CompiledFlow, rtol: float) -> Method:
+    """What was measured to be fastest for such a flow at this tolerance."""
     if not compiled.is_stiff:
         return Method.DOP853
-    border = _TIGHT_RTOL if compiled.is_written or compiled.is_sparse else _TIGHT_RTOL_OF_LOOPS
-    if rtol >= (_TIGHT_RTOL_OVER_GRIDS if compiled.is_written and times >= _MANY_TIMES else border):
-        return Method.RODAS5P
-    return Method.RADAU9 if rtol >= _TIGHTEST_RTOL else Method.RADAU13
+    return Method.RADAU9 if rtol >= _TIGHT_RTOL else Method.RADAU13
+
+
+# What serves in place of the methods of earlier versions.
+_REMOVED = {"rodas5p": Method.RADAU9.value}
 
 
 def check_method(method: Method | str | None) -> Method | None:
-    """The method asked for; raises `DeclarationError` when there is none such."""
+    """The method asked for; raises `DeclarationError` when there is none such, or none any more."""
     if method is None or isinstance(method, Method):
         return method
     try:
         return Method(method)
     except (ValueError, TypeError):
+        if isinstance(method, str) and method in _REMOVED:
+            raise DeclarationError(
+                f"{shown(method)} was removed.",
+                f'Take "{_REMOVED[method]}", or leave method out.',
+                value=method,
+            ) from None
         names = [member.value for member in Method]
         raise DeclarationError.none_of(
             names, method, f"{shown(method)} is no method.", "The methods are"
@@ -170,9 +151,8 @@ def check_method(method: Method | str | None) -> Method | None:
 
 # What has few fast times in its span, |J| (t1 - t0) at the start, is tried by Taylor series, with so many attempts.
 # Measured on the sleigh from epsilon = 0.01 to 3.2, linear fields, van der Pol's oscillator and others, with code for
-# each method's step. They draw level with Rodas5P at 150 (sleigh) to 600 (van der Pol, mu = 10) fast times, with the
-# Radau methods at 200 (linear fields) to 700 (van der Pol); below they take down to half of the time, on oscillators a
-# third. DOP853, for fields without series, took 1.0 to 1.5 times as long as the Radau methods.
+# each method's step. They draw level with the Radau methods at 200 (linear fields) to 700 (van der Pol); below they
+# take down to half of the time, on oscillators a third. DOP853, without series, took 1.0 to 1.5 times as long.
 MILD = 200.0
 MILD_ATTEMPTS = 250
 

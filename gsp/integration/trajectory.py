@@ -117,7 +117,7 @@ class Trajectory(Drawn, Tabular):
         """State (n,) at a time, or (n, m) at times (m,), as `at=` gives it.
 
         It is read off the dense output or, where the error of that would be above the tolerance, corrected or landed
-        on. The output is of order 4 for RODAS5P, 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, and 9, 12
+        on. The output is of order 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, and 9, 12
         and 15 for TAYLOR of order 12, 16 and 20; that of RADAU9, RADAU13 and TAYLOR is as good as the steps.
 
         Raises `GspError` outside the interval covered.
@@ -256,11 +256,9 @@ def integrate(
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
     dense output or, where its error would be above the tolerance, corrected or landed on; else `t` are the ends
-    of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one what was measured to
-    be fastest at the tolerance: RODAS5P for rtol >= 3e-4 (2e-2 where `at` has 20 times or more, and the flow code of
-    its own), RADAU9 down to 1e-6, RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at
-    the start makes the span no more than 200 fast times and the field is smooth. Where the Jacobian is too full for
-    code of its own, RODAS5P serves down to 1e-6. Above 40 states a sparse Jacobian is used as one.
+    of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one RADAU9 for rtol from
+    2e-5 up and RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start makes
+    the span no more than 200 fast times and the field is smooth. Above 40 states a sparse Jacobian is used as one.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
@@ -349,8 +347,7 @@ def trajectory_of(
     # By place, at a third of what so many names cost.
     wanted = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
-         RECORD if tests is None else LOOK, 0.0, keeps, tests, grid.size if reads and grid is not None else 0,
-         over_slow is not None)
+         RECORD if tests is None else LOOK, 0.0, keeps, tests, over_slow is not None)
     )  # fmt: skip
     record = run(wanted) if tests is not None or not (reduced or asked is not None) else None
     told = None

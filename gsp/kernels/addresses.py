@@ -22,10 +22,6 @@ METHOD: Any = _WHOLE(
     _WHOLES, _REALS, _REALS, _REAL, _REAL, _WHOLE, _REALS, _REALS, _REALS, _WHOLES, _REALS, _ROWS, _LAYERS
 )  # fmt: skip
 """That of an integrator, as `ledger` says."""
-ROSENBROCK_LOOPS: Any = types.Tuple((_REAL, _WHOLE))(
-    _WHOLE, _WHOLES, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _REALS, _REALS, _REALS, _ROWS, _WHOLES
-)  # fmt: skip
-"""That of `rodas5p_loops.step_by_loops`."""
 COLLOCATION_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
     _WHOLE, _WHOLE, _WHOLES, _REALS, _REAL, _WHOLE, _REALS, _REALS, types.UniTuple(_REAL, 4), _TRUTH, _REALS, _REALS,
     _WHOLES,
@@ -60,12 +56,6 @@ def _call_method(
     context, address, program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, times, states, dense
 ):  # fmt: skip
     return _at(address, METHOD)
-
-
-def _call_rosenbrock_loops(
-    context, address, field, pattern, p, t, h, y, rate, rtol, atol, jacobian, y_new, rate_new, rows, counters
-):
-    return _at(address, ROSENBROCK_LOOPS)
 
 
 def _call_collocation_loops(
@@ -104,7 +94,6 @@ def _call_sheet(context, address, sheet, target, y):
 
 # Typed as Any because kernels see them without the typing context.
 call_method: Any = intrinsic(_call_method)
-call_rosenbrock_loops: Any = intrinsic(_call_rosenbrock_loops)
 call_collocation_loops: Any = intrinsic(_call_collocation_loops)
 call_explicit_loops: Any = intrinsic(_call_explicit_loops)
 call_jet: Any = intrinsic(_call_jet)

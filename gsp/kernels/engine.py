@@ -68,22 +68,21 @@ _files = ObjectFiles()
 _building = threading.Lock()
 
 
-def build(text: str, *, library: Sequence[str], optimised: bool = False, scheduled: bool = True) -> Engine:
+def build(text: str, *, library: Sequence[str], scheduled: bool = True) -> Engine:
     """Machine code of an IR module that may call the functions of the C library named in `library`.
 
-    Straight-line code in which no value is computed twice is as fast without LLVM's passes, and built in half the time,
-    long code in a twentieth;
-    `optimised` is for code with calls and scratch arrays to be taken out. Without `scheduled` it is selected
-    instruction by instruction, however short: made in two thirds of the time, a long one in a quarter, and up to
-    twice as slow, which 200,000 calls make up for.
+    LLVM's passes are left out: straight-line code in which no value is computed twice is as fast without, and built in
+    half the time, long code in a twentieth. Without `scheduled` it is selected instruction by instruction, however
+    short: made in two thirds of the time, a long one in a quarter, and up to twice as slow, which 200,000 calls make up
+    for.
     Its addresses are good for as long as the engine lives.
     What was built of the same text before is only linked, in a sixth of the time of a small function.
     """
     with _building:
-        return _built(text, library, optimised, scheduled)
+        return _built(text, library, scheduled)
 
 
-def _built(text: str, library: Sequence[str], optimised: bool, scheduled: bool) -> Engine:
+def _built(text: str, library: Sequence[str], scheduled: bool) -> Engine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     for symbol in library:
@@ -92,11 +91,11 @@ def _built(text: str, library: Sequence[str], optimised: bool, scheduled: bool) 
             function = getattr(ctypes.CDLL(ctypes.util.find_library("m")), symbol)
             llvm.add_symbol(symbol, ctypes.cast(function, ctypes.c_void_p).value)
     name, features = processor()
-    level = 2 if optimised else effort(text) if scheduled else 0
+    level = effort(text) if scheduled else 0
     key = hashlib.sha256("\0".join((name, features, str(level), text)).encode()).digest()
     file = _files.get(key)
     if file is None:
-        file = emit(text, _emitting(name, features, level), optimised)
+        file = emit(text, _emitting(name, features, level))
         _files.keep(key, file)
     # An engine begins with a module, here an empty one that it need not compile; it copies the object file.
     empty = llvm.parse_assembly("", context=llvm.create_context())
@@ -119,17 +118,13 @@ def _machine(name: str, features: str, level: int) -> llvm.TargetMachine:
 _emitting = cache(_machine)
 
 
-def emit(text: str, machine: llvm.TargetMachine, optimised: bool) -> bytes:
+def emit(text: str, machine: llvm.TargetMachine) -> bytes:
     """The object file of a module."""
     # In a context of its own: what is unique to a module stays in LLVM's global one for ever.
     module = llvm.parse_assembly(text, context=llvm.create_context())
     try:
         module.triple = llvm.get_process_triple()
         module.verify()
-        if optimised:
-            options = llvm.create_pipeline_tuning_options(speed_level=2)
-            builder = llvm.create_pass_builder(machine, options)
-            builder.getModulePassManager().run(module, builder)
         module.data_layout = str(machine.target_data)
         return machine.emit_object(module)
     finally:

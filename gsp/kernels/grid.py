@@ -23,16 +23,10 @@ from gsp.kernels.sparse_systems import entries_of, pattern_of
 # error that is left at rtol 1e-2 to 1e-6 is that of the steps' ends.
 RATE = 5.0
 
-# What a reader does about the error: nothing; what is said above; what `corrections` does; what is said above on steps
-# whose polynomial does not end in a small term.
+# What a reader does about the error: nothing; what is said above; what `corrections` does.
 TRUSTS = 0
 CHECKS = 1
 CORRECTS = 2
-CHECKS_STEEP = 3
-
-# A small last term, in tolerances. Of Rodas5P seven steps in ten end in one, at rtol 1e-2 to 1e-4 on the benchmark's
-# problems. On the twenty of the tests the worst error then is 3.2 tolerances, for 2.7; with 3.0 it is no larger.
-SMALL_TERM = 2.0
 
 # No step is in doubt.
 READ = -1
@@ -150,26 +144,6 @@ def read_step(states, dense, k, s, value, slope):
 
 
 @kernel
-def _is_plain(states, dense, k, rtol, atol):
-    """Whether the polynomial of step `k` ends in a small term: what it leaves out is smaller still."""
-    last = dense.shape[1] - 1
-    # The most that the factors s and 1 - s of the last row come to.
-    share = 0.25 ** ((last + 2) // 2)
-    large = 0
-    for i in range(states.shape[1]):
-        size = min(abs(states[k, i]), abs(states[k + 1, i]))
-        # Written so that what is not a number is large.
-        large += 0 if share * abs(dense[k, last, i]) <= SMALL_TERM * (atol + rtol * size) else 1
-    return large == 0
-
-
-@kernel
-def _wants_look(check, states, dense, k, rtol, atol):
-    """Whether the error of step `k` is to be looked at."""
-    return check != TRUSTS and not (check == CHECKS_STEEP and _is_plain(states, dense, k, rtol, atol))
-
-
-@kernel
 def _decompose(program, pattern, t, y, p, step, pivots):
     """(True, the factors of RATE/h - J); (False, whatever) where it is singular."""
     n = y.shape[0]
@@ -226,7 +200,7 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
         while inside < count and sign * grid[inside] < end:
             inside += 1
         if inside > j:
-            looks = looks or _wants_look(check, states, dense, k, rtol, atol)
+            looks = check != TRUSTS
             _values(times, states, dense, k, grid, j, inside, out, shares, rests, totals)
         j = inside
         while j < count and grid[j] == times[k + 1]:
@@ -240,8 +214,8 @@ def read_grid(check, rtol, atol, times, states, dense, grid, begun, out):
 def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun, reached, doubts, counters):
     """Fill `doubts` (m,), `begun` to `reached` - 1, with the step of a time where the error looks too large, or READ.
 
-    In a step with many times that is told from a few places. `check` is CHECKS or CHECKS_STEEP; the rest is as
-    `read_grid` takes it. Returns how many of the grid are in doubt.
+    In a step with many times that is told from a few places. The rest is as `read_grid` takes it. Returns how
+    many of the grid are in doubt.
     """
     n = states.shape[1]
     sign = 1.0 if times[-1] >= times[0] else -1.0
@@ -265,7 +239,7 @@ def doubt_grid(check, program, p, rtol, atol, times, states, dense, grid, begun,
         inside = j
         while inside < reached and sign * grid[inside] < end:
             inside += 1
-        if inside == j or not _wants_look(check, states, dense, k, rtol, atol):
+        if inside == j:
             j = inside
             continue
         counters[ledger.JACOBIAN_CALLS] += 1

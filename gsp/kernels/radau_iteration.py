@@ -14,7 +14,7 @@ SLOWEST_RATE = 0.99
 # of all attempts did, after steps whose error let them grow eightfold. From 0.1 to 0.3 the work is the same.
 AIM = 0.2
 LONGEST_AFTER_FAILURE = 0.5
-# After a value that is not finite or a pivot of 0 there is no estimate; as in Rodas5P.
+# After a value that is not finite or a pivot of 0 there is no estimate; a tenth is RODAS's choice for a bad first step.
 FAILURE_FACTOR = 0.1
 
 # A first round counts as contracting by this at best, whatever the step before did: by 1e-12 in a transient where only

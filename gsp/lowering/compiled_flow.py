@@ -19,8 +19,6 @@ from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
-from gsp.kernels.rodas5p import rodas5p
-from gsp.kernels.rodas5p_loops import step_by_loops
 from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, compile_function, exact
 from gsp.lowering.remembering import remembered
@@ -28,14 +26,12 @@ from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, nearest_double
 from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
-from gsp.lowering.steps.rosenbrock import block_size, write_rosenbrock
 from gsp.lowering.steps.sparse_pattern import write_pattern
 from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
 
 Loops = tuple[Callable[..., Any], Any]
 """A method's step for any flow, a kernel, and its signature."""
-ROSENBROCK_LOOPS: Loops = (step_by_loops, addresses.ROSENBROCK_LOOPS)
 COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)
 EXPLICIT_LOOPS: Loops = (explicit_by_loops, addresses.EXPLICIT_LOOPS)
 
@@ -126,13 +122,6 @@ class CompiledFlow:
             return np.empty(0, np.int64)
         return write_pattern(tuple(self.expressions.jacobian), self.expressions.elimination)
 
-    @_made_once
-    def rosenbrock(self) -> CompiledStep | None:
-        """A step of Rodas5P for this flow alone, or None where loops are as good."""
-        if not self.is_written:
-            return None
-        return _rosenbrock(self.expressions)
-
     def collocation(self, stages: int) -> CompiledStep | None:
         """A step of Radau IIA with so many stages for this flow alone, or None where loops are as good."""
         known = self._collocations
@@ -209,11 +198,6 @@ class CompiledFlow:
     def derivatives_program(self) -> np.ndarray:
         """What a kernel takes that asks for the field and its Jacobian, and runs nothing."""
         return self._with_derivatives(0, 0)
-
-    @_made_once
-    def rosenbrock_program(self) -> np.ndarray:
-        """What the kernel of Rodas5P takes: with the code of a step, where there is such."""
-        return self._program(rodas5p, self.rosenbrock, ROSENBROCK_LOOPS)
 
     def collocation_program(self, stages: int) -> np.ndarray:
         """What the kernel of the Radau methods takes for the method of so many stages."""
@@ -325,11 +309,6 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
     return np.array(compile_flow(flow).parameters(epsilon))
 
 
-@lru_cache(maxsize=MOST_KEPT // 3)
-def _rosenbrock(code: FlowCode) -> CompiledStep:
-    return _step(write_rosenbrock(code), ("linearise", "step"), block_size(code), optimised=True)
-
-
 @cache
 def _explicit(n: int) -> CompiledStep:
     return _step(write_explicit(n), NAMES)
@@ -347,6 +326,6 @@ def _taylor(code: FlowCode, order: int) -> CompiledStep:
     return _step(written.write(order), written.NAMES, order, stride(len(code.states)))
 
 
-def _step(text: str, names: Sequence[str], *numbers: int, optimised: bool = False) -> CompiledStep:
-    engine = build(text, library=LIBRARY, optimised=optimised)
+def _step(text: str, names: Sequence[str], *numbers: int) -> CompiledStep:
+    engine = build(text, library=LIBRARY)
     return CompiledStep((*map(engine.get_function_address, names), *numbers), engine)

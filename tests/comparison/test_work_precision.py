@@ -80,7 +80,7 @@ def test_every_method_and_every_peer_agree(michaelis_menten):
 
 
 def test_a_run_says_what_it_cost(michaelis_menten):
-    point = michaelis_menten["rodas5p"].points[0]
+    point = michaelis_menten["radau9"].points[0]
     assert point.seconds > 0.0
     assert 0 < point.steps < point.field_calls
     assert point.end_error <= point.error

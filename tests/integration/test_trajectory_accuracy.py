@@ -222,7 +222,7 @@ def test_dense_output_and_end_meet_a_tolerance_of_1e_11(method):
     assert errors.max() < 3e-11
 
 
-@pytest.mark.parametrize(("method", "most"), [(Method.RODAS5P, 100), (Method.RADAU9, 3), (Method.RADAU13, 3)])
+@pytest.mark.parametrize(("method", "most"), [(Method.RADAU9, 3), (Method.RADAU13, 3)])
 def test_dense_output_of_a_slaved_variable(method, most):
     """Prothero and Robinson's problem at a rate of 1e6: the order is reduced, at the steps and more between them.
 
@@ -230,14 +230,14 @@ def test_dense_output_of_a_slaved_variable(method, most):
     """
     field = VectorField({x: -(10**6) * (x - sp.cos(y)) - sp.sin(y), y: sp.Integer(1)}, epsilon=None)
     t = np.linspace(0, 20, 2001)
-    for rtol in (1e-5, 1e-7, 1e-9) if method is not Method.RODAS5P else (1e-4, 1e-5, 1e-7):
+    for rtol in (1e-5, 1e-7, 1e-9):
         options = {"rtol": rtol, "atol": rtol, "method": method}
         trajectory = integrate(field, start={"x": 1, "y": 0}, span=(0, 20), **options)
         assert np.abs(trajectory["x"] - np.cos(trajectory.t)).max() < 10 * rtol
         assert np.abs(trajectory.at(t)[0] - np.cos(t)).max() < most * rtol
 
 
-@pytest.mark.parametrize("method", list(Method)[:4])
+@pytest.mark.parametrize("method", list(Method)[:3])
 def test_a_decay_at_a_rate_of_1e12_is_damped_at_once(method):
     decay = VectorField({x: -(10**12) * x}, epsilon=None)
     trajectory = integrate(decay, start={"x": 1}, span=(0, 1), method=method)

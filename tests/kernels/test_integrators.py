@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gsp.integration import loop
 from gsp.integration.methods import Method, program_of, solver_of
-from gsp.kernels import dop853_tableau, ledger, radau_tableau, rodas5p_tableau
+from gsp.kernels import dop853_tableau, ledger, radau_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.grid import READ
@@ -20,13 +20,11 @@ from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
-from gsp.kernels.rodas5p import rodas5p
 from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_flow import CompiledFlow, compile_flow
 from gsp.systems.system import VectorField
 
 METHODS = {
-    "rodas5p": (rodas5p, rodas5p_tableau.DENSE_ROWS),
     "dop853": (dop853, dop853_tableau.DENSE_ROWS),
     "taylor": (taylor, 0),
     "radau5": (radau, 3),
@@ -169,18 +167,6 @@ def test_dop853_error_weights_vanish_on_constants_and_to_their_order():
         assert dop853_tableau.ERROR_3 @ nodes**k == pytest.approx(0, abs=1e-14)
 
 
-def test_rodas5p_stage_times_are_the_row_sums_of_alpha():
-    s = rodas5p_tableau.STAGES
-    gamma = np.diag(np.full(s, 1 / rodas5p_tableau.GAMMA))
-    gamma[:, : s - 1] -= rodas5p_tableau.C
-    a = np.zeros((s, s))
-    a[:6, :5] = rodas5p_tableau.A
-    a[6, :5], a[6, 5] = a[5, :5], 1.0
-    a[7, :6], a[7, 6] = a[6, :6], 1.0
-    alpha = a @ np.linalg.inv(gamma)
-    assert alpha.sum(axis=1) == pytest.approx(rodas5p_tableau.NODES, abs=1e-12)
-
-
 @pytest.mark.parametrize("family", range(3))
 def test_radau_is_collocation_at_the_nodes_with_a_quadrature_of_order_2s_minus_1(family):
     stages = radau_tableau.STAGES[family]
@@ -240,7 +226,7 @@ def test_the_dense_output_of_radau_is_the_collocation_polynomial_and_its_leading
 
 @pytest.mark.parametrize(
     ("method", "counts", "order", "dense_order"),
-    [("rodas5p", (40, 80, 160, 320), 5, 4), ("dop853", (10, 20, 40), 8, 7)],
+    [("dop853", (10, 20, 40), 8, 7)],
 )
 def test_measured_orders_of_the_step_and_of_the_dense_output(swing, method, counts, order, dense_order):
     end, between = 6.0, np.linspace(0.0, 6.0, 997)
@@ -315,12 +301,7 @@ ROUNDINGS = 8.0
 
 
 def grown(method: str) -> float:
-    """What a step may multiply roundings of its stages by.
-
-    Rodas5P adds increments with the weights of A; those of a Radau step go through T^-1 and come back through T.
-    """
-    if method not in STAGES:
-        return float(np.abs(rodas5p_tableau.A).sum(axis=1).max())
+    """What a step may multiply roundings of its stages by, which go through T^-1 and come back through T."""
     stages = STAGES[method]
     family = radau_tableau.STAGES.index(stages)
     there, back = (
@@ -329,7 +310,7 @@ def grown(method: str) -> float:
     return float((back @ there).sum(axis=1).max())
 
 
-@pytest.mark.parametrize("method", ["rodas5p", *STAGES])
+@pytest.mark.parametrize("method", STAGES)
 def test_an_infinitely_stiff_component_is_damped_in_one_step(method):
     """Stiff accuracy: R(infinity) = 0, so one step of any length forgets the start."""
     compiled = compile_flow(VectorField({x: -(10**15) * (x - 2)}, epsilon=None))
@@ -363,10 +344,7 @@ def test_a_run_resumed_from_a_full_record_is_the_same_run(method, swing):
     assert np.array_equal(whole.counters, pieces.counters)
 
 
-WRITTEN = ["rodas5p", *STAGES]
-
-
-@pytest.mark.parametrize("method", [*WRITTEN, "dop853"])
+@pytest.mark.parametrize("method", [*STAGES, "dop853"])
 def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
     written, loops = (Run(method, swing, (1.0, 0.0), [0.0, 1.0, 9.0], loops=which) for which in (False, True))
     assert written.program[ledger.CODE] != 0
@@ -377,7 +355,7 @@ def test_code_for_one_flow_and_loops_for_any_make_the_same_steps(method, swing):
 
 
 @pytest.mark.parametrize("loops", [False, True])
-@pytest.mark.parametrize("method", [*WRITTEN, "dop853"])
+@pytest.mark.parametrize("method", [*STAGES, "dop853"])
 def test_how_large_a_state_is_costs_no_steps(method, loops, swing):
     # Linear in x, whose square overflows from 1e154 on.
     one, large = (Run(method, swing, (of, 0.0), [0.0, 9.0], loops=loops) for of in (1.0, 2.0**600))
@@ -386,12 +364,10 @@ def test_how_large_a_state_is_costs_no_steps(method, loops, swing):
     assert tried[1] <= 2 * tried[0]
 
 
-@pytest.mark.parametrize("method", WRITTEN)
+@pytest.mark.parametrize("method", STAGES)
 def test_a_pivot_of_zero_is_left_to_the_loops(method):
     """x' = x + y, y' = -x at the step for which the shift is just the first entry of the Jacobian."""
-    gamma = rodas5p_tableau.GAMMA
-    if method in STAGES:
-        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
+    gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
     ends = []
     for loops in (False, True):
@@ -405,12 +381,10 @@ def test_a_pivot_of_zero_is_left_to_the_loops(method):
     assert np.array_equal(*ends)
 
 
-@pytest.mark.parametrize("method", WRITTEN)
+@pytest.mark.parametrize("method", STAGES)
 def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
     """The pivot of zero again, where nobody has asked for the loops before."""
-    gamma = rodas5p_tableau.GAMMA
-    if method in STAGES:
-        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
+    gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     start, stops = (1.0, 0.5), np.array([1.0 / gamma, 2.0 / gamma])
     known = Run(
         method, compile_flow(VectorField({x: x + y, y: -x}, epsilon=None)), start, [0.0, *stops], rtol=1e-3
@@ -434,11 +408,9 @@ def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
     assert record.counters == known.counters[: len(record.counters)].tolist()
 
 
-@pytest.mark.parametrize("method", WRITTEN)
+@pytest.mark.parametrize("method", STAGES)
 def test_a_landing_that_wants_the_loops_leaves_all_as_it_was(method):
-    gamma = rodas5p_tableau.GAMMA
-    if method in STAGES:
-        gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
+    gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
     solver = solver_of(Method(method), 1.0)
     program = program_of(compiled, Method(method), 1.0).copy()
@@ -483,7 +455,7 @@ def test_code_and_loops_reject_and_estimate_alike(method):
     assert written.at(t) == pytest.approx(loops.at(t), rel=1e-7, abs=1e-8)
 
 
-@pytest.mark.parametrize("method", WRITTEN)
+@pytest.mark.parametrize("method", STAGES)
 def test_no_step_ends_where_the_field_is_not_finite(method):
     compiled = compile_flow(VectorField({x: 1 + sp.Rational(1, 10**12) * sp.log(1 - x)}, epsilon=None))
     run = Run(method, compiled, (0.0,), [0.0, 2.0])
@@ -519,11 +491,7 @@ def test_the_counters_add_up(method, swing):
     counters = run.counters
     steps, rejected = counters[ledger.STEPS], counters[ledger.REJECTED]
     assert steps == sum(piece.size for piece in run.times) - 1
-    if method == "rodas5p":
-        assert counters[ledger.JACOBIAN_CALLS] == steps
-        assert counters[ledger.DECOMPOSITIONS] == steps + rejected
-        assert counters[ledger.FIELD_CALLS] == 2 + 8 * (steps + rejected)
-    elif method in STAGES:
+    if method in STAGES:
         # That of the guess, which is another in each attempt.
         assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == steps + rejected
         # Whole rounds, the rate at each new point, the two calls of the start, a second estimate or two.
@@ -548,14 +516,14 @@ def test_steps_are_chosen_so_that_few_are_rejected(method, pendulum):
 
 def test_a_step_whose_matrix_is_singular_is_shortened():
     h = 0.5
-    growth = sp.Rational(1.0 / (h * rodas5p_tableau.GAMMA))
-    run = Run("rodas5p", compile_flow(VectorField({x: growth * x}, epsilon=None)), (1.0,), [0.0, 1.0])
+    growth = sp.Rational(radau_tableau.EIGENVALUES[1, 0].real / h)
+    run = Run("radau9", compile_flow(VectorField({x: growth * x}, epsilon=None)), (1.0,), [0.0, 1.0])
     assert run.force_step(h).advance() == ledger.FINISHED
     assert run.counters[ledger.REJECTED] >= 1
     assert run.y[0] == pytest.approx(math.exp(float(growth)), rel=1e-6)
 
 
-@pytest.mark.parametrize("method", ["rodas5p", *STAGES])
+@pytest.mark.parametrize("method", STAGES)
 def test_a_matrix_that_stays_singular_ends_the_run(method):
     """The diagonal, a multiple of 1/h, is lost beside entries of 1e300, whatever h."""
     rise = sp.Integer(10) ** 300 * (x + y)

@@ -12,12 +12,13 @@ from llvmlite import ir
 from gsp.errors import GspError, Status
 from gsp.integration.methods import Method, choose_method, program_of
 from gsp.integration.trajectory import integrate
-from gsp.kernels import dop853_tableau, ledger, rodas5p_tableau
+from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import LONGEST_SCHEDULED, build, effort
-from gsp.kernels.rodas5p import rodas5p
-from gsp.lowering.compiled_flow import EXPLICIT_LOOPS, ROSENBROCK_LOOPS, compile_flow
+from gsp.kernels.radau import radau
+from gsp.kernels.radau_block import memory_size
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.lowering.steps.collocation import Collocation
 from gsp.lowering.steps.emission import LIBRARY, Emitter
@@ -130,19 +131,19 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
     start = np.cos(np.arange(n))
     records = []
     for program in (
-        program_of(compiled, Method.RODAS5P, 1e-8),
-        np.array([compiled.field, compiled.jacobian, 0, address_of(*ROSENBROCK_LOOPS), 0]),
+        program_of(compiled, Method.RADAU9, 1e-8),
+        np.array([compiled.field, compiled.jacobian, 0, address_of(*COLLOCATION_LOOPS), 0]),
     ):
         y, rate = start.copy(), compiled.rates(start, p)
-        memory, counters = np.zeros(ledger.MEMORY_SIZE), np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
+        memory, counters = np.zeros(memory_size(5, n)), np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         memory[ledger.STEP] = 0.02
         times, states = np.empty(1), np.empty((1, n))
-        dense = np.empty((1, rodas5p_tableau.DENSE_ROWS, n))
-        code = rodas5p(
+        dense = np.empty((1, 5, n))
+        code = radau(
             program, p, np.array([1.0]), 1e-3, 1e-3, 100, y, rate, memory, counters, times, states, dense
         )
         assert code == ledger.RECORD_FULL
-        records.append((times, states, dense, rate, memory))
+        records.append((times, states, dense, rate))
     for one, other in zip(*records):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
 
@@ -188,13 +189,13 @@ def test_collocation_steps_of_sixteen_states_are_scheduled():
 def test_one_full_jacobian_is_left_to_the_loops_and_a_sparse_one_of_any_size_is_not():
     states = sp.symbols("z0:12")
     full = VectorField({s: -s * sum(states) for s in states}, epsilon=None)
-    assert compile_flow(full).rosenbrock is None
+    assert compile_flow(full).collocation(5) is None
     chain = VectorField({s: t - s**3 for s, t in zip(states, states[1:] + states[:1])}, epsilon=None)
-    assert compile_flow(chain).rosenbrock is not None
-    assert choose_method(compile_flow(full), 1e-5) is Method.RODAS5P
+    assert compile_flow(chain).collocation(5) is not None
+    assert choose_method(compile_flow(full), 1e-5) is Method.RADAU13
     assert choose_method(compile_flow(chain), 1e-5) is Method.RADAU13
     for field in (full, chain):
-        run = integrate(field, start=dict.fromkeys(states, 0.5), span=(0, 1), method=Method.RODAS5P, rtol=1e-6)
+        run = integrate(field, start=dict.fromkeys(states, 0.5), span=(0, 1), method=Method.RADAU9, rtol=1e-6)
         exact = integrate(
             field, start=dict.fromkeys(states, 0.5), span=(0, 1), method=Method.DOP853, rtol=1e-12
         )
@@ -205,8 +206,8 @@ def test_pivots_that_cannot_be_trusted_cost_no_digit():
     """x' = 10^9 y, y' = -10^9 x + ...: the diagonal is nothing beside the rest, and the loops take over."""
     field = VectorField({x: 10**9 * y + x, y: -(10**9) * x - y + 1}, epsilon=None)
     compiled = compile_flow(field)
-    assert compiled.rosenbrock is not None
-    found = integrate(field, start={x: 1, y: 0}, span=(0, 1e-8), method=Method.RODAS5P, rtol=1e-9, atol=1e-12)
+    assert compiled.collocation(5) is not None
+    found = integrate(field, start={x: 1, y: 0}, span=(0, 1e-8), method=Method.RADAU9, rtol=1e-9, atol=1e-12)
     exact = integrate(field, start={x: 1, y: 0}, span=(0, 1e-8), method=Method.DOP853, rtol=1e-13, atol=1e-14)
     assert found.status is Status.SUCCESS
     assert found.y[:, -1] == pytest.approx(exact.y[:, -1], rel=1e-7)

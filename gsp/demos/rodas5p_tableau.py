@@ -11,13 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 STAGES = 8
-DENSE_ROWS = 3
 GAMMA = 0.21193756319429014
-
-# Stage times, used only to hand the field its t.
-NODES = np.array(
-    [0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0, 1.0]
-)
 
 # Stages 7 and 8 start from the argument of the stage before plus its increment (stiff accuracy): six rows.
 A = np.zeros((6, 5))
@@ -94,6 +88,3 @@ _H = np.array(
 )
 # H2 + s H3 = (H2 + H3) - (1-s) H3: the nesting that `interpolate_many` evaluates.
 DENSE = np.array([_H[0], _H[1] + _H[2], -_H[2]])
-# The largest values on (0, 1) of the factors of the last two rows, x^2 (1-x)^2 and x^2 (1-x).
-LAST_TERM = 1.0 / 16.0
-LAST_BUT_ONE = 4.0 / 27.0
