@@ -71,6 +71,8 @@ from .readers import save as save
 from .report import write_report as write_report
 from .results.progress import progress_bar as progress_bar
 from .scenes.scene import Scene as Scene
+from .scenes.small_parameter import take_fast as take_fast
+from .scenes.small_parameter import take_small as take_small
 from .scenes.study import Study as Study
 from .scenes.study import study as study
 from .singular.mixed_modes import MixedMode as MixedMode

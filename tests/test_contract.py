@@ -343,6 +343,10 @@ CONTRACTS = {
         ("Scene",), michaelis, lambda: {"path": f"{tempfile.mkdtemp()}/kept.toml"}, {"path": kind()}
     ),
     "progress_bar": Contract((), lambda: "map", dict, {"left": FLAG}),
+    "take_small": Contract(("Scene",), michaelis, lambda: {"parameter": "kappa"}, {"parameter": NAME}),
+    "take_fast": Contract(
+        ("Scene",), michaelis, lambda: {"variables": ("c",)}, {"variables": kind("text")}
+    ),
     "study": Contract(("Scene", "Study"), michaelis, dict),
     "analyse": Contract(("Scene", "Study"), michaelis, dict),
     "write_report": Contract(

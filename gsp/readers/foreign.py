@@ -1,8 +1,8 @@
 """Foreign models, whatever their format: what one says, and the model file in TOML that says the same.
 
 A parameter called epsilon or eps is the small parameter, unless another is named, if it is at most 1/10 and stands as
-a pole or as a factor of a whole rate; else it is a parameter like others. Where no rate has a pole in it, the file's
-time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
+a pole or as a factor of a whole rate; else it is a parameter like others, and the model has no small one. Where no rate
+has a pole in it, the file's time is the fast one: rates are divided by epsilon, and the span is multiplied by it.
 """
 
 from __future__ import annotations
@@ -64,10 +64,14 @@ class ForeignModel:
 def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Scene]) -> tuple[Import, Scene]:
     """`model` as a model file, and the scene that it is; `small` names its small parameter.
 
-    `read` gives the scene of a model file. Raises `ModelFileError` when there is no small parameter.
+    `read` gives the scene of a model file. Raises `ModelFileError` when `small` can be none.
     """
     name, ordinary = _small(model, small, read)
-    kept = ", ".join(word for word, made_of in model.worked_out.items() if name in made_of)[:300]
+    if name is None:
+        notes = [model.understood, *ordinary, *_told(model)]
+        text = _written(model, None, notes, fast_time=False, fast=())
+        return Import(text, notes), read(text)
+    kept = _kept(model, name)
     if name not in _reached(model):
         if kept:
             raise ModelFileError(
@@ -85,8 +89,7 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
         f"small parameter: {name} = {model.parameters[name]}",
         *ordinary,
         *([f"worked out once, for this {name}, and kept when it changes: {kept}"] if kept else []),
-        *model.notes,
-        *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else []),
+        *_told(model),
     ]
     scene = read(_written(model, name, notes, fast_time=False, fast=()))
     fast = _with_poles(scene.system, divided=False)
@@ -102,6 +105,11 @@ def imported(model: ForeignModel, *, small: str | None, read: Callable[[str], Sc
     fast = _with_poles(scene.system, divided=True)
     text = _written(model, name, notes, fast_time=True, fast=fast)
     return Import(text, notes), read(text)
+
+
+def _told(model: ForeignModel) -> list[str]:
+    """What the file's reader has to say, and what it left out."""
+    return [*model.notes, *(["left out: " + ", ".join(model.left_out)[:300]] if model.left_out else [])]
 
 
 def _with_poles(system: SlowFastSystem | VectorField, *, divided: bool) -> list[str]:
@@ -130,8 +138,10 @@ def fresh_name(name: str, taken: set[str]) -> str:
     return new
 
 
-def _small(model: ForeignModel, wanted: str | None, read: Callable[[str], Scene]) -> tuple[str, list[str]]:
-    """The small parameter, and why others with its name are ordinary ones."""
+def _small(
+    model: ForeignModel, wanted: str | None, read: Callable[[str], Scene]
+) -> tuple[str | None, list[str]]:
+    """The small parameter, None where nothing says which, and why others with its name are ordinary ones."""
     if model.small is not None:
         if wanted is not None:
             raise ModelFileError(
@@ -149,28 +159,22 @@ def _small(model: ForeignModel, wanted: str | None, read: Callable[[str], Scene]
         return wanted, []
     called = [name for name in SMALL if name in model.parameters]
     ordinary: list[str] = []
-    # One that stands in no rate comes last.
-    for name in sorted(called, key=lambda name: name not in _reached(model)):
+    for name in called:
         why = _why_ordinary(model, name, read)
         if why is None:
             return name, ordinary
         ordinary.append(f"{name} = {model.parameters[name]} is an ordinary parameter: {why}")
-    raise ModelFileError(
-        f"the file has no small parameter; {'; '.join(ordinary)}."
-        if ordinary
-        else "the file has no parameter called epsilon or eps, and so no small one.",
-        f"Name the one that is small: gsp import FILE --small NAME. There are {_others(model, '')}; "
-        "where none is small, write the factor that separates the time scales into the rates first.",
-    )
+    return None, ordinary
 
 
 def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) -> str | None:
-    """Why the parameter `name` does not separate time scales, or `None`; one that stands in no rate is not judged."""
+    """Why the parameter `name` does not separate time scales, or `None`."""
     value = number_in(model.parameters[name], f"the value of {name}")
     if not 0 < value <= LARGEST:
         return f"a small one is above 0 and at most {LARGEST:g}"
     if name not in _reached(model):
-        return None
+        kept = _kept(model, name)
+        return "it stands in no rate" + (f", only in values that are worked out once: {kept}" if kept else "")
     # Read as an ordinary parameter, it may stand anywhere; what stands for epsilon divides every rate.
     other = fresh_name("epsilon", {*model.parameters, *model.states, *model.observables, *_reached(model)})
     draft = replace(model, parameters={**model.parameters, other: "1"})
@@ -184,6 +188,11 @@ def _why_ordinary(model: ForeignModel, name: str, read: Callable[[str], Scene]) 
         pole_order(e, symbol) or not pole_order(e / symbol, symbol) for e in system.rates if e.has(symbol)
     )
     return None if any(scales) else "it is no pole and no factor of a whole rate"
+
+
+def _kept(model: ForeignModel, name: str) -> str:
+    """The values that are worked out once, at the start, and made of `name`."""
+    return ", ".join(word for word, made_of in model.worked_out.items() if name in made_of)[:300]
 
 
 def _others(model: ForeignModel, name: str) -> str:
@@ -204,15 +213,15 @@ def _reached(model: ForeignModel) -> set[str]:
 
 
 def _written(
-    model: ForeignModel, small: str, notes: Collection[str], *, fast_time: bool, fast: Collection[str]
+    model: ForeignModel, small: str | None, notes: Collection[str], *, fast_time: bool, fast: Collection[str]
 ) -> str:
     """The model as TOML."""
-    value = model.parameters[small]
+    value = "1" if small is None else model.parameters[small]
     rates = {name: f"({text})/{small}" if fast_time else text for name, text in model.states.items()}
     span = f"({model.total})*({value})" if fast_time else model.total
     lines = [
         f"# Read from {model.origin}.",
-        f"epsilon = {json.dumps(small)}",
+        *([] if small is None else [f"epsilon = {json.dumps(small)}"]),
         *([f"title = {json.dumps(model.title)}"] if model.title else []),
         f"description = {json.dumps('; '.join(notes)[:5000])}",
         "",
@@ -227,8 +236,10 @@ def _written(
                 f"[{title}]",
                 *(f"{json.dumps(key)} = {json.dumps(text)}" for key, text in table.items()),
             ]
-    lines += ["", "[region]"]
-    lines += [f"{name} = [{low}, {high}]" for name, (low, high) in _region(model, fast).items()]
+    # Without a small parameter nothing asks for a box around the start.
+    region = model.windows if small is None else _region(model, fast)
+    if region:
+        lines += ["", "[region]", *(f"{name} = [{low}, {high}]" for name, (low, high) in region.items())]
     lines += ["", "[start]", *(f"{name} = {json.dumps(number)}" for name, number in model.starts.items())]
     for title, start in model.other_starts.items():
         lines += [
@@ -247,7 +258,8 @@ def _written(
             for name, ends in ranges.items()
         )
         lines += [f"ranges = {{{inner}}}"] if inner else []
-    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]', f"epsilon = {json.dumps(value)}"]
+    lines += ["", "[scene]", f'span = ["0", {json.dumps(span)}]']
+    lines += [] if small is None else [f"epsilon = {json.dumps(value)}"]
     if model.path is not None:
         lines.append(f"path = {json.dumps(list(model.path))}")
     return "\n".join(lines) + "\n"

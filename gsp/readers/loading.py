@@ -21,6 +21,8 @@ FORMATS: dict[str, Callable[[str], ForeignModel]] = {
     ".sbml": read_sbml,
     ".ant": read_antimony,
 }
+# SBML says in markup, units and annotations ten times what a model file says.
+LARGEST = {".xml": 4 * 1024 * 1024, ".sbml": 4 * 1024 * 1024}
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
@@ -80,7 +82,7 @@ def _imported(file: Path, small: str | None = None) -> tuple[Import, Scene]:
         # Capital letters are small ones for XPPAUT.
         small = small.lower()
     # Comments in .ode files are older than UTF-8.
-    model = FORMATS[suffix](text_of(file, other_bytes=suffix == ".ode"))
+    model = FORMATS[suffix](text_of(file, other_bytes=suffix == ".ode", most=LARGEST.get(suffix, BYTES)))
     found, scene = imported(model, small=small, read=lambda draft: scene_of(parsed(draft), file))
     if len(found.text.encode()) > BYTES:
         raise ModelFileError(

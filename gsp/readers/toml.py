@@ -1,7 +1,7 @@
 """TOML model files: a scene that a user writes in two minutes.
 
     title = "An enzyme and its substrate"    # optional, as are name, source and description
-    epsilon = "epsilon"                      # name of the small parameter; optional, this is the default
+    epsilon = "epsilon"                      # name of the small parameter; this is the default where there is one
 
     [parameters]                             # optional
     kappa = 1
@@ -13,7 +13,8 @@
     [fast]                                   # epsilon c' = ...
     c = "s - (s + kappa)*c"
 
-    [region]                                 # at least one state; a bound on a fast one selects a sheet
+    [region]                                 # at least one state; a bound on a fast one selects a sheet; optional
+                                             # without a small parameter
     s = [0.1, 2]
 
     [start]                                  # every state; reconstruction variables start at 0 unless given
@@ -22,7 +23,7 @@
 
     [scene]
     span = [0, 5]                            # slow time
-    epsilon = 0.01                           # the value asked about
+    epsilon = 0.01                           # the value asked about; without it a model has no small parameter
     epsilons = [0.04, 0.02, 0.01, 0.005]     # optional ladder; default epsilon * (2, 1, 1/2, 1/4)
     tolerance = 1e-6                         # optional relative accuracy, this is the default
     path = ["s", "c"]                        # optional pair of names, drawn as a path in the plane
@@ -60,6 +61,7 @@ import tomllib
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import sympy as sp
 
@@ -113,12 +115,12 @@ def read_document(file: Path) -> dict:
     return parsed(text_of(file))
 
 
-def text_of(file: Path, *, other_bytes: bool = False) -> str:
+def text_of(file: Path, *, other_bytes: bool = False, most: int = BYTES) -> str:
     """The text of a model file; raises `ModelFileError` for one that is unreadable, too large or no UTF-8.
 
     With `other_bytes` what is no UTF-8 becomes U+FFFD, which no expression may hold and any comment.
     """
-    data = bytes_of(file)
+    data = bytes_of(file, most=most)
     try:
         return data.decode("utf-8-sig", "replace" if other_bytes else "strict")
     except UnicodeDecodeError as error:
@@ -126,14 +128,14 @@ def text_of(file: Path, *, other_bytes: bool = False) -> str:
         raise ModelFileError(f"the file is not UTF-8 text (line {line}).", "Save it as UTF-8.") from None
 
 
-def bytes_of(file: Path) -> bytes:
+def bytes_of(file: Path, *, most: int = BYTES) -> bytes:
     """What a model file holds; raises `ModelFileError` for one that is no regular file, unreadable or too large."""
     try:
         # Checked before it is opened: opening a named pipe waits for ever, and a device has no end.
         if not stat.S_ISREG(file.stat().st_mode):
             raise ModelFileError("this is no regular file.", "Give the path of a TOML file.")
         with file.open("rb") as stream:
-            data = stream.read(BYTES + 1)
+            data = stream.read(most + 1)
     except FileNotFoundError:
         if str(file) == file.name:
             # A bare name stands in front of the message already.
@@ -142,9 +144,9 @@ def bytes_of(file: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelFileError(f"the file cannot be read ({reason}).", "Check its permissions.") from None
-    if len(data) > BYTES:
+    if len(data) > most:
         raise ModelFileError(
-            f"the file is larger than {BYTES // 1024} KiB.", "A model file holds equations only."
+            f"the file is larger than {most // 1024} KiB.", "A model file holds equations only."
         )
     return data
 
@@ -171,8 +173,9 @@ def _keys(line: str) -> str:
     return line if '"""' in line or "'''" in line else _NO_KEYS.sub(" ", line)
 
 
-# What every scene says, with a line to write.
-NEEDED = {"span": "span = [0, 5]", "epsilon": "epsilon = 0.01"}
+# What every scene says, with a line to write, and what one says that names a small parameter or fast variables.
+NEEDED = {"span": "span = [0, 5]"}
+NEEDED_OF_SMALL = {**NEEDED, "epsilon": "epsilon = 0.01"}
 
 
 def scene_of(document: dict, file: Path) -> Scene:
@@ -184,14 +187,17 @@ def scene_of(document: dict, file: Path) -> Scene:
     system, symbols, definitions = _system(document, tables, name)
     scene = tables["scene"]
     values.check_keys(scene, _SCENE, "scene.")
-    missing = {key: line for key, line in NEEDED.items() if key not in scene}
+    small = system.epsilon is not None
+    missing = {key: line for key, line in (NEEDED_OF_SMALL if small else NEEDED).items() if key not in scene}
     if missing:
         raise ModelFileError(
             f"{' and '.join(f'scene.{key}' for key in missing)} {('are' if len(missing) > 1 else 'is')} "
             "missing.",
             f"Write {' and '.join(missing.values())} under [scene].",
         )
-    given = {}
+    given: dict[str, Any] = {}
+    if "epsilon" in scene:
+        given["epsilon"] = float(values.number(scene["epsilon"], "scene.epsilon"))
     if "epsilons" in scene:
         given["epsilons"] = tuple(map(float, values.numbers(scene["epsilons"], "scene.epsilons")))
     if "tolerance" in scene:
@@ -202,7 +208,6 @@ def scene_of(document: dict, file: Path) -> Scene:
         region={key: values.pair(value, f"region.{key}") for key, value in tables["region"].items()},
         start={key: float(values.number(value, f"start.{key}")) for key, value in tables["start"].items()},
         span=values.pair(scene["span"], "scene.span"),
-        epsilon=float(values.number(scene["epsilon"], "scene.epsilon")),
         **given,
         reconstruction={
             symbols[key]: _expression(value, f"reconstruction.{key}", symbols, definitions)
@@ -225,6 +230,8 @@ def scene_of(document: dict, file: Path) -> Scene:
 def _system(
     document: dict, tables: dict[str, dict], name: str
 ) -> tuple[SlowFastSystem | VectorField, dict[str, sp.Symbol], Definitions]:
+    standard = "slow" in document or "fast" in document
+    has_small = standard or _names_small(document, tables)
     epsilon = document.get("epsilon", "epsilon")
     if not isinstance(epsilon, str):
         raise ModelFileError(
@@ -232,7 +239,6 @@ def _system(
             "Its value belongs under [scene].",
             got=f"a {values.kind(epsilon)}",
         )
-    standard = "slow" in document or "fast" in document
     if standard == ("states" in document):
         verb, got = ("Keep", "both") if standard else ("Write", "neither")
         raise ModelFileError(
@@ -245,7 +251,8 @@ def _system(
     for kinds, limit in ((tuple(equations), STATES), (("parameters",), PARAMETERS)):
         count = sum(len(tables[kind]) for kind in kinds)
         at_most(limit, count, f"{', '.join(kinds)} hold", "names", "Use a smaller model.")
-    symbols = _symbols({"epsilon": {epsilon: ""}, "parameters": tables["parameters"], **equations})
+    small = {epsilon: ""} if has_small else {}
+    symbols = _symbols({"epsilon": small, "parameters": tables["parameters"], **equations})
     definitions = read_definitions(
         {head: _body(value, f"definitions.{head[:80]}") for head, value in tables["definitions"].items()},
         symbols,
@@ -282,9 +289,26 @@ def _system(
             definitions,
         )
     field = VectorField(
-        rates("states"), epsilon=symbols[epsilon], parameters=parameters, name=name, observables=observables
+        rates("states"),
+        epsilon=symbols[epsilon] if has_small else None,
+        parameters=parameters,
+        name=name,
+        observables=observables,
     )
     return field, symbols, definitions
+
+
+def _names_small(document: dict, tables: dict[str, dict]) -> bool:
+    """Whether a file with [states] says that it has a small parameter: by its name, its value, or the usual name."""
+    if "epsilon" in document or not tables["scene"].keys().isdisjoint(("epsilon", "epsilons")):
+        return True
+    declared = set().union(
+        *(tables[kind] for kind in ("parameters", "states", "reconstruction", "definitions"))
+    )
+    texts = [
+        text for kind in ("states", "definitions") for text in tables[kind].values() if isinstance(text, str)
+    ]
+    return "epsilon" not in declared and any(re.search(r"\bepsilon\b", text) for text in texts)
 
 
 def _symbols(tables: Mapping[str, Mapping]) -> dict[str, sp.Symbol]:

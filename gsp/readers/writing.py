@@ -115,8 +115,7 @@ def _written(scene: Scene) -> str:
         "start": {name: repr(value) for name, value in scene.full_start.items()},
         "scene": {
             "span": _list(scene.span),
-            "epsilon": repr(scene.epsilon),
-            "epsilons": _list(scene.epsilons),
+            **({"epsilon": repr(scene.epsilon), "epsilons": _list(scene.epsilons)} if scene.has_small else {}),
             "tolerance": repr(scene.tolerance),
             **({"path": json.dumps(scene.path)} if scene.path else {}),
         },
@@ -130,7 +129,8 @@ def _written(scene: Scene) -> str:
     }
     head = {key: _quoted(getattr(scene, key)) for key in ("name", "title", "source", "description")}
     lines = [f"{key} = {text}" for key, text in head.items() if text != '""']
-    lines.append(f"epsilon = {_quoted(str(system.epsilon))}")
+    if scene.has_small:
+        lines.append(f"epsilon = {_quoted(str(system.epsilon))}")
     for title, table in parts.items():
         if table:
             lines += ["", f"[{title}]", *(f"{name} = {value}" for name, value in table.items())]

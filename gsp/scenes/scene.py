@@ -33,6 +33,9 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 class Scene(Question, Card):
     """One question about one system; what the whole pipeline needs to answer it.
 
+    A system without a small parameter makes a scene too, for whatever needs none: its `epsilon` is None, its `epsilons`
+    are empty, and its `region` may be. `take_small` and `take_fast` make a scene of it that has one.
+
     `region` bounds states by name, {name: (low, high)}; bounds on fast variables select a sheet of the critical
     manifold. `start` gives every state a value, `span` = (t0, t1) is in slow time, `epsilon` is the value asked
     about, `epsilons` the ladder for convergence studies (kept in descending order; `epsilon` times 2, 1, 1/2 and 1/4
@@ -57,7 +60,7 @@ class Scene(Question, Card):
     region: Mapping[str, Interval]
     start: Mapping[str, float]
     span: Interval
-    epsilon: float
+    epsilon: float = cast("float", None)
     epsilons: tuple[float, ...] = cast("tuple[float, ...]", None)
     tolerance: float = 1e-6
     _: KW_ONLY
@@ -75,13 +78,6 @@ class Scene(Question, Card):
 
     def __post_init__(self) -> None:
         check_noun(self.system, (SlowFastSystem, VectorField), verb="Scene")
-        if self.system.epsilon is None:
-            raise DeclarationError(
-                "a scene is about a small parameter.",
-                "Declare the field with its epsilon, or integrate it without a scene.",
-                got=f"{self.system!r}",
-                value=self.system,
-            )
         for attribute in ("name", "title", "source", "description"):
             check_text(getattr(self, attribute), what=attribute)
             check_words(getattr(self, attribute), what=attribute)
@@ -91,7 +87,9 @@ class Scene(Question, Card):
                 "Use letters, digits, _ and -, at most 64; `title` takes any text.",
             )
         states = [state.name for state in self.system.states]
-        region = check_region(self.region, states)
+        empty = isinstance(self.region, Mapping) and not self.region
+        # Only what needs a small parameter needs a region, and bounds are found for it then.
+        region = MappingProxyType({}) if empty and not self.has_small else check_region(self.region, states)
         drivers = reconstruction_of(self.system, self.reconstruction)
         start, driven = _start(self.start, self.reconstruction_start, states, [s.name for s in drivers])
         for state, (low, high) in region.items():
@@ -109,9 +107,7 @@ class Scene(Question, Card):
         self._set(
             "span", check_interval(self.span, what="span", remedy="Give (t0, t1) with t0 < t1, in slow time.")
         )
-        self._set("epsilon", check_epsilon(self.epsilon))
-        given = cast("tuple[float, ...] | None", self.epsilons)
-        self._set("epsilons", _ladder([self.epsilon * k for k in LADDER] if given is None else given))
+        self._set("epsilons", self._checked_epsilons())
         self._set("tolerance", _tolerance(self.tolerance))
         if drivers:
             # The field's own checks see undeclared symbols and misplaced epsilon in the reconstruction rates.
@@ -122,8 +118,29 @@ class Scene(Question, Card):
         self._set("path", _path(self.path, watched))
         self._set("starts", MappingProxyType(_starts(self.starts, [*states, *driven])))
         self._set("views", MappingProxyType(checked_views(self.views, watched)))
-        known = [*watched, *(s.name for s in self.system.parameters), str(self.system.epsilon), TIME]
+        known = [*watched, *(s.name for s in self.system.parameters), TIME]
+        known += [str(self.system.epsilon)] if self.has_small else []
         self._set("units", MappingProxyType(_units(self.units, known)))
+
+    @property
+    def has_small(self) -> bool:
+        """Whether the system has a small parameter; where it has none, `epsilon` is None and `epsilons` is empty."""
+        return self.system.epsilon is not None
+
+    def _checked_epsilons(self) -> tuple[float, ...]:
+        """The ladder, once `epsilon` is checked."""
+        given = cast("tuple[float, ...] | None", self.epsilons)
+        if self.has_small:
+            self._set("epsilon", check_epsilon(self.epsilon))
+            return _ladder([self.epsilon * k for k in LADDER] if given is None else given)
+        if self.epsilon is not None or given:
+            raise DeclarationError(
+                "the system has no small parameter whose value could be given.",
+                "Leave the value out, or declare the system with its epsilon.",
+                got=shown(given if self.epsilon is None else self.epsilon),
+                value=self.epsilon,
+            )
+        return ()
 
     @cached_property
     def full_flow(self) -> VectorField:
@@ -157,21 +174,20 @@ class Scene(Question, Card):
 
     def __repr__(self) -> str:
         states = ", ".join(state.name for state in self.system.states)
+        epsilon = f"epsilon={self.epsilon:g}, " if self.has_small else ""
         return (
             f"Scene({self.name or self.system.name or 'unnamed'}: {type(self.system).__name__} in {states}; "
-            f"epsilon={self.epsilon:g}, span={self.span}, tolerance={self.tolerance:g})"
+            f"{epsilon}span={self.span}, tolerance={self.tolerance:g})"
         )
 
     def __str__(self) -> str:
+        ladder = ", ".join(f"{value:g}" for value in self.epsilons)
         rows = [
-            (
-                "region",
-                shown_region(self.region),
-            ),
+            *([("region", shown_region(self.region))] if self.region else []),
             ("start", self._shown(self.full_start)),
             *((f"start {name}", self._shown(start)) for name, start in self.starts.items()),
-            ("span", f"{self.span[0]:g} to {self.span[1]:g} in slow time"),
-            ("epsilon", f"{self.epsilon:g}; ladder {', '.join(f'{value:g}' for value in self.epsilons)}"),
+            ("span", f"{self.span[0]:g} to {self.span[1]:g}{' in slow time' if self.has_small else ''}"),
+            *([("epsilon", f"{self.epsilon:g}; ladder {ladder}")] if self.has_small else []),
             ("tolerance", f"{self.tolerance:g}"),
             *((f"{symbol}'", str(rate)) for symbol, rate in self.reconstruction.items()),
         ]
@@ -301,10 +317,9 @@ def _claims(claims: Mapping, system: SlowFastSystem | VectorField) -> dict[str, 
             raise DeclarationError(
                 "a claim is a name and a mapping of states to rates.", got=f"{name!r}: {rates!r}"
             )
+        small = system.epsilon
         epsilon = (
-            system.epsilon
-            if any(sp.sympify(r, strict=True).has(system.epsilon) for r in rates.values())
-            else None
+            small if small and any(sp.sympify(r, strict=True).has(small) for r in rates.values()) else None
         )
         check_words(name, what="the name of a claim")
         # The field's own checks: undeclared symbols, states that the claim uses without giving them a rate.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from gsp.errors import DeclarationError, unknown_name
 from gsp.scenes.scene import Scene
+from gsp.scenes.small_parameter import no_small_parameter
 from gsp.systems.region import Interval
 
 
@@ -31,7 +32,9 @@ def ask_again(
                 states, name, f'the region is given for "{name}", which is no state.', "The states are"
             )
     ladder = scene.epsilons
-    if epsilon is not None and scene.epsilon:
+    if epsilon is not None and not scene.has_small:
+        raise no_small_parameter(scene, "its value is asked for")
+    if epsilon is not None:
         ladder = tuple(value * (epsilon / scene.epsilon) for value in ladder)
     if start is not None and start not in scene.starts:
         raise unknown_name(start, scene.starts)

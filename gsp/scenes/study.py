@@ -30,6 +30,7 @@ from gsp.lowering.compiled_function import compile_function
 from gsp.results.card import Card
 from gsp.scenes.raw_states import RawStates
 from gsp.scenes.scene import Scene
+from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.expansion import Expansion
 from gsp.slow.series import LONGEST, SeriesManifold, series_of
@@ -302,16 +303,22 @@ class Study(Card):
 def study(scene: Scene) -> Study:
     """The scene made ready: every stage is computed when it is first needed, and kept.
 
-    Raises `DeclarationError` for anything but a `Scene`; a study is handed back as it is.
+    Raises `DeclarationError` for anything but a `Scene`, and `SplittingError` for one without a small parameter; a
+    study is handed back as it is.
     """
     return study_of(scene, verb="study")
 
 
 def study_of(scene: Scene | Study, *, verb: str = "study") -> Study:
-    """What a verb works with: the study it was given, or a new one of the scene it was given."""
+    """What a verb works with: the study it was given, or a new one of the scene it was given.
+
+    Raises `SplittingError` for a scene without a small parameter.
+    """
     if isinstance(scene, Study):
         return scene
     check_noun(scene, Scene, verb=verb)
+    if not scene.has_small:
+        raise no_small_parameter(scene, f"{verb} needs one")
     return Study(scene)
 
 

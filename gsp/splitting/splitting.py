@@ -161,8 +161,8 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
     epsilon = field.epsilon
     if epsilon is None:
         raise SplittingError(
-            f"the field in {', '.join(s.name for s in field.states)} has no small parameter (epsilon=None).",
-            "It can be integrated, not split. Declare epsilon and write the fast rates with 1/epsilon.",
+            f"the field in {', '.join(s.name for s in field.states)} has no small parameter.",
+            "It can be integrated, not split. Declare it with epsilon=, the symbol of its small parameter.",
         )
     field, rescaled = _slow_time(field)
     layer, drift = principal_part(field)

@@ -156,9 +156,9 @@ class SlowFastSystem(_Declared, Card):
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class VectorField(_Declared, Card):
-    """A field z' = F(z, epsilon); F may have poles in epsilon, and `epsilon=None` says that it has none.
+    """A field z' = F(z, epsilon); F may have poles in epsilon. Without `epsilon` it has no small parameter.
 
-    A field without epsilon can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
+    Such a field can be integrated, not split. Raises `DeclarationError` as `SlowFastSystem` does,
     and when `epsilon` is given but appears in no equation.
 
     >>> v, w, eps = sp.symbols("v w epsilon")
@@ -177,7 +177,7 @@ class VectorField(_Declared, Card):
         self,
         states: Mapping[sp.Symbol, sp.Expr],
         *,
-        epsilon: sp.Symbol | None,
+        epsilon: sp.Symbol | None = None,
         parameters: Values | None = None,
         name: str = "",
         observables: Values | None = None,
@@ -198,7 +198,7 @@ class VectorField(_Declared, Card):
             shown = ", ".join(f"{s}' = {e}" for s, e in equations.items())
             raise DeclarationError(
                 f"{epsilon} does not appear in any equation.",
-                f"Write the fast rates as g/{epsilon}, use `SlowFastSystem`, or pass epsilon=None.",
+                "Leave it out: a model needs no small parameter. One that has fast rates divides them by it.",
                 got=shown,
             )
         _freeze(self, equations=equations, parameters=values, observables=watched)

@@ -9,7 +9,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import ModelFileError
-from gsp.readers.loading import load_noted
+from gsp.readers.loading import import_model, load_noted
 
 pytest.importorskip("antimony", reason="antimony is not installed")
 pytest.importorskip("libsbml", reason="python-libsbml is not installed")
@@ -109,11 +109,15 @@ model binding()
   A = 2; B = 0; C = 0; fast = 10/eps; kf = 2*fast; kb = 5/eps; k = 1; eps = 0.02
 end
 """
+    path = tmp_path / "model.ant"
+    path.write_text(binding % "")
+    scene, notes = load_noted(path)
+    assert scene.epsilon is None
+    assert any(note.endswith("only in values that are worked out once: kf, kb, fast") for note in notes)
     with pytest.raises(ModelFileError) as caught:
-        read(tmp_path, binding % "")
+        import_model(path, small="eps")
     assert caught.value.fact.endswith("only in values that are worked out once: kf, kb, fast")
     assert caught.value.remedy == "Make rules of them, as k := 1/eps is one in Antimony."
-    path = tmp_path / "model.ant"
     path.write_text(binding % "/eps")
     _, notes = load_noted(path)
     assert "worked out once, for this eps, and kept when it changes: kf, kb, fast" in notes

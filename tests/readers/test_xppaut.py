@@ -186,10 +186,11 @@ def test_conditions_are_numbers_and_exact_on_their_edges(tmp_path: Path, formula
         assert rate(value) == pytest.approx(float(meaning(value)), abs=1e-14), value
 
 
-def test_a_file_without_a_small_parameter_says_what_to_do(tmp_path: Path) -> None:
+def test_a_file_without_a_small_parameter_is_a_model_without_one(tmp_path: Path) -> None:
     path = next(file for file in FILES if file.stem == "hindmarsh_rose")
-    with pytest.raises(ModelFileError, match=r"gsp import FILE --small NAME"):
-        gsp.load(path)
+    scene = gsp.load(path)
+    assert scene.epsilon is None
+    assert {s.name: float(v) for s, v in scene.system.parameters.items()}["r"] == 0.006
     text = import_model(path, small="r").text
     assert tomllib.loads(text)["scene"]["epsilon"] == ".006"
     with pytest.raises(ModelFileError, match="no parameter 'q'"):

@@ -103,7 +103,7 @@ def test_repr_is_one_line_and_str_an_aligned_card():
     ("changes", "words"),
     [
         ({"system": "decay"}, ("SlowFastSystem or a VectorField", "decay")),
-        ({"system": VectorField({x: -x, y: x - y}, epsilon=None)}, ("small parameter", "integrate")),
+        ({"system": VectorField({x: -x, y: x - y})}, ("no small parameter", "0.01", "Leave the value out")),
         ({"name": "../x"}, ("plain word", "title")),
         ({"name": 3}, ("name is text", "3")),
         ({"region": {}}, ("bounds no state", "at least one of x, y")),

@@ -1,0 +1,205 @@
+"""Which parameter of a scene counts as small, or which of its variables as fast, where its author has not said it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.laurent import pole_order
+from gsp.errors import DeclarationError, SplittingError
+from gsp.integration.trajectory import trajectory_of
+from gsp.scenes.scene import LADDER, TIME, Scene
+from gsp.scenes.tolerances import absolute_tolerance
+from gsp.scenes.view import View
+from gsp.systems.arguments import check_each, check_noun, check_text, shown
+from gsp.systems.declaration import exact
+from gsp.systems.region import Interval
+from gsp.systems.system import SlowFastSystem, VectorField
+
+# A run that only says where the states go.
+RTOL = 1e-6
+# The value of a small parameter that stands in no equation of the model: what is fast is divided by it.
+BOOKKEEPING = 1.0
+
+
+def no_small_parameter(scene: Scene, wanted: str) -> SplittingError:
+    """The error for what needs a small parameter; `wanted` says what that is, as in "check needs one"."""
+    return SplittingError(
+        f"{scene.name or 'the scene'} has no small parameter, and {wanted}.",
+        "Name the parameter that is small, --small NAME, or the variables that are fast, --fast NAME,...; in Python "
+        "take_small(scene, parameter=NAME) and take_fast(scene, variables=[NAME, ...]).",
+    )
+
+
+def take_small(scene: Scene, *, parameter: str) -> Scene:
+    """The scene in which `parameter`, given by its name, is the small one, at the value that it has.
+
+    Where no rate has a pole in it, the time becomes the slow one: every rate is divided by it, and the span is
+    multiplied by it. A small parameter that the scene had becomes an ordinary one. States that are not fast and that
+    the region does not bound get the interval that the run from the start stays in. Raises `DeclarationError` for a
+    name that is no parameter, for a value that is not positive, and for a parameter that stands in no rate or in a
+    function.
+
+    >>> from gsp import models
+    >>> take_small(models.load("michaelis_menten"), parameter="kappa").system.epsilon
+    kappa
+    """
+    check_noun(scene, Scene, verb="take_small")
+    name = check_text(parameter, what="parameter")
+    plain = without_small(scene)
+    system = plain.system
+    symbol = next((s for s in system.parameters if s.name == name), None)
+    if symbol is None:
+        raise DeclarationError.none_of(
+            system.parameters, name, f"parameter is {shown(name)}, and no parameter has this name.", "They are"
+        )
+    value = float(system.parameters[symbol])
+    if value <= 0.0:
+        raise DeclarationError(
+            f"{name} = {value:g} cannot be the small parameter, which is positive.",
+            f"Give {name} a positive value, or name the variables that are fast.",
+            value=value,
+        )
+    if not any(rate.has(symbol) for rate in system.rates):
+        raise DeclarationError(
+            f"{name} stands in no rate, so that it separates no time scales.",
+            "Name another parameter.",
+            value=name,
+        )
+    changes = _in_slow_time(plain, symbol, value) if _is_regular(system.rates, symbol) else {}
+    rates = {state: rate / symbol if changes else rate for state, rate in zip(system.states, system.rates)}
+    field = VectorField(
+        rates,
+        epsilon=symbol,
+        parameters={s: v for s, v in system.parameters.items() if s != symbol},
+        name=system.name,
+        observables=system.observables,
+    )
+    fast = [state.name for state, rate in rates.items() if not _is_regular([rate], symbol)]
+    return replace(plain, system=field, epsilon=value, epsilons=None, region=_bounds(plain, fast), **changes)
+
+
+def take_fast(scene: Scene, *, variables: Iterable[str]) -> Scene:
+    """The scene in which the states that `variables` names are fast: epsilon y' = g, the model itself at epsilon = 1.
+
+    Raises `DeclarationError` for names that are no states, and where none or every state is to be fast.
+
+    >>> from gsp import models
+    >>> take_fast(models.load("michaelis_menten"), variables=["s"]).system.y
+    (s,)
+    """
+    check_noun(scene, Scene, verb="take_fast")
+    names = check_each(
+        variables,
+        lambda name: check_text(name, what="every one of variables"),
+        what="variables",
+        be="a sequence of names of states",
+    )
+    plain = without_small(scene)
+    system = plain.system
+    states = [s.name for s in system.states]
+    chosen = list(dict.fromkeys(names))
+    for name in chosen:
+        if name not in states:
+            raise DeclarationError.none_of(
+                states, name, f"variables names {shown(name)}, which is no state.", "The states are"
+            )
+    if not 0 < len(chosen) < len(states):
+        raise DeclarationError(
+            "variables are some of the states, not all and not none.",
+            f"The states are {', '.join(states)}.",
+            got=", ".join(chosen) or "none",
+            known=states,
+        )
+    taken = {*states, *(s.name for s in (*system.parameters, *system.observables, *plain.reconstruction))}
+    epsilon = sp.Symbol(next(word for word in _epsilons() if word not in taken))
+    rates = dict(zip(system.states, system.rates))
+    slow_fast = SlowFastSystem(
+        slow={s: rate for s, rate in rates.items() if s.name not in chosen},
+        fast={s: rate for s, rate in rates.items() if s.name in chosen},
+        epsilon=epsilon,
+        parameters=system.parameters,
+        name=system.name,
+        observables=system.observables,
+    )
+    ladder = tuple(BOOKKEEPING * share for share in LADDER)
+    return replace(plain, system=slow_fast, epsilon=BOOKKEEPING, epsilons=ladder, region=_bounds(plain, chosen))
+
+
+def without_small(scene: Scene) -> Scene:
+    """The scene with its small parameter as an ordinary one, at the value that the scene asks about."""
+    system, epsilon = scene.system, scene.system.epsilon
+    if epsilon is None:
+        return scene
+    field = VectorField(
+        dict(zip(system.states, system.rates)),
+        parameters={**system.parameters, epsilon: exact(scene.epsilon)},
+        name=system.name,
+        observables=system.observables,
+    )
+    return replace(scene, system=field, epsilon=None, epsilons=None)
+
+
+def _epsilons() -> Iterable[str]:
+    yield "epsilon"
+    yield from (f"epsilon_{k}" for k in range(1, 10**6))
+
+
+def _is_regular(rates: Iterable[sp.Expr], symbol: sp.Symbol) -> bool:
+    return all(pole_order(rate, symbol) <= 0 for rate in rates)
+
+
+def _in_slow_time(scene: Scene, symbol: sp.Symbol, value: float) -> dict[str, Any]:
+    """What of a scene is told in its time, besides its field, with t*symbol in place of t."""
+
+    def slower(view: View) -> View:
+        is_time = {name: name == TIME and TIME not in scene.start for name in view.ranges}
+        scaled = {
+            name: (low * value, high * value) if is_time[name] else (low, high)
+            for name, (low, high) in view.ranges.items()
+        }
+        return replace(view, ranges=scaled)
+
+    def divided(rates: Mapping[sp.Symbol, sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+        return {state: rate / symbol for state, rate in rates.items()}
+
+    return {
+        "span": (scene.span[0] * value, scene.span[1] * value),
+        "reconstruction": divided(scene.reconstruction),
+        "claims": {name: divided(rates) for name, rates in scene.claims.items()},
+        "units": {name: unit for name, unit in scene.units.items() if name != TIME},
+        "views": {name: slower(view) for name, view in scene.views.items()},
+    }
+
+
+def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
+    """The region, with an interval for every state that has none and is not among the `fast`, unless all are.
+
+    The interval is that in which the run from the start stays, or one around the start for a state that stays there.
+    """
+    states = [s.name for s in scene.system.states]
+    free = [name for name in states if name not in set(fast)] or states
+    missing = [name for name in free if name not in scene.region]
+    region = dict(scene.region)
+    if missing:
+        flow, start, span, _ = scene.asked(None, None, None)
+        run = trajectory_of(
+            flow,
+            start=start,
+            span=span,
+            epsilon=scene.epsilon,
+            rtol=RTOL,
+            atol=absolute_tolerance(RTOL, region, scene.full_start),
+        )
+        for name in missing:
+            values = run[name][np.isfinite(run[name])]
+            low, high = float(values.min()), float(values.max())
+            size = max(abs(low), abs(high))
+            if high - low <= RTOL * size:
+                low, high = low - 1.0 - size, high + 1.0 + size
+            region[name] = low, high
+    return region

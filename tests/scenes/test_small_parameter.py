@@ -1,0 +1,149 @@
+"""Scenes without a small parameter, and how one is given to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import gsp
+from gsp.errors import DeclarationError, GspError, SplittingError
+from gsp.scenes.small_parameter import take_fast, take_small, without_small
+from gsp.systems.system import SlowFastSystem
+
+MOTOR = """
+[parameters]
+L = 0.01
+R = 1
+k = 0.5
+
+[states]
+i = "(1 - R*i - k*w)/L"
+w = "k*i - 0.1*w"
+
+[start]
+i = 0
+w = 0
+
+[scene]
+span = [0, 5]
+"""
+
+
+@pytest.fixture
+def motor(tmp_path: Path) -> gsp.Scene:
+    path = tmp_path / "motor.toml"
+    path.write_text(MOTOR)
+    return gsp.load(path)
+
+
+def test_a_model_without_a_small_parameter_is_a_model(motor: gsp.Scene, tmp_path: Path) -> None:
+    assert (motor.epsilon, motor.epsilons, dict(motor.region)) == (None, (), {})
+    run = gsp.integrate(motor)
+    # i' = 0 = w' at the end of all motion: w = k/(k^2 + 0.1 R).
+    still = gsp.integrate(motor, span=(0, 200))
+    assert still["w"][-1] == pytest.approx(0.5 / (0.25 + 0.1), rel=1e-6)
+    assert run.epsilon is None
+    gsp.save(motor, tmp_path / "again.toml")
+    assert gsp.load(tmp_path / "again.toml").system.equations == motor.system.equations
+
+
+@pytest.mark.parametrize(
+    "verb", [gsp.study, gsp.compare, gsp.method_table, gsp.work_precision, gsp.failure_map]
+)
+def test_what_needs_a_small_parameter_says_how_to_name_one(motor: gsp.Scene, verb) -> None:
+    with pytest.raises(SplittingError, match=r"motor has no small parameter, and .* needs one") as caught:
+        verb(motor)
+    assert "take_small(scene, parameter=NAME)" in caught.value.remedy
+
+
+def test_the_parameter_in_a_denominator_makes_its_variable_fast(motor: gsp.Scene) -> None:
+    taken = take_small(motor, parameter="L")
+    assert (str(taken.system.epsilon), taken.epsilon, taken.span) == ("L", 0.01, motor.span)
+    study = gsp.study(taken)
+    assert [s.name for s in study.system.y] == ["i"]
+    # R i = 1 - k w, and w' = k (1 - k w)/R - w/10 to leading order.
+    w, R, k = sp.symbols("w R k")
+    assert sp.simplify(study.series(0).reduced_field[0][0] - (k * (1 - k * w) / R - w / 10)) == 0
+
+
+def test_bounds_of_slow_states_are_those_of_the_run(motor: gsp.Scene) -> None:
+    run = gsp.integrate(motor)
+    region = take_small(motor, parameter="L").region
+    assert list(region) == ["w"]
+    assert region["w"] == pytest.approx((0.0, run["w"].max()), rel=1e-4)
+
+
+def test_a_factor_of_the_rates_makes_the_time_the_slow_one() -> None:
+    x, y, delta = sp.symbols("x y delta")
+    field = gsp.VectorField({x: delta * (y - x), y: x - 2 * y}, parameters={delta: sp.Rational(1, 50)})
+    taken = take_small(gsp.Scene(field, {}, {"x": 1, "y": 0}, (0, 100)), parameter="delta")
+    assert taken.span == pytest.approx((0.0, 2.0))
+    fast = gsp.integrate(field, start={"x": 1, "y": 0}, span=(0, 100))
+    slow = gsp.integrate(taken)
+    np.testing.assert_allclose(slow.y[:, -1], fast.y[:, -1], rtol=1e-6)
+    assert gsp.study(taken).system.y == (y,)
+
+
+def test_named_fast_variables_are_fast_and_the_model_is_that_at_one(motor: gsp.Scene) -> None:
+    taken = take_fast(motor, variables=["i"])
+    assert isinstance(taken.system, SlowFastSystem)
+    assert taken.system.y == (sp.Symbol("i"),)
+    assert taken.epsilon == 1.0
+    np.testing.assert_allclose(gsp.integrate(taken).at(5.0), gsp.integrate(motor).at(5.0)[[1, 0]], rtol=1e-6)
+
+
+def test_another_parameter_may_be_the_small_one_instead() -> None:
+    scene = gsp.models.load("michaelis_menten")
+    plain = without_small(scene)
+    assert plain.epsilon is None
+    np.testing.assert_allclose(gsp.integrate(plain).y[:, -1], gsp.integrate(scene).y[:, -1], rtol=1e-6)
+    assert "epsilon" in map(str, take_small(scene, parameter="kappa").system.parameters)
+
+
+def test_the_usual_name_may_belong_to_a_parameter() -> None:
+    x, y, epsilon = sp.symbols("x y epsilon")
+    field = gsp.VectorField({x: -epsilon * x, y: x - y}, parameters={epsilon: 7})
+    taken = take_fast(gsp.Scene(field, {}, {"x": 1, "y": 0}, (0, 1)), variables=["y"])
+    assert str(taken.system.epsilon) == "epsilon_1"
+
+
+@pytest.mark.parametrize(
+    ("take", "words"),
+    [
+        (
+            lambda scene: take_small(scene, parameter="q"),
+            "parameter is 'q', and no parameter has this name. They are L, R, k",
+        ),
+        (lambda scene: take_small(scene, parameter="i"), "parameter is 'i'"),
+        (
+            lambda scene: take_fast(scene, variables=["L"]),
+            "variables names 'L', which is no state. The states are i, w",
+        ),
+        (
+            lambda scene: take_fast(scene, variables=["i", "w"]),
+            "not all and not none. Got i, w",
+        ),
+        (lambda scene: take_fast(scene, variables=[]), "Got none"),
+    ],
+)
+def test_what_cannot_be_small_or_fast_is_refused(motor: gsp.Scene, take, words: str) -> None:
+    with pytest.raises(GspError, match=words):
+        take(motor)
+
+
+@pytest.mark.parametrize(("value", "rate"), [(-1, "stands"), (0, "stands")])
+def test_a_small_parameter_is_positive(value: int, rate: str) -> None:
+    x, a = sp.symbols("x a")
+    field = gsp.VectorField({x: -a * x}, parameters={a: value})
+    with pytest.raises(DeclarationError, match=f"a = {value} cannot be the small parameter"):
+        take_small(gsp.Scene(field, {}, {"x": 1}, (0, 1)), parameter="a")
+
+
+def test_a_parameter_in_no_rate_separates_nothing(motor: gsp.Scene) -> None:
+    x, a = sp.symbols("x a")
+    field = gsp.VectorField({x: -x}, parameters={a: 1}, observables={sp.Symbol("u"): a * x})
+    with pytest.raises(DeclarationError, match="a stands in no rate"):
+        take_small(gsp.Scene(field, {}, {"x": 1}, (0, 1)), parameter="a")
