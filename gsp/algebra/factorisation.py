@@ -180,6 +180,11 @@ def _main_degree(polynomial: flint.fmpq_mpoly) -> int:
     return next((degree for degree in polynomial.degrees() if degree), 0)
 
 
+def exponentials(expressions: Iterable[sp.Expr]) -> list[sp.Expr]:
+    """The exp(u) of which all the others with commensurable exponents, in no other function, are whole powers."""
+    return [atom for atom in _Atoms(*expressions).meaning if isinstance(atom, sp.exp)]
+
+
 Fraction = tuple[flint.fmpq_mpoly, flint.fmpq_mpoly]
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import flint
 import sympy as sp
 
+from gsp.algebra.factorisation import MULTIPLE
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
 from gsp.algebra.ring_elements import Element, exponents_sum, number_of, power
@@ -69,6 +70,8 @@ class LocalisedRing:
         # Generators are counted from the back, as negative numbers: room for more is made at the front.
         self._index = {symbol: i - len(symbols) for i, symbol in enumerate(symbols)}
         self._adjoined: dict[tuple, Element] = {}
+        # u and exp(u).
+        self._exponentials: list[tuple[Element, Element]] = []
         self.derivations = derivations
         self._derivatives: list[dict[int, Element]] = [{} for _ in range(derivations)]
         self._pending: dict[int, tuple[str, Element, Element | None]] = {}
@@ -225,8 +228,12 @@ class LocalisedRing:
         identity = (name, *u.key, *(exponent.key if exponent else ()))
         if identity in self._adjoined:
             return self._adjoined[identity]
-        if name == "exp" and ("exp", *(-u).key) in self._adjoined:
-            return self._adjoined["exp", *(-u).key].inverse()
+        if name == "exp":
+            # exp(2 u) is a power of exp(u), so that the two are not independent.
+            for v, known in self._exponentials:
+                multiple = _multiple(u, v)
+                if multiple is not None:
+                    return power(known, multiple)
         if self._adjoined_count == self._room:
             self._make_room(max(self._room, FIRST_ROOM))
         self._adjoined_count += 1
@@ -240,6 +247,8 @@ class LocalisedRing:
             self._meaning[i] = getattr(sp, name)(argument)
         element = Element(self, self._gens[i], ())
         self._adjoined[identity] = element
+        if name == "exp":
+            self._exponentials.append((u, element))
         self._relate(name, element, u, exponent)
         if name in CONSTANTS or self.is_constant(u):
             self._constant.add(i)
@@ -359,6 +368,16 @@ def read(expression: sp.Expr, ring: Any, environment: dict[sp.Symbol, Any], cach
             value = inner[0].apply(name, *inner[1:]) if inner else ring.zero.apply(name)
     cache[expression] = value
     return value
+
+
+def _multiple(u: Element, v: Element) -> int | None:
+    """k where u = k v with a small whole number k, both in lowest terms; else None."""
+    if u.exponents != v.exponents or len(u.numerator) != len(v.numerator):
+        return None
+    ratio = flint.fmpq(u.numerator.leading_coefficient()) / flint.fmpq(v.numerator.leading_coefficient())
+    if ratio.q != 1 or abs(ratio.p) > MULTIPLE or u.numerator != v.numerator * ratio:
+        return None
+    return int(ratio.p)
 
 
 def _reciprocal(root: Element, degree: int, u: Element) -> Element:

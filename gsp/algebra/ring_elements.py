@@ -126,6 +126,9 @@ class Element(Subtractable):
                 if remainder != 0:
                     break
                 numerator, exponents[i] = quotient, exponents[i] - 1
+        # However many denominators the ring has by now: the keys of equal elements are equal.
+        while exponents and not exponents[-1]:
+            exponents.pop()
         return Element(self.ring, numerator, tuple(exponents))
 
     def inverse(self) -> Element:

@@ -11,29 +11,50 @@ would lose all of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import sympy as sp
 from flint import arb
 
+from gsp.algebra.factorisation import exponentials
 from gsp.algebra.functions import are_rational, is_rational_node
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.algebra.ring_elements import Element
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs.ball_functions import BallFunction
+from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.coordinates import dot, invert
 from gsp.slow.series import SeriesManifold
 from gsp.slow_tubes.series_function import SeriesFunction
 
 
 class NotInvariantError(ValueError):
-    """The series does not solve the invariance equation: a coefficient of epsilon^`order` is left over."""
+    """A coefficient of epsilon^`order`, `left` as a function of x and z, does not cancel in the invariance equation.
 
-    def __init__(self, order: int) -> None:
+    Without functions it is not 0, and the series is wrong. With some it may be 0 and not be seen to: the ring takes
+    exp(x) and log(exp(x) + 1), say, for independent of one another.
+    """
+
+    def __init__(self, order: int, left: sp.Expr, x: Sequence[sp.Symbol], z: Sequence[sp.Symbol]) -> None:
         super().__init__(order)
-        self.order = order
+        self.order, self.left, self.x, self.z = order, left, x, z
+
+    def is_proved(self, points: Iterable[Sequence[arb]]) -> bool:
+        """Whether the coefficient is proved not to be 0: all over, or at one of the `points` (n,)."""
+        if are_rational([self.left]):
+            return self.left != 0
+        left = BallFunction((*self.x, *self.z), [self.left])
+        values = (left([*point, *[arb(0)] * len(self.z)])[0] for point in points)
+        return any(value > 0 or value < 0 for value in values)
+
+    def told(self, small: sp.Symbol, points: Iterable[Sequence[arb]]) -> tuple[ProofVerdict, str]:
+        """The verdict, and the reason for it."""
+        left = f"a term in {small}^{self.order} is left over"
+        if self.is_proved(points):
+            return ProofVerdict.REFUTED, f"the series does not solve the invariance equation: {left}"
+        return ProofVerdict.UNDECIDED, f"the residual of the series is not formed: {left} that may be 0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +105,8 @@ class Invariance:
         )
         for j, symbol in enumerate((*self.x, *self.z, system.epsilon)):
             self._ring.set_derivative(symbol, j, self._ring.one)
+        for exponential in exponentials(every):
+            self._read(exponential)
         self._P = [[self._read(self.basis[i, j]) for j in range(self.m)] for i in range(self.m)]
         terms = [self._ring.zero] * self.m
         for k, row in enumerate(h):
@@ -131,7 +154,8 @@ class Invariance:
         for order in range(self.order + 1):
             numerator, rest = divmod(numerator, one)
             if rest != 0:
-                raise NotInvariantError(order)
+                left = self._ring.to_sympy(Element(self._ring, rest, element.exponents))
+                raise NotInvariantError(order, left, self.x, self.z)
         return Element(self._ring, numerator, element.exponents)
 
     def _by(self, elements: Sequence[Element], places: Sequence[int]) -> list[Element]:

@@ -128,10 +128,9 @@ def bound_reduction(
         try:
             return _Run(series, small, x).along(x, y, s, last - first, steps)
         except NotInvariantError as error:
-            left = f"a term in {system.epsilon}^{error.order} is left over"
-            reason = f"the series does not solve the invariance equation: {left}"
+            verdict, reason = error.told(system.epsilon, [x, s])
             empty = np.empty(0)
-            return ReductionBound(ProofVerdict.REFUTED, reason, small, empty, empty, empty, math.nan)
+            return ReductionBound(verdict, reason, small, empty, empty, empty, math.nan)
 
 
 class _Run:

@@ -7,7 +7,7 @@ for, by sampling and bisection, and what is found is stated.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,6 +35,7 @@ from gsp.slow_tubes.tube_search import Cones, ProvedTube, TubeSearch, supremum
 from gsp.systems.arguments import check_whole
 from gsp.systems.flow import check_epsilon
 from gsp.systems.region import check_region
+from gsp.systems.scattered_points import halton
 
 # epsilon_0 is the largest at which a tube of so many times the first term left out is proved: a tube may be isolating
 # and say nothing when it is wide.
@@ -43,6 +44,8 @@ LARGEST_RATIO = 2.0
 LARGEST_EPSILON = 4.0
 # Bisection ends at this relative width.
 EPSILON_RESOLUTION = 0.02
+# Points at which what is left of a residual is looked at.
+POINTS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class SlowTube(Tube):
     - PROVED: the tube |y - h_n| <= c epsilon^(n+1) is isolating, and the cone conditions hold in it, so that a slow
       manifold lies in it; `statement` says what follows. `delta` bounds |y - h_n| at epsilon_0 (Euclidean), `widths`
       each fast variable's part of it, `ratio` is delta over the largest first term left out, infinite where that is 0.
-    - REFUTED: the series does not solve the invariance equation.
+    - REFUTED: the series does not solve the invariance equation; proved.
     - UNDECIDED: neither; `is_isolating` and `has_cones` say what was proved of the tube, if there is one.
 
     `boundary` is "overflowing" where the slow flow is proved to leave through every side of the region, "inflowing"
@@ -93,7 +96,8 @@ class SlowTube(Tube):
             f"{small}^{n + 1} below",
         ]
         if self.ratio < math.inf:
-            told.append(f"that is {at_most(self.ratio, 4)} times the largest first term left out")
+            # A bound over a bound, which is itself up to a share of SUPREMUM too large.
+            told.append(f"that is about {self.ratio:.3g} times the largest first term left out")
         return self._card("", told)
 
 
@@ -155,18 +159,19 @@ class _Search:
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:
-            small = self.series.branch.system.epsilon
-            return replace(
-                nothing,
-                verdict=ProofVerdict.REFUTED,
-                reason="the series does not solve the invariance equation: "
-                f"a term in {small}^{error.order} is left over",
-            )
+            verdict, reason = error.told(self.series.branch.system.epsilon, self._points())
+            return replace(nothing, verdict=verdict, reason=reason)
         except KeyboardInterrupt:
             reason = "interrupted; nothing was proved by then"
         if self.best is None:
             return replace(nothing, reason=reason, tried=self.tally.tried)
         return self._stated(nothing, self.best.problem.narrowed(self.best))
+
+    def _points(self) -> Iterator[list[arb]]:
+        """Some points of the region."""
+        low, high = np.array([self.box[s.name] for s in self.x]).T
+        for point in low + halton(len(low), POINTS) * (high - low):
+            yield [arb(float(v)) for v in point]
 
     # -- what is looked for ------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from gsp.algebra.factorisation import (
     coefficients,
     coprime_numerators,
     degree,
+    exponentials,
     factor_list,
     factored,
     factors,
@@ -141,3 +142,10 @@ def test_degrees_are_those_of_the_numerator() -> None:
     assert degree(sp.exp(x) * y, [y]) == 1
     assert degree(sp.exp(x) * y, [x]) is None
     assert degree(x - x + sp.Integer(0), [x]) == 0
+
+
+def test_exponentials_of_commensurable_exponents_are_powers_of_those_found() -> None:
+    assert exponentials([sp.exp(3 * x / 2) + y, y * sp.exp(-x) / (1 + sp.exp(a * x))]) == [
+        sp.exp(x / 2), sp.exp(a * x)
+    ]  # fmt: skip
+    assert exponentials([x + y, sp.log(x)]) == []

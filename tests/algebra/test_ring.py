@@ -185,3 +185,23 @@ def test_the_nested_form_of_a_long_polynomial_is_shallow_and_has_its_value(power
         depth, level = depth + 1, {part for e in level for part in e.args}
     assert depth <= 3 * LONGEST
     assert same(nested, (x + 1) ** power)
+
+
+@pytest.mark.parametrize("k", [-12, -3, -1, 2, 12])
+def test_an_exponential_of_a_multiple_is_a_power(k: int) -> None:
+    ring = ring_for()
+    u = a * x**2 + x / (1 + a)
+    _, many = (read(sp.exp(sp.expand(j * u)), ring, {}) for j in (1, k))
+    power = sp.prod([sp.exp(u)] * abs(k))
+    assert same(ring.to_sympy(many), power ** (1 if k > 0 else -1))
+    assert (many * read(sp.exp(sp.expand(-k * u)), ring, {}) - 1).reduced().is_zero
+
+
+@pytest.mark.parametrize("u", [3 * x / 2, x + a, 2 * x + a, x**2, 13 * x, x / 2])
+def test_what_is_no_small_multiple_is_an_exponential_of_its_own(u: sp.Expr) -> None:
+    ring = ring_for()
+    read(sp.exp(x), ring, {})
+    other = read(sp.exp(u), ring, {})
+    assert len(other.numerator) == 1
+    assert other.numerator.total_degree() == 1
+    assert same(ring.to_sympy(ring.derive(other, 0)), sp.exp(u).diff(x))
