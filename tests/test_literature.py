@@ -167,11 +167,16 @@ def test_the_first_correction_is_the_one_of_its_definition(name):
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["chay", "plant"])
-def test_where_the_series_is_refused_the_points_of_the_manifold_show_the_first_correction(name):
-    branch = study_of(load(FOLDER / f"{name}.toml")).branch
+def test_where_the_series_is_a_program_it_and_the_points_of_the_manifold_show_the_first_correction(name):
+    study = study_of(load(FOLDER / f"{name}.toml"))
+    branch = study.branch
     with pytest.raises(BudgetError, match=r"order 1 was reached through order 0.*solve_manifold"):
-        expand(branch, order=1, symbolic=False)
+        study.series(1, symbolic=False)
+    series = expand(branch, order=1, symbolic=False)
+    assert series.is_program
     x, h0, h1 = first_correction(name, 0.5)
+    got = series.terms([x], 1.0, near=[h0] if not branch.is_explicit else None)[0]
+    assert got[1] == pytest.approx(h1, rel=1e-8, abs=1e-11 * max(map(abs, h0)) + 1e-13)
     found = []
     for small in (1e-5, 5e-6):
         points = zero_derivative(branch, [x], epsilon=small, near=[h0])

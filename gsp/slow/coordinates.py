@@ -38,7 +38,8 @@ MOST_DEGREES = 15
 class Chart:
     """The functions on a branch: their `ring`, `coordinates`, the element of every x and y, and g_y^-1.
 
-    The ring is a `CircuitRing` where more than `WRITTEN` fast variables depend on one another, else a `LocalisedRing`.
+    The ring is a `CircuitRing` where that is asked for, or where more than `WRITTEN` fast variables depend on one
+    another, else a `LocalisedRing`.
     """
 
     branch: Branch
@@ -54,8 +55,10 @@ class Chart:
         return [dot(row, b, self.ring) for row in self.inverse_jacobian]
 
 
-def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None) -> Chart:
-    """The chart of a branch; `substitute` puts exact values for parameters.
+def chart(
+    branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None, programs: bool = False
+) -> Chart:
+    """The chart of a branch; `substitute` puts exact values for parameters, `programs` asks for a `CircuitRing`.
 
     Raises `HyperbolicityError` when the fast Jacobian is singular on the whole branch.
     """
@@ -69,7 +72,7 @@ def chart(branch: Branch, *, substitute: dict[sp.Symbol, sp.Expr] | None = None)
     g0 = [put(laurent(g, system.epsilon, order=0).get(0, sp.Integer(0))) for g in system.g]
     g_y, g_x = slopes(g0, system.y), slopes(g0, system.x)
     parameters = tuple(p for p in system.parameters if p not in values)
-    is_written = largest_block(g_y, len(g0), lambda e: not e.is_number) <= WRITTEN
+    is_written = not programs and largest_block(g_y, len(g0), lambda e: not e.is_number) <= WRITTEN
     # The coordinates are the same whether the parameters have their values or not.
     states = frozenset(system.states)
     is_short = largest_block(g_y, len(g0), lambda e: not states.isdisjoint(e.free_symbols)) <= WRITTEN

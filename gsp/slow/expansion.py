@@ -16,12 +16,14 @@ Rows = list[list[Element]]
 class Expansion:
     """The series over `branch`, which grows: `through(order)` computes the orders that are not known yet.
 
-    With `symbolic` the parameters stay symbols, else their exact values are put in first.
+    With `symbolic` the parameters stay symbols, else their exact values are put in first. As `programs` the
+    coefficients are straight-line programs whatever their length.
     """
 
-    def __init__(self, branch: Branch, *, symbolic: bool = True) -> None:
+    def __init__(self, branch: Branch, *, symbolic: bool = True, programs: bool = False) -> None:
         self.branch = branch
         self.symbolic = symbolic
+        self._as_programs = programs
         self._known: int | None = None
         # The last order within the budget and what was met beyond it, once that is known.
         self._ended: tuple[int | None, BudgetError] | None = None
@@ -29,7 +31,12 @@ class Expansion:
     @cached_property
     def numeric(self) -> Expansion:
         """The expansion with the parameters' values put in first."""
-        return Expansion(self.branch, symbolic=False) if self.symbolic else self
+        return self if not self.symbolic else Expansion(self.branch, symbolic=False, programs=self._as_programs)
+
+    @cached_property
+    def programs(self) -> Expansion:
+        """The expansion whose coefficients are straight-line programs, which grow far slower than polynomials."""
+        return self if self._as_programs else Expansion(self.branch, symbolic=self.symbolic, programs=True)
 
     @property
     def end(self) -> tuple[int | None, str]:
@@ -87,7 +94,7 @@ class Expansion:
     def _begin(self) -> None:
         system = self.branch.system
         values = {} if self.symbolic else dict(system.parameters)
-        self._chart = chart(self.branch, substitute=values)
+        self._chart = chart(self.branch, substitute=values, programs=self._as_programs)
         self._h: Rows = [[self._chart.elements[y]] for y in system.y]
         self._program = SeriesProgram(
             self._chart.ring,

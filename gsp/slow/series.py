@@ -371,8 +371,9 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
 
     With `symbolic=False` the parameters' exact values are put in first: the same series, much shorter where there
     are many parameters. Works on explicit and implicit branches, with any number of slow and fast variables,
-    symbolic parameters and elementary functions. Raises `DeclarationError` when `order` is no non-negative integer,
-    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, `BudgetError` when the coefficients
+    symbolic parameters and elementary functions. Where the polynomials grow too long the coefficients are straight-line
+    programs, which `is_program` tells. Raises `DeclarationError` when `order` is no non-negative integer,
+    `HyperbolicityError` when the fast Jacobian is singular on the whole branch, `BudgetError` when the programs too
     grow too long, and `UnsupportedFunctionError` for functions without a power series rule.
 
     >>> y, x, eps = sp.symbols("y x epsilon")
@@ -383,7 +384,11 @@ def expand(branch: Branch, *, order: int = 3, symbolic: bool = True) -> SeriesMa
     check_noun(branch, Branch, verb="expand")
     check_order(order)
     check_flag(symbolic, what="symbolic")
-    return series_of(Expansion(branch, symbolic=symbolic), order)
+    expansion = Expansion(branch, symbolic=symbolic)
+    try:
+        return series_of(expansion, order)
+    except BudgetError:
+        return series_of(expansion.programs, order)
 
 
 def best_sum(
