@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csc_matrix
 
 import gsp
-from gsp.comparison.work_runs import ModelKind, WorkCurve, WorkPoint
+from gsp.comparison.work_runs import WorkCurve, WorkKind, WorkPoint
 from gsp.kernels.evaluate import evaluate
 from gsp.lowering.compiled_flow import compile_flow
 
@@ -181,7 +181,7 @@ def curves(problem: Problem) -> list[WorkCurve]:
     return [
         WorkCurve(
             name,
-            ModelKind.FULL if name == "gsp" else ModelKind.PEER,
+            WorkKind.FULL if name == "gsp" else WorkKind.PEER,
             tuple(WorkPoint(r, e, e, seconds[name][r], None, None) for r, e in errors[name].items()),
         )
         for name in contenders

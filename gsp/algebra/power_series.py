@@ -12,11 +12,11 @@ import sympy as sp
 
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import UnsupportedFunctionError
 
 
-class Node:
+class SeriesNode:
     """One intermediate series of a `SeriesProgram`; supports + - * like the elements of the ring."""
 
     __slots__ = ("coefficients", "index", "kind", "operands", "program")
@@ -26,22 +26,22 @@ class Node:
         self.index = index
         self.kind = kind
         self.operands = operands
-        self.coefficients: list[Element] = []
+        self.coefficients: list[RingElement] = []
 
-    def __add__(self, other: Node | int) -> Node:
+    def __add__(self, other: SeriesNode | int) -> SeriesNode:
         return self.program.add(self, self.program.lift(other))
 
-    def __mul__(self, other: Node | int | sp.Rational) -> Node:
+    def __mul__(self, other: SeriesNode | int | sp.Rational) -> SeriesNode:
         return self.program.multiply(self, self.program.lift(other))
 
-    def __neg__(self) -> Node:
+    def __neg__(self) -> SeriesNode:
         return self.program.multiply(self, self.program.lift(-1))
 
-    def inverse(self) -> Node:
+    def inverse(self) -> SeriesNode:
         """The series of 1/u."""
         return self.program.node("inverse", self)
 
-    def apply(self, name: str, exponent: Node | None = None) -> Node:
+    def apply(self, name: str, exponent: SeriesNode | None = None) -> SeriesNode:
         """The series of an elementary function of u."""
         return self.program.function(name, self, exponent)
 
@@ -58,18 +58,18 @@ class SeriesProgram:
         ring: LocalisedRing,
         *,
         epsilon: sp.Symbol,
-        inputs: Mapping[sp.Symbol, list[Element]],
-        constants: Mapping[sp.Symbol, Element],
+        inputs: Mapping[sp.Symbol, list[RingElement]],
+        constants: Mapping[sp.Symbol, RingElement],
     ) -> None:
         self.ring = ring
         self.epsilon = epsilon
         self.inputs = inputs
         self.constants = dict(constants)
-        self._nodes: list[Node] = []
-        self._known: dict[tuple, Node] = {}
-        self._read: dict[sp.Expr, Node] = {}
+        self._nodes: list[SeriesNode] = []
+        self._known: dict[tuple, SeriesNode] = {}
+        self._read: dict[sp.Expr, SeriesNode] = {}
 
-    def compile(self, expression: sp.Expr) -> Node:
+    def compile(self, expression: sp.Expr) -> SeriesNode:
         """The node of a SymPy expression."""
         if expression in self._read:
             return self._read[expression]
@@ -105,22 +105,22 @@ class SeriesProgram:
 
     # -- building ----------------------------------------------------------------------------------
 
-    def node(self, kind: str, *operands) -> Node:
+    def node(self, kind: str, *operands) -> SeriesNode:
         """A node of the given kind, made once per kind and operands."""
-        key = (kind, *(("n", o.index) if isinstance(o, Node) else o for o in operands))
+        key = (kind, *(("n", o.index) if isinstance(o, SeriesNode) else o for o in operands))
         if key not in self._known:
             self._known[key] = self._append(kind, operands)
         return self._known[key]
 
-    def lift(self, value: Node | int | sp.Rational) -> Node:
+    def lift(self, value: SeriesNode | int | sp.Rational) -> SeriesNode:
         """`value` as a node; rational numbers become constants."""
-        return value if isinstance(value, Node) else self._constant(self.ring.constant(value))
+        return value if isinstance(value, SeriesNode) else self._constant(self.ring.constant(value))
 
-    def add(self, a: Node, b: Node) -> Node:
+    def add(self, a: SeriesNode, b: SeriesNode) -> SeriesNode:
         """The sum of two series."""
         return self.node("add", *sorted((a, b), key=lambda n: n.index))
 
-    def multiply(self, a: Node, b: Node) -> Node:
+    def multiply(self, a: SeriesNode, b: SeriesNode) -> SeriesNode:
         """The product of two series; a constant factor is kept apart, it costs one product per order."""
         if b.kind == "constant":
             a, b = b, a
@@ -128,7 +128,7 @@ class SeriesProgram:
             return self.node("scale", a, b)
         return self.node("multiply", *sorted((a, b), key=lambda n: n.index))
 
-    def function(self, name: str, u: Node, exponent: Node | None = None) -> Node:
+    def function(self, name: str, u: SeriesNode, exponent: SeriesNode | None = None) -> SeriesNode:
         """v = F(u) by its differential equation, F one of the elementary functions."""
         if name in CONSTANTS:
             return self._constant(self.ring.zero.apply(name))
@@ -148,21 +148,21 @@ class SeriesProgram:
         node.operands = (name, u, exponent, rate)
         return node
 
-    def _append(self, kind: str, operands: tuple) -> Node:
-        node = Node(self, len(self._nodes), kind, operands)
+    def _append(self, kind: str, operands: tuple) -> SeriesNode:
+        node = SeriesNode(self, len(self._nodes), kind, operands)
         self._nodes.append(node)
         return node
 
-    def _constant(self, element: Element) -> Node:
+    def _constant(self, element: RingElement) -> SeriesNode:
         node = self.node("constant", *element.key)
         node.operands = (element,)
         return node
 
-    def _integer_power(self, base: Node, exponent: int) -> Node:
+    def _integer_power(self, base: SeriesNode, exponent: int) -> SeriesNode:
         if exponent < 0:
             base, exponent = base.inverse(), -exponent
         # By squaring, so that a high power costs few products per order.
-        result: Node | None = None
+        result: SeriesNode | None = None
         while exponent:
             if exponent & 1:
                 result = base if result is None else self.multiply(result, base)
@@ -183,7 +183,7 @@ class SeriesProgram:
             else:
                 node.coefficients.append(value)
 
-    def _coefficient(self, node: Node, k: int) -> Element:
+    def _coefficient(self, node: SeriesNode, k: int) -> RingElement:
         ring = self.ring
         kind, operands = node.kind, node.operands
         if kind == "constant":
@@ -219,7 +219,7 @@ class SeriesProgram:
         return (_sum(terms, ring) * (ring.constant(sp.Rational(1, k)))).reduced()
 
 
-def convolve(a: Sequence[Element], b: Sequence[Element], k: int, ring: LocalisedRing) -> Element:
+def convolve(a: Sequence[RingElement], b: Sequence[RingElement], k: int, ring: LocalisedRing) -> RingElement:
     """sum_(i+j=k) a_i b_j."""
     if a is b:
         total = _sum([a[i] * a[k - i] * 2 for i in range((k + 1) // 2)], ring)
@@ -227,7 +227,7 @@ def convolve(a: Sequence[Element], b: Sequence[Element], k: int, ring: Localised
     return _sum([a[i] * b[k - i] for i in range(k + 1)], ring)
 
 
-def _sum(terms: Sequence[Element], ring: LocalisedRing) -> Element:
+def _sum(terms: Sequence[RingElement], ring: LocalisedRing) -> RingElement:
     total = ring.zero
     for term in terms:
         if not term.is_zero:

@@ -18,7 +18,7 @@ import sympy as sp
 from gsp.algebra.factorisation import MULTIPLE
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
-from gsp.algebra.ring_elements import Element, exponents_sum, number_of, power
+from gsp.algebra.ring_elements import RingElement, exponents_sum, number_of, power
 from gsp.errors import BudgetError
 
 # Numerators longer than this are shown expanded: factoring them costs more than it explains.
@@ -61,7 +61,7 @@ class LocalisedRing:
         self._room = 0
         self._meaning: list[sp.Expr] = list(symbols)
         self.relations: list[flint.fmpq_mpoly] = []
-        self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], Element]]] = []
+        self.roots: list[tuple[flint.fmpq_mpoly, Callable[[], RingElement]]] = []
         # sign(u) and u, which are shown as |u| where they are multiplied.
         self._distances: list[tuple[flint.fmpq_mpoly, flint.fmpq_mpoly]] = []
         self._adjoined_count = 0
@@ -69,18 +69,18 @@ class LocalisedRing:
         self._powers: list[list[flint.fmpq_mpoly]] = []
         # Generators are counted from the back, as negative numbers: room for more is made at the front.
         self._index = {symbol: i - len(symbols) for i, symbol in enumerate(symbols)}
-        self._adjoined: dict[tuple, Element] = {}
+        self._adjoined: dict[tuple, RingElement] = {}
         # u and exp(u).
-        self._exponentials: list[tuple[Element, Element]] = []
+        self._exponentials: list[tuple[RingElement, RingElement]] = []
         self.derivations = derivations
-        self._derivatives: list[dict[int, Element]] = [{} for _ in range(derivations)]
-        self._pending: dict[int, tuple[str, Element, Element | None]] = {}
+        self._derivatives: list[dict[int, RingElement]] = [{} for _ in range(derivations)]
+        self._pending: dict[int, tuple[str, RingElement, RingElement | None]] = {}
         self._constant = {self._index[symbol] for symbol in constants}
         self.spent = 0
         self.terms = 0
         self._make_room(FIRST_ROOM if functions else 0)
-        self.zero = Element(self, self.context.constant(0), ())
-        self.one = Element(self, self.context.constant(1), ())
+        self.zero = RingElement(self, self.context.constant(0), ())
+        self.one = RingElement(self, self.context.constant(1), ())
 
     def _make_room(self, more: int) -> None:
         """Let `more` functions be adjoined; elements follow when they are next used."""
@@ -176,24 +176,24 @@ class LocalisedRing:
 
     # -- generators and derivations ----------------------------------------------------------------
 
-    def generator(self, symbol: sp.Symbol) -> Element:
+    def generator(self, symbol: sp.Symbol) -> RingElement:
         """The element of a declared symbol."""
-        return Element(self, self._gens[self._index[symbol]], ())
+        return RingElement(self, self._gens[self._index[symbol]], ())
 
-    def constant(self, value: sp.Rational | int) -> Element:
+    def constant(self, value: sp.Rational | int) -> RingElement:
         """A rational number as an element."""
         rational = sp.Rational(value)
         number = flint.fmpq(int(rational.p), int(rational.q))
-        return Element(self, self.context.constant(1) * number, ())
+        return RingElement(self, self.context.constant(1) * number, ())
 
-    def set_derivative(self, symbol: sp.Symbol, j: int, image: Element) -> None:
+    def set_derivative(self, symbol: sp.Symbol, j: int, image: RingElement) -> None:
         """Let derivation j map the generator of `symbol` to `image`; the default is 0."""
         self._derivatives[j][self._index[symbol]] = image
 
-    def derive(self, a: Element, j: int) -> Element:
+    def derive(self, a: RingElement, j: int) -> RingElement:
         """Derivation j of an element: D(N/D^e) = (D N)/D^e - sum_i e_i N (D D_i)/(D_i D^e)."""
         result = self._derive_polynomial(a.numerator, j)
-        result = Element(self, result.numerator, exponents_sum(result.exponents, a.exponents))
+        result = RingElement(self, result.numerator, exponents_sum(result.exponents, a.exponents))
         for i, exponent in enumerate(a.exponents):
             if exponent:
                 inner = self._derive_polynomial(self.denominators[i], j)
@@ -201,10 +201,10 @@ class LocalisedRing:
                     one = tuple(int(k == i) for k in range(i + 1))
                     exponents = exponents_sum(exponents_sum(a.exponents, inner.exponents), one)
                     product = self.product(a.numerator, inner.numerator) * exponent
-                    result = result - Element(self, product, exponents)
+                    result = result - RingElement(self, product, exponents)
         return result
 
-    def _derive_polynomial(self, polynomial: flint.fmpq_mpoly, j: int) -> Element:
+    def _derive_polynomial(self, polynomial: flint.fmpq_mpoly, j: int) -> RingElement:
         total = self.zero
         degrees = polynomial.degrees()
         for i in [i for i in self._pending if degrees[i] > 0]:
@@ -218,12 +218,12 @@ class LocalisedRing:
                 continue
             partial = polynomial.derivative(i)
             if partial != 0:
-                total = total + Element(self, self.product(partial, image.numerator), image.exponents)
+                total = total + RingElement(self, self.product(partial, image.numerator), image.exponents)
         return total
 
     # -- adjoined functions ------------------------------------------------------------------------
 
-    def adjoin(self, name: str, u: Element, exponent: Element | None = None) -> Element:
+    def adjoin(self, name: str, u: RingElement, exponent: RingElement | None = None) -> RingElement:
         """The generator for the function `name` of `u` (u^exponent for "pow"), made once per argument."""
         identity = (name, *u.key, *(exponent.key if exponent else ()))
         if identity in self._adjoined:
@@ -245,7 +245,7 @@ class LocalisedRing:
             self._meaning[i] = argument ** self.to_sympy(exponent)
         else:
             self._meaning[i] = getattr(sp, name)(argument)
-        element = Element(self, self._gens[i], ())
+        element = RingElement(self, self._gens[i], ())
         self._adjoined[identity] = element
         if name == "exp":
             self._exponentials.append((u, element))
@@ -258,7 +258,7 @@ class LocalisedRing:
             self._pending[i] = (name, u, exponent)
         return element
 
-    def _relate(self, name: str, element: Element, u: Element, exponent: Element | None) -> None:
+    def _relate(self, name: str, element: RingElement, u: RingElement, exponent: RingElement | None) -> None:
         """Record the algebraic relations that keep representations short: q^n = u, s^2 + c^2 = 1, sign^2 = 1."""
         v = element.numerator
         if name == "sign":
@@ -278,7 +278,7 @@ class LocalisedRing:
             self.relations.append(v**degree - u.numerator)
             self.roots.append((v, partial(_reciprocal, element, degree, u)))
 
-    def is_constant(self, a: Element) -> bool:
+    def is_constant(self, a: RingElement) -> bool:
         """Whether every derivation vanishes on `a` because it contains constants only."""
         return self._in_constants(a.numerator) and all(
             self._in_constants(self.denominators[i]) for i, exponent in enumerate(a.exponents) if exponent
@@ -294,13 +294,13 @@ class LocalisedRing:
         rate = RULES[name].rate if exponent is None else (lambda v, u: exponent * v * u.inverse())
         if rate is None:
             return
-        slope = rate(Element(self, self._gens[i], ()), u)
+        slope = rate(RingElement(self, self._gens[i], ()), u)
         for j in range(self.derivations):
             self._derivatives[j][i] = (slope * self.derive(u, j)).reduced()
 
     # -- back to SymPy -----------------------------------------------------------------------------
 
-    def to_sympy(self, a: Element, *, factored: bool = True) -> sp.Expr:
+    def to_sympy(self, a: RingElement, *, factored: bool = True) -> sp.Expr:
         """The element as a SymPy expression, numerator factored when short, denominators as powers."""
         if a.is_zero:
             return sp.Integer(0)
@@ -329,7 +329,7 @@ class LocalisedRing:
                 scale = scale * lift**exponent
         return scale * sp.Mul(numerator, *denominator)
 
-    def horner(self, a: Element) -> sp.Expr:
+    def horner(self, a: RingElement) -> sp.Expr:
         """The element for evaluation: numerator in Horner form, denominators kept factored."""
         numerator = horner_expression(a.numerator, self._meaning)
         powers = [
@@ -370,7 +370,7 @@ def read(expression: sp.Expr, ring: Any, environment: dict[sp.Symbol, Any], cach
     return value
 
 
-def _multiple(u: Element, v: Element) -> int | None:
+def _multiple(u: RingElement, v: RingElement) -> int | None:
     """k where u = k v with a small whole number k, both in lowest terms; else None."""
     if u.exponents != v.exponents or len(u.numerator) != len(v.numerator):
         return None
@@ -380,6 +380,6 @@ def _multiple(u: Element, v: Element) -> int | None:
     return int(ratio.p)
 
 
-def _reciprocal(root: Element, degree: int, u: Element) -> Element:
+def _reciprocal(root: RingElement, degree: int, u: RingElement) -> RingElement:
     """1 / q for the root q of degree n of u: q^(n-1) / u."""
     return power(root, degree - 1) * u.inverse()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gsp.algebra.ring import LocalisedRing
 
 
-class Element(Subtractable):
+class RingElement(Subtractable):
     """N / D^e in a `LocalisedRing`; supports + - * with elements and integers."""
 
     __slots__ = ("_numerator", "exponents", "ring")
@@ -32,24 +32,24 @@ class Element(Subtractable):
             self._numerator = self._numerator.project_to_context(self.ring.context)
         return self._numerator
 
-    def __add__(self, other: Element | int) -> Element:
+    def __add__(self, other: RingElement | int) -> RingElement:
         if isinstance(other, int):
             other = self.ring.constant(other)
         common = self.exponents
         if common != other.exponents:
             common = exponents_maximum(common, other.exponents)
-        return Element(self.ring, self.ring.formed(self._over(common) + other._over(common)), common)
+        return RingElement(self.ring, self.ring.formed(self._over(common) + other._over(common)), common)
 
-    def __neg__(self) -> Element:
-        return Element(self.ring, -self.numerator, self.exponents)
+    def __neg__(self) -> RingElement:
+        return RingElement(self.ring, -self.numerator, self.exponents)
 
-    def __mul__(self, other: Element | int | flint.fmpq | sp.Rational) -> Element:
-        if isinstance(other, Element):
+    def __mul__(self, other: RingElement | int | flint.fmpq | sp.Rational) -> RingElement:
+        if isinstance(other, RingElement):
             exponents = exponents_sum(self.exponents, other.exponents)
-            return Element(self.ring, self.ring.product(self.numerator, other.numerator), exponents)
+            return RingElement(self.ring, self.ring.product(self.numerator, other.numerator), exponents)
         if isinstance(other, sp.Rational):
             return self * self.ring.constant(other)
-        return Element(self.ring, self.numerator * other, self.exponents)
+        return RingElement(self.ring, self.numerator * other, self.exponents)
 
     __rmul__ = __mul__
 
@@ -77,7 +77,7 @@ class Element(Subtractable):
         """A hashable identity of this representation."""
         return (str(self.numerator), self.exponents)
 
-    def apply(self, name: str, exponent: Element | None = None) -> Element:
+    def apply(self, name: str, exponent: RingElement | None = None) -> RingElement:
         """The elementary function `name` of this element, adjoined to the ring; "pow" takes an exponent."""
         if name == "sign":
             return self._sign()
@@ -99,7 +99,7 @@ class Element(Subtractable):
             return self.ring.constant(RULES[name].at_zero)
         return self.ring.adjoin(name, self.ring.zero if name in CONSTANTS else self.reduced())
 
-    def _sign(self) -> Element:
+    def _sign(self) -> RingElement:
         """sign(u), made once for u, its multiples and -u."""
         own = self.reduced()
         if own.is_zero:
@@ -111,7 +111,7 @@ class Element(Subtractable):
             return one
         return one * self.ring.adjoin("sign", own * (1 / flint.fmpq(leading)))
 
-    def reduced(self) -> Element:
+    def reduced(self) -> RingElement:
         """The same element with every common factor of numerator and denominator divided out."""
         numerator, exponents = self.numerator, list(self.exponents)
         for relation in self.ring.relations:
@@ -129,9 +129,9 @@ class Element(Subtractable):
         # However many denominators the ring has by now: the keys of equal elements are equal.
         while exponents and not exponents[-1]:
             exponents.pop()
-        return Element(self.ring, numerator, tuple(exponents))
+        return RingElement(self.ring, numerator, tuple(exponents))
 
-    def inverse(self) -> Element:
+    def inverse(self) -> RingElement:
         """1 / self; the irreducible factors of the numerator become denominators of the ring."""
         ring, own = self.ring, self.reduced()
         if own.is_zero:
@@ -155,10 +155,10 @@ class Element(Subtractable):
         for i, exponent in enumerate(own.exponents):
             if exponent:
                 numerator = ring.product(numerator, ring.denominator_power(i, exponent))
-        return (Element(ring, numerator, tuple(exponents)) * rationalised).reduced()
+        return (RingElement(ring, numerator, tuple(exponents)) * rationalised).reduced()
 
 
-def power(a: Element, exponent: int) -> Element:
+def power(a: RingElement, exponent: int) -> RingElement:
     """An integer power of an element."""
     if exponent < 0:
         return power(a.inverse(), -exponent)
@@ -168,7 +168,7 @@ def power(a: Element, exponent: int) -> Element:
     return result
 
 
-def number_of(a: Element) -> flint.fmpq | None:
+def number_of(a: RingElement) -> flint.fmpq | None:
     """The rational number that `a` is, or None."""
     if a.is_zero:
         return flint.fmpq(0)

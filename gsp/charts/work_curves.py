@@ -8,7 +8,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from gsp.charts.style import BLUE, GREY, INK, LADDER, MARKERS, PALE, SKY, chart
 from gsp.comparison.work_precision import WorkPrecision
-from gsp.comparison.work_runs import ModelKind, WorkCurve
+from gsp.comparison.work_runs import WorkCurve, WorkKind
 
 # Errors beyond this say that a run is useless; errors below what doubles resolve are drawn there.
 LARGEST, SMALLEST = 10.0, 1e-15
@@ -21,9 +21,9 @@ def work_precision(result: WorkPrecision, axes: Axes) -> None:
     Our own methods in blue, peers in grey, reduced models in orange, darker with the order, each with the floor that
     its own error sets.
     """
-    peers = [c for c in result.curves if c.kind is ModelKind.PEER and c.points]
-    full = [c for c in result.curves if c.kind is ModelKind.FULL and c.points]
-    reduced = [c for c in result.curves if c.kind is ModelKind.REDUCED and c.points]
+    peers = [c for c in result.curves if c.kind is WorkKind.PEER and c.points]
+    full = [c for c in result.curves if c.kind is WorkKind.FULL and c.points]
+    reduced = [c for c in result.curves if c.kind is WorkKind.REDUCED and c.points]
     for i, curve in enumerate(peers):
         # Each lap of the markers begins with another dash, so that no two peers look alike.
         dash = ("--", ":", "-.")[(i + i // len(MARKERS)) % 3]

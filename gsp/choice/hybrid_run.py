@@ -22,7 +22,7 @@ from gsp.systems.system import VectorField
 
 
 @dataclass(frozen=True)
-class Switch:
+class ModelSwitch:
     """A change of model at `time`, in `state` (every name), from one model to another, and why."""
 
     time: float
@@ -36,7 +36,7 @@ class Switch:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ModelPiece:
     """One model's part: its `kind`, its `order` when it is a reduced flow, and its `run` from `begin` to `end`."""
 
     kind: ModelKind
@@ -72,7 +72,7 @@ def full_flow(study: Study) -> Flow:
 
 
 @dataclass(eq=False)
-class Run:
+class HybridRun:
     """A run in the making: pieces are appended while time goes on, and `full` is the flow to fall back to.
 
     That is the flow in standard form, or as declared when the scene is not reducible.
@@ -80,8 +80,8 @@ class Run:
 
     study: Study
     is_reducible: bool
-    pieces: list[Piece] = field(default_factory=list)
-    switches: list[Switch] = field(default_factory=list)
+    pieces: list[ModelPiece] = field(default_factory=list)
+    switches: list[ModelSwitch] = field(default_factory=list)
     steps: int = 0
     field_calls: int = 0
 
@@ -139,11 +139,11 @@ class Run:
 
     def append(self, kind: ModelKind, order: int | None, begin: float, end: float, run: Trajectory) -> None:
         """One more piece; the full system goes on in the piece it has."""
-        self.pieces.append(Piece(kind, order, begin, end, run))
+        self.pieces.append(ModelPiece(kind, order, begin, end, run))
 
     def switch(self, t: float, state: Mapping[str, float], leaving: str, entering: str, why: str) -> None:
         """One more change of model."""
-        self.switches.append(Switch(t, dict(state), leaving, entering, why))
+        self.switches.append(ModelSwitch(t, dict(state), leaving, entering, why))
 
     def sampled(self, run: Trajectory, t: float) -> dict[str, float]:
         """Every name at one time of a run of any model."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
 from gsp.choice.forecast import base_start, foresee
-from gsp.choice.hybrid_run import Run
+from gsp.choice.hybrid_run import HybridRun
 from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure, Prediction, predict
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
@@ -39,7 +39,7 @@ FIRST_PIECE, LOOKS = 30.0, 129
 SOLVED_LOOKS = 1025
 
 
-def run_solved(run: Run, manifold: SampledManifold) -> None:
+def run_solved(run: HybridRun, manifold: SampledManifold) -> None:
     """The flow on a solved manifold, and the full system from where it leaves the piece that was solved."""
     scene = run.scene
     first, last = scene.span
@@ -66,7 +66,7 @@ def run_solved(run: Run, manifold: SampledManifold) -> None:
         run.finish_in_full(state, end)
 
 
-def run_switched(run: Run, order: int, layer: float) -> None:
+def run_switched(run: HybridRun, order: int, layer: float) -> None:
     """The reduced flow of `order` wherever it holds, the full system wherever it does not."""
     _Switcher(run, order).go(layer)
 
@@ -114,7 +114,7 @@ class _Nearness:
 class _Switcher:
     """The reduced flow and the full system in turn."""
 
-    record: Run
+    record: HybridRun
     order: int
     scale: dict[str, float] = field(default_factory=dict)
     # Before this time the reduced flow was tried and found not to hold for long.

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import Choice, choose
-from gsp.choice.hybrid_run import Piece, Run, Switch
+from gsp.choice.hybrid_run import HybridRun, ModelPiece, ModelSwitch
 from gsp.choice.model_switching import run_solved, run_switched
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.results.drawn import Drawn
@@ -37,8 +37,8 @@ class Simulation(Drawn, Tabular):
     """
 
     choice: Choice
-    pieces: tuple[Piece, ...]
-    switches: tuple[Switch, ...]
+    pieces: tuple[ModelPiece, ...]
+    switches: tuple[ModelSwitch, ...]
     names: tuple[str, ...]
     layer: float
     status: Status
@@ -158,7 +158,7 @@ def simulate(scene: Scene | Study, *, choice: Choice | None = None) -> Simulatio
             value=asked,
         )
     study, span = choice.study, choice.scene.span
-    run = Run(study, _is_reducible(study))
+    run = HybridRun(study, _is_reducible(study))
     served = choice.partial if choice.model.kind is ModelKind.FULL else choice.model
     if served is None or not run.is_reducible:
         run.finish_in_full(run.start, span[0])

@@ -33,7 +33,7 @@ DEBUG = "GSP_DEBUG"
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
-class Program(click.Group):
+class CommandGroup(click.Group):
     """The commands; output that cannot be written, to a full disk or a closed pipe, is an error like any other."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -53,7 +53,7 @@ class Program(click.Group):
             ) from None
 
 
-@click.group(cls=Program, context_settings=CONTEXT)
+@click.group(cls=CommandGroup, context_settings=CONTEXT)
 @click.version_option(__version__, prog_name="gsp")
 def cli() -> None:
     """Geometric singular perturbation: slow manifolds, their hyperbolicity, and reduced flows, measured.

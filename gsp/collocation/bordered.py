@@ -15,7 +15,7 @@ from gsp.kernels.bordered_collocation import border, condense
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class FlowEquations:
     """z' = F(z; p) by machine code: addresses of F, of its Jacobian, and of dF/dq_1 (0 when q_1 is not free).
 
     `free` is the number of free parameters: 0, 1 (the time) or 2 (the time and one that F depends on).
@@ -28,16 +28,16 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class OrbitChange:
     """A change of an orbit: of its states (N + 1, n), its stages (N, s, n) and its free parameters."""
 
     states: np.ndarray
     stages: np.ndarray
     parameters: np.ndarray
 
-    def times(self, factor: float) -> Step:
+    def times(self, factor: float) -> OrbitChange:
         """The step, longer or turned round."""
-        return Step(factor * self.states, factor * self.stages, factor * self.parameters)
+        return OrbitChange(factor * self.states, factor * self.stages, factor * self.parameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Linearisation:
 
     def solve(
         self, conditions: Conditions, *, tangents: np.ndarray | None = None, units: np.ndarray | None = None
-    ) -> list[Step]:
+    ) -> list[OrbitChange]:
         """Newton's step, with the conditions' values, and one step for each column of `tangents` (rows, k).
 
         A column of `tangents` is a right-hand side of the conditions with no defect elsewhere. `units` (n + free,) are
@@ -121,11 +121,11 @@ class Linearisation:
             raise np.linalg.LinAlgError("singular")
         if units is not None:
             dz, dq = dz * units[:n], dq * units[n:]
-        return [Step(*step) for step in zip(dz, dstages, dq)]
+        return [OrbitChange(*step) for step in zip(dz, dstages, dq)]
 
 
 def linearise(
-    equations: Equations,
+    equations: FlowEquations,
     scheme: Scheme,
     p: np.ndarray,
     time: float,

@@ -221,7 +221,7 @@ def method_table(
 
 
 def _endings(
-    solved: Mapping[float, _Solved], iterated: Mapping[float, _Iterated]
+    solved: Mapping[float, _SolvedMethod], iterated: Mapping[float, _Iterated]
 ) -> dict[tuple[str, float], str]:
     """What fell short of its tolerance, by method and epsilon, and how."""
     told = f"{MOST_NODES} points do not resolve the iterates, from which the slopes are taken"
@@ -265,7 +265,7 @@ class _Method:
 
 
 @dataclass(frozen=True)
-class _Solved:
+class _SolvedMethod:
     """The solved manifold over the box of the points, and the seconds it took."""
 
     manifold: SampledManifold
@@ -285,7 +285,7 @@ class _Iterated:
 
 def _methods(
     study: Study,
-    solved: Mapping[float, _Solved],
+    solved: Mapping[float, _SolvedMethod],
     iterated: Mapping[float, _Iterated],
     *,
     refinements,
@@ -328,10 +328,10 @@ def _series(series: SeriesManifold, epsilon: float) -> Evaluator:
     return lambda x: Points(series.terms(x, epsilon).sum(axis=1), 1.0)
 
 
-def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _Solved:
+def _solved(branch: Branch, x: np.ndarray, epsilon: float) -> _SolvedMethod:
     begun = time.perf_counter()
     manifold = solve_manifold(branch, region=_box(branch, x), epsilon=epsilon, max_points=MOST_POINTS)
-    return _Solved(manifold, time.perf_counter() - begun)
+    return _SolvedMethod(manifold, time.perf_counter() - begun)
 
 
 def _iterated(branch: Branch, x: np.ndarray, epsilon: float, iterates: Sequence[int]) -> _Iterated:

@@ -21,8 +21,8 @@ from gsp.comparison.comparison import layer_time, on_manifold, sense
 from gsp.comparison.peers import PEERS, Peer
 from gsp.comparison.work_runs import (
     ATOL_SHARE,
-    ModelKind,
     WorkCurve,
+    WorkKind,
     full_tasks,
     largest_errors,
     measure,
@@ -81,7 +81,7 @@ class WorkPrecision(Drawn, Tabular):
                 return curve
         raise unknown_name(label, (curve.label for curve in self.curves))
 
-    def fastest(self, error: float, *, kind: ModelKind | None = None) -> WorkCurve | None:
+    def fastest(self, error: float, *, kind: WorkKind | None = None) -> WorkCurve | None:
         """The curve that reaches `error` in the least time, among those of a `kind` or all; None when none does."""
         fitting = [c for c in self.curves if kind in (None, c.kind) and np.isfinite(c.seconds_at(error))]
         return min(fitting, key=lambda c: c.seconds_at(error), default=None)

@@ -30,7 +30,7 @@ MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
 REASON = 120
 
 
-class ModelKind(StrEnum):
+class WorkKind(StrEnum):
     """What is integrated, and by whom."""
 
     FULL = "full"
@@ -58,7 +58,7 @@ class WorkCurve:
     """
 
     label: str
-    kind: ModelKind
+    kind: WorkKind
     points: tuple[WorkPoint, ...]
     order: int | None = None
     version: str | None = None
@@ -94,7 +94,7 @@ class Task:
     """
 
     label: str
-    kind: ModelKind
+    kind: WorkKind
     run: Callable[[float], tuple[np.ndarray, int | None, int | None]]
     order: int | None = None
     version: str | None = None
@@ -145,8 +145,8 @@ def full_tasks(
         except GspError as error:
             omitted[method.value] = _reason(error)
             continue
-        yield Task(method.value, ModelKind.FULL, lambda rtol, method=method: run(rtol, method))
-    yield Task("default", ModelKind.FULL, lambda rtol: run(rtol, None))
+        yield Task(method.value, WorkKind.FULL, lambda rtol, method=method: run(rtol, method))
+    yield Task("default", WorkKind.FULL, lambda rtol: run(rtol, None))
 
 
 def peer_tasks(
@@ -182,9 +182,7 @@ def peer_tasks(
             return slow_values(found.states, system, study), found.steps, found.field_calls
 
         prepared = time.perf_counter() - begun
-        yield Task(
-            peer.name, ModelKind.PEER, run, version=peer.version, preparation=prepared, failures=failures
-        )
+        yield Task(peer.name, WorkKind.PEER, run, version=peer.version, preparation=prepared, failures=failures)
 
 
 def _reason(error: Exception) -> str:
@@ -222,7 +220,7 @@ def reduced_tasks(
                 return np.array([sampled[name] for name in names]), found.stats.steps, found.stats.field_calls
             return np.full((len(names), grid.size), np.nan), found.stats.steps, found.stats.field_calls
 
-        yield Task(f"reduced {order}", ModelKind.REDUCED, run, order=order, preparation=prepared)
+        yield Task(f"reduced {order}", WorkKind.REDUCED, run, order=order, preparation=prepared)
 
 
 def measure(

@@ -61,7 +61,7 @@ def function(
     }
     placed = [expression.xreplace(places) for expression in outputs]
     steps, results = sp.cse(placed, symbols=(sp.Dummy() for _ in iter(int, 1)), order="none")
-    printer = _Printer(set(places.values()))
+    printer = _JavaScriptPrinter(set(places.values()))
     for symbol, expression in steps:
         printer.define(symbol, expression)
     assignments = [f"{into}[{i}] = {printer.text(result)};" for i, result in enumerate(results)]
@@ -80,7 +80,7 @@ def operations(code: str) -> int:
     return len(_OPERATION.findall(_EXPONENT.sub("", body)))
 
 
-class _Printer(JavascriptCodePrinter):
+class _JavaScriptPrinter(JavascriptCodePrinter):
     """Prints to single expressions; what is used more than once, and every power, gets a line of its own before."""
 
     def __init__(self, places: Iterable[sp.Symbol]) -> None:

@@ -17,7 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from gsp.demos import rodas5p_tableau
-from gsp.demos.program import Program
+from gsp.demos.program import PageProgram
 from gsp.errors import printable
 
 # In the order in which they stand on the page: each uses those before.
@@ -51,7 +51,7 @@ def source(name: str) -> str:
     return files("gsp.demos").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def render(program: Program, data: Mapping[str, Any], *, title: str) -> tuple[str, str]:
+def render(program: PageProgram, data: Mapping[str, Any], *, title: str) -> tuple[str, str]:
     """The page as self-contained HTML, and the hash by which a policy lets its script run.
 
     `data` is what the scripts read beside the program.

@@ -26,7 +26,7 @@ TERMS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class PageProgram:
     """JavaScript functions by name, and what a page must know of them as data.
 
     `parts["series"]` says through which order the reduction holds `anywhere`, with parameters as arguments, and through
@@ -42,7 +42,7 @@ class Program:
         return "".join(self.functions.values()) + f"const program = {{{', '.join(self.functions)}}};\n"
 
 
-def program_of(study: Study) -> Program:
+def program_of(study: Study) -> PageProgram:
     """The program of a scene; what cannot be made for it is told in `parts` instead.
 
     Raises `UnsupportedFunctionError` when the field itself has no counterpart in JavaScript.
@@ -80,7 +80,7 @@ def program_of(study: Study) -> Program:
     functions["quantities"] = function("quantities", list(shown.values()), full)
     parts["quantities"] = [s.name for s in shown]
     parts["operations"] = {name: operations(code) for name, code in functions.items()}
-    return Program(functions, parts)
+    return PageProgram(functions, parts)
 
 
 def _small(study: Study) -> sp.Symbol:

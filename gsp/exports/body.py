@@ -13,7 +13,7 @@ from gsp.exports.reduced_model import ReducedModel
 
 
 @dataclass(frozen=True)
-class Body:
+class FunctionBody:
     """Intermediate values and results of a function, and which symbols they use."""
 
     steps: Sequence[tuple[str, str]]
@@ -29,16 +29,16 @@ def body_of(
     reserved: Iterable[str],
     *,
     printer: type[Printer] = Printer,
-) -> Body:
+) -> FunctionBody:
     """The outputs in `language`; what is used more than once is a step, called by none of `reserved`."""
     taken = fresh(names.values(), reserved=set(reserved), cases=False)
     steps, results = printer(language, names).steps(outputs, taken)
-    return Body(steps, results, frozenset(s for output in outputs for s in output.free_symbols))
+    return FunctionBody(steps, results, frozenset(s for output in outputs for s in output.free_symbols))
 
 
 def bodies_of(
     language: Language, model: ReducedModel, names: Mapping[sp.Symbol, str], reserved: Iterable[str]
-) -> tuple[tuple[Body, str], tuple[Body, str]]:
+) -> tuple[tuple[FunctionBody, str], tuple[FunctionBody, str]]:
     """The bodies of the two functions of a text, rates and slow manifold, with what a comment says of each."""
     return (
         (body_of(language, model, model.rates, names, reserved), named("The rates of", model.states, names)),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from gsp.exports.body import Body, bodies_of, commented, named, starts_of, values_of
+from gsp.exports.body import FunctionBody, bodies_of, commented, named, starts_of, values_of
 from gsp.exports.languages import C_WORDS, C
 from gsp.exports.names import renamed
 from gsp.exports.reduced_model import ReducedModel
@@ -42,7 +42,7 @@ def _function(name: str, head: str, lines: Sequence[str]) -> str:
     return f"void {name}({head})\n{{\n" + "".join(f"    {line}\n" for line in lines) + "}\n"
 
 
-def _read(model: ReducedModel, body: Body, names: Mapping[sp.Symbol, str]) -> list[str]:
+def _read(model: ReducedModel, body: FunctionBody, names: Mapping[sp.Symbol, str]) -> list[str]:
     """The symbols that a body uses, from the arrays that hold them."""
     parameters = [symbol for symbol, _ in values_of(model)]
     return [

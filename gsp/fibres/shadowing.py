@@ -87,7 +87,7 @@ def shadow(
         epsilon=system.epsilon,
         parameters=system.parameters,
     )
-    slow = _SlowFlow(problem, epsilon, height)
+    slow = _ShadowingFlow(problem, epsilon, height)
     time = LAYER_TIMES * epsilon / landing.gap
     for _ in range(EXTENSIONS):
         run = trajectory_of(
@@ -197,7 +197,7 @@ def _height(branch: Branch, epsilon: float, near: np.ndarray, surface) -> Surfac
     return pointwise
 
 
-class _SlowFlow:
+class _ShadowingFlow:
     """z' = f(x, h(x), epsilon) for z = (x, reconstruction variables)."""
 
     def __init__(self, problem: Problem, epsilon: float, height: Surface) -> None:

@@ -17,7 +17,7 @@ from gsp.critical.sampling import LARGE, Sampler
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.covering import Covering, Part, cover, share_of
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, middle_of
 from gsp.systems.region import ImageBox, Interval
 from gsp.systems.scattered_points import halton
@@ -90,9 +90,9 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     try:
         # Overflow is no bound, and what is no bound excludes nothing.
         with precision(balls.PRECISION), np.errstate(all="ignore"):
-            equations = Equations(system.x, system.y, g)
+            equations = EnclosedEquations(system.x, system.y, g)
             most = min(max(OPERATIONS // equations.operations, FEWEST), MOST)
-            search = _Search(sampler, equations, whole, z)
+            search = _ExclusionSearch(sampler, equations, whole, z)
             search.run(most)
             points, origins, ends = search.sampled(box)
     except UnsupportedFunctionError as error:
@@ -103,10 +103,10 @@ def exclude(sampler: Sampler, box: Mapping[str, Interval], z: np.ndarray) -> Exc
     return Exclusion(search.tried, left, share, "", search.gap, points, origins, ends)
 
 
-class _Search:
+class _ExclusionSearch:
     """Coverings of the sheets that the samples lie on."""
 
-    def __init__(self, sampler: Sampler, equations: Equations, whole: Box, z: np.ndarray) -> None:
+    def __init__(self, sampler: Sampler, equations: EnclosedEquations, whole: Box, z: np.ndarray) -> None:
         self.sampler, self.equations, self.whole, self.z = sampler, equations, whole, z
         self.nx = len(whole)
         # How large each fast variable is on the branch: what rounding is measured by.

@@ -14,11 +14,11 @@ import sympy as sp
 
 from gsp.algebra.functions import are_rational
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.lowering.compiled_function import compile_function
 from gsp.slow.coordinates import dot, invert
 
-Matrix = list[list[Element]]
+Matrix = list[list[RingElement]]
 
 # Sums with more terms are shown as they come: trying their other forms costs more than it explains.
 SHOWN_TERMS = 60
@@ -107,7 +107,7 @@ class Algebra:
             coordinates, constants=parameters, functions=not are_rational(expanded), derivations=derivations
         )
         self.coordinates = tuple(coordinates)
-        self._trigonometric: dict[sp.Expr, dict[str, Element]] = {}
+        self._trigonometric: dict[sp.Expr, dict[str, RingElement]] = {}
         used = set().union(*(e.atoms(sp.sin, sp.cos) for e in expanded)) if expanded else set()
         for unit in self._angles.units:
             if not any(f.args[0] == unit for f in used):
@@ -117,12 +117,14 @@ class Algebra:
             names = ("sin", "cos") if unit in sines else ("cos", "sin")
             self._trigonometric[unit] = {name: angle.apply(name) for name in names}
 
-    def read(self, expression: sp.Expr, environment: Mapping[sp.Symbol, Element] | None = None) -> Element:
+    def read(
+        self, expression: sp.Expr, environment: Mapping[sp.Symbol, RingElement] | None = None
+    ) -> RingElement:
         """The element of an expression, symbols looked up in `environment` first."""
         return read(self._angles.expand(expression), self.ring, dict(environment or {})).reduced()
 
     def matrix(
-        self, expressions: sp.MatrixBase, environment: Mapping[sp.Symbol, Element] | None = None
+        self, expressions: sp.MatrixBase, environment: Mapping[sp.Symbol, RingElement] | None = None
     ) -> Matrix:
         """The same for every entry of a matrix."""
         return [
@@ -130,7 +132,7 @@ class Algebra:
             for i in range(expressions.rows)
         ]
 
-    def write(self, element: Element, *, factored: bool = True) -> sp.Expr:
+    def write(self, element: RingElement, *, factored: bool = True) -> sp.Expr:
         """The element as an expression; `factored` for reading, else as it comes."""
         expression = self.ring.to_sympy(element.reduced(), factored=factored)
         return self._shown(expression) if factored else expression
@@ -154,19 +156,19 @@ class Algebra:
         """The expression in its reduced form; 0 exactly when it vanishes identically."""
         return self.write(self.read(expression))
 
-    def put(self, element: Element, values: Mapping[sp.Symbol, sp.Expr]) -> Element:
+    def put(self, element: RingElement, values: Mapping[sp.Symbol, sp.Expr]) -> RingElement:
         """The element with expressions put for some symbols."""
         return self.read(_put(self.write(element, factored=False), values))
 
-    def is_constant(self, element: Element) -> bool:
+    def is_constant(self, element: RingElement) -> bool:
         """Whether the element contains parameters and numbers only."""
         return self.ring.is_constant(element.reduced())
 
-    def derive(self, elements: Sequence[Element], j: int) -> list[Element]:
+    def derive(self, elements: Sequence[RingElement], j: int) -> list[RingElement]:
         """Derivation j of each element."""
         return [self.ring.derive(e, j).reduced() for e in elements]
 
-    def apply(self, matrix: Matrix, vector: Sequence[Element]) -> list[Element]:
+    def apply(self, matrix: Matrix, vector: Sequence[RingElement]) -> list[RingElement]:
         """Matrix times vector."""
         return [dot(row, vector, self.ring).reduced() for row in matrix]
 
@@ -193,7 +195,7 @@ class Algebra:
     def denominators(self) -> list[sp.Expr]:
         """The denominators met so far, irreducible, no constants: where one vanishes, a formula fails."""
         ring = self.ring
-        elements = [Element(ring, factor, ()) for factor in ring.denominators]
+        elements = [RingElement(ring, factor, ()) for factor in ring.denominators]
         return [ring.to_sympy(e, factored=False) for e in elements if not ring.is_constant(e)]
 
     @property

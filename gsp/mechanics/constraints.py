@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
 from gsp.mechanics.algebra import Algebra, entries, numbers
@@ -75,7 +75,7 @@ class ConstrainedSystem:
         return VectorField(rates, epsilon=None, parameters=system.values, name=system.name)
 
     @cached_property
-    def _raw(self) -> tuple[Algebra, list[Element], list[Element]]:
+    def _raw(self) -> tuple[Algebra, list[RingElement], list[RingElement]]:
         system = self.system
         algebra = system.raw_algebra([*entries(self.matrix), *self.offset])
         ring = algebra.ring

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.mechanics.algebra import Algebra, entries, generic_points, numbers
 from gsp.mechanics.frame import MovingFrame, inverse_forms
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.mechanics.velocity_forms import rank
 from gsp.slow.coordinates import dot
 
-VectorElements = list[Element]
+VectorElements = list[RingElement]
 
 
 @dataclass(frozen=True)

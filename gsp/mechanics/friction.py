@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import sympy as sp
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.critical.critical_manifold import solve_critical
 from gsp.errors import DeclarationError
 from gsp.integration.trajectory import Trajectory
@@ -243,7 +243,7 @@ class FrictionSystem:
         return [*along, *slip]
 
     @cached_property
-    def _layer(self) -> list[Element]:
+    def _layer(self) -> list[RingElement]:
         algebra = self._equations.algebra
         return algebra.apply(self._mobility, [algebra.ring.generator(w) for w in self.frame.across])
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.mechanics.algebra import Algebra, Matrix, transpose
 from gsp.mechanics.frame import MovingFrame, inverse_forms
@@ -33,9 +33,9 @@ class HamelEquations:
     frame: MovingFrame
     algebra: Algebra
     psi: Matrix
-    velocities: list[Element]
+    velocities: list[RingElement]
     metric: Matrix
-    force: list[Element]
+    force: list[RingElement]
     along_inverse: Matrix
 
     @property
@@ -55,7 +55,7 @@ class HamelEquations:
         return self.algebra.multiply(self.along_inverse, [row[a:] for row in self.metric[:a]])
 
     @cached_property
-    def free(self) -> list[Element]:
+    def free(self) -> list[RingElement]:
         """G_uu^-1 Q_u, the rate of u + C w at constant C."""
         return self.algebra.apply(self.along_inverse, self.force[: self.along])
 
@@ -77,7 +77,7 @@ class HamelEquations:
             ) from None
 
     @cached_property
-    def drift(self) -> list[Element]:
+    def drift(self) -> list[RingElement]:
         """eta' without constraint force and friction."""
         a, algebra = self.along, self.algebra
         pulled = algebra.apply([row[:a] for row in self.metric[a:]], self.free)
@@ -86,7 +86,7 @@ class HamelEquations:
         return [*[(f - b).reduced() for f, b in zip(self.free, back)], *slip]
 
     @cached_property
-    def on_distribution(self) -> tuple[list[Element], list[Element]]:
+    def on_distribution(self) -> tuple[list[RingElement], list[RingElement]]:
         """(u', lambda) of the Lagrange-d'Alembert equations (9) on w = 0."""
         a, algebra = self.along, self.algebra
         rates = [algebra.put(f, self.zeros) for f in self.free]
@@ -94,7 +94,7 @@ class HamelEquations:
         multipliers = [algebra.put(p - f, self.zeros) for p, f in zip(pulled, self.force[a:])]
         return rates, multipliers
 
-    def positions(self, *, on_distribution: bool = False) -> dict[sp.Symbol, Element]:
+    def positions(self, *, on_distribution: bool = False) -> dict[sp.Symbol, RingElement]:
         """q' and t' as elements; with w = 0 on request."""
         put = (lambda e: self.algebra.put(e, self.zeros)) if on_distribution else (lambda e: e)
         rates = {q: put(v) for q, v in zip(self.system.coordinates, self.velocities)}
@@ -107,12 +107,12 @@ class HamelEquations:
         return MappingProxyType({v: self.algebra.write(rates[q]) for q, v in pairs})
 
     @cached_property
-    def energy(self) -> Element:
+    def energy(self) -> RingElement:
         """H (4) in the moving frame."""
         system = self.system
         return self.algebra.read(system.raw_energy, dict(zip(system.velocities, self.velocities)))
 
-    def energy_derivative(self, rates: list[Element], *, explicit: bool) -> Element:
+    def energy_derivative(self, rates: list[RingElement], *, explicit: bool) -> RingElement:
         """sum_j eta_j' dH/d eta_j, and with `explicit` also dH/dt at constant eta."""
         ring = self.algebra.ring
         total = ring.derive(self.energy, 0) if explicit else ring.zero

@@ -14,7 +14,7 @@ from typing import Any
 
 import sympy as sp
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.mechanics.algebra import Algebra, Matrix
 from gsp.mechanics.hamel import HamelEquations
 from gsp.splitting.splitting import Splitting
@@ -30,7 +30,7 @@ class SlowMomenta:
 
     along: Matrix
     across: Matrix
-    rates: list[Element]
+    rates: list[RingElement]
     kept: tuple[bool, ...]
     constant: tuple[bool, ...]
 
@@ -57,7 +57,7 @@ def slow_momenta(equations: HamelEquations) -> SlowMomenta:
     return SlowMomenta(along, across, rates, tuple(kept), tuple(constant))
 
 
-def _common_denominator(algebra: Algebra, row: list[Element]) -> Element:
+def _common_denominator(algebra: Algebra, row: list[RingElement]) -> RingElement:
     scale: Any = sp.Integer(1)
     for e in row:
         scale = sp.lcm(scale, sp.denom(sp.together(algebra.write(e))))
@@ -65,7 +65,11 @@ def _common_denominator(algebra: Algebra, row: list[Element]) -> Element:
 
 
 def geometric_splitting(
-    field: VectorField, equations: HamelEquations, momenta: SlowMomenta, friction: Matrix, layer: list[Element]
+    field: VectorField,
+    equations: HamelEquations,
+    momenta: SlowMomenta,
+    friction: Matrix,
+    layer: list[RingElement],
 ) -> Splitting:
     """The `Splitting` of `field` into positions and momenta, slow, and slip velocities w, fast.
 
@@ -91,7 +95,7 @@ def geometric_splitting(
     u = dict(zip(frame.along, new.apply(new.inverse(P), left)))
     solved = {s: new.write(e) for s, e in u.items()}
 
-    def carried(element: Element) -> sp.Expr:
+    def carried(element: RingElement) -> sp.Expr:
         return new.write(new.read(write(element, factored=False), u))
 
     positions = equations.positions()
@@ -133,7 +137,7 @@ def geometric_splitting(
     )
 
 
-def _everything(equations: HamelEquations, momenta: SlowMomenta, friction: Matrix) -> list[Element]:
+def _everything(equations: HamelEquations, momenta: SlowMomenta, friction: Matrix) -> list[RingElement]:
     matrices = (momenta.along, momenta.across, friction)
     return [
         *equations.positions().values(),

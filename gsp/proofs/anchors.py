@@ -12,7 +12,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import BranchError, UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, enclose, middle_of
 from gsp.systems.scattered_points import halton
 
@@ -21,7 +21,7 @@ STARTS = 64
 
 
 def point_over(
-    branch: Branch, equations: Equations, box: Box, fast: Mapping[str, tuple[float, float]]
+    branch: Branch, equations: EnclosedEquations, box: Box, fast: Mapping[str, tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """A point (x, y) of the branch in the box, as near the middle as it is found, by doubles."""
     low, high = np.array(box).T
@@ -67,7 +67,7 @@ def _point(branch: Branch, x: np.ndarray, fast: Mapping[str, tuple[float, float]
 
 
 def ball_at(
-    equations: Equations, point: tuple[np.ndarray, np.ndarray], graph: tuple[sp.Expr, ...] | None
+    equations: EnclosedEquations, point: tuple[np.ndarray, np.ndarray], graph: tuple[sp.Expr, ...] | None
 ) -> list[arb] | None:
     """A ball (m,) that holds the branch's point over x, proved; None where it is not.
 

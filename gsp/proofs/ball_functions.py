@@ -57,7 +57,7 @@ def without_enclosure(expression: Any, over: str) -> UnsupportedFunctionError:
     )
 
 
-class Program:
+class BallProgram:
     """Expressions as operations on registers, each value written once; what there is to write is the subclass's."""
 
     def __init__(self, arguments: Sequence[sp.Symbol], shared: tuple[list[tuple[Any, Any]], list[Any]]) -> None:
@@ -89,7 +89,7 @@ class Program:
         return out
 
 
-class BallFunction(Program):
+class BallFunction(BallProgram):
     """A tuple of expressions as a function of balls, by the order of `arguments`.
 
     Calling it with as many balls returns a list of balls, one for each of `outputs`. Raises

@@ -15,7 +15,7 @@ from gsp.algebra.precision import precision
 from gsp.critical.branch import Branch
 from gsp.proofs import balls
 from gsp.proofs.covering import Covering
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.refutation import Witness
 from gsp.proofs.sides import written
 from gsp.proofs.tangential import tangential_rate
@@ -56,7 +56,7 @@ class Certificate(Card):
     undecided_volume: float
     boxes: tuple[Box, ...]
     tried: int
-    _equations: Equations
+    _equations: EnclosedEquations
     _slow: tuple[sp.Expr, ...]
     _covering: Covering
     # The tangential rate once it is asked for; it costs more than the proof.

@@ -18,7 +18,7 @@ from gsp.proofs.anchors import ball_at, point_over
 from gsp.proofs.ball_functions import undefined_within
 from gsp.proofs.certificate import Certificate
 from gsp.proofs.covering import Covering, cover, glue, share_of
-from gsp.proofs.equations import Equations, limit_equations, without_decimals
+from gsp.proofs.equations import EnclosedEquations, limit_equations, without_decimals
 from gsp.proofs.refutation import Witness, refute
 from gsp.proofs.sides import rounded_sides
 from gsp.proofs.tubes import Box, middle_of
@@ -82,7 +82,7 @@ class _Problem:
     """What is asked: over `box`, rounded outwards; `within` is the region rounded inwards, for witnesses."""
 
     branch: Branch
-    equations: Equations
+    equations: EnclosedEquations
     slow: list[sp.Expr]
     graph: tuple[sp.Expr, ...] | None
     box: Box
@@ -92,7 +92,7 @@ class _Problem:
     region: Mapping[str, Interval]
 
 
-def _graph(branch: Branch, equations: Equations) -> tuple[sp.Expr, ...] | None:
+def _graph(branch: Branch, equations: EnclosedEquations) -> tuple[sp.Expr, ...] | None:
     if branch.graph is None:
         return None
     values = {p: v for p, v in branch.system.parameters.items() if p not in equations.x}
@@ -102,7 +102,7 @@ def _graph(branch: Branch, equations: Equations) -> tuple[sp.Expr, ...] | None:
 
 
 def _covered(
-    equations: Equations,
+    equations: EnclosedEquations,
     box: Box,
     start: tuple[np.ndarray, np.ndarray],
     most_boxes: int,

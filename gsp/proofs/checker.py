@@ -18,7 +18,7 @@ from gsp.proofs import intervals as ia
 from gsp.proofs import untrusted
 from gsp.proofs.interval_matrices import dot, is_positive, solved
 from gsp.proofs.intervals import Interval
-from gsp.proofs.programs import Program, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.results.bounds import as_given, at_least, shown_sides
 
 FORMAT = "gsp normal hyperbolicity 1"
@@ -126,7 +126,7 @@ class _Proof:
         self.texts = tuple(read["equations"])
         if len(self.texts) != self.m:
             raise Rejected(f"there are as many equations as fast variables. Got {len(self.texts)}")
-        self.program = Program(self.texts, self.n + self.m)
+        self.program = IntervalProgram(self.texts, self.n + self.m)
         self.region: Box = untrusted.region(read["region"], self.n)
         claim = read["claim"]
         self.stable, self.unstable = (

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsp.proofs import balls
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
-from gsp.proofs.tubes import Box, Tube, enclose, middle_of
+from gsp.proofs.tubes import Box, RootTube, enclose, middle_of
 
 # A part with a loss in sight is not cut below this share of a side: its undecided rest is a surface of losses, and
 # every further halving doubles or quadruples the parts (certificates measured: 14 times as many for two halvings).
@@ -34,10 +34,10 @@ WORTH = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class CoveredPart:
     """A part of the region with its tube and the spectrum over it, where that was asked for."""
 
-    tube: Tube
+    tube: RootTube
     spectrum: Spectrum | None
 
 
@@ -52,12 +52,12 @@ class Part:
 
     box: Box
     near: np.ndarray
-    piece: Piece | None = None
+    piece: CoveredPart | None = None
     suspect: np.ndarray | None = None
     axis: int = -1
     at: float = 0.0
     halves: tuple[Part, Part] | None = None
-    glue: Tube | None = None
+    glue: RootTube | None = None
 
     def leaves(self) -> Iterator[Part]:
         """The parts that are not cut."""
@@ -91,7 +91,7 @@ class Covering:
     exhausted: bool = False
 
     @property
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[CoveredPart]:
         """What is proved."""
         return [part.piece for part in self.root.leaves() if part.piece is not None]
 
@@ -123,7 +123,7 @@ def share_of(box: Box, whole: Box) -> float:
 
 
 def cover(
-    equations: Equations,
+    equations: EnclosedEquations,
     region: Box,
     near: np.ndarray,
     *,
@@ -154,7 +154,7 @@ def cover(
             tube = enclose(equations, part.box, part.near)
             spectrum = None if tube is None or not spectral else spectrum_at(equations, tube)
             if tube is not None and (spectrum is not None or not spectral):
-                part.piece = Piece(tube, spectrum)
+                part.piece = CoveredPart(tube, spectrum)
                 decided -= share
                 if progress is not None:
                     progress(min(decided, 1.0))
@@ -171,7 +171,7 @@ def cover(
     return covering
 
 
-def refine(equations: Equations, part: Part, *, room: float) -> bool:
+def refine(equations: EnclosedEquations, part: Part, *, room: float) -> bool:
     """Cut a part that is proved across its most telling side and prove both halves, in tubes with `room`; whether
     that went well.
     """
@@ -186,17 +186,17 @@ def refine(equations: Equations, part: Part, *, room: float) -> bool:
         spectrum = None if tube is None else spectrum_at(equations, tube)
         if tube is None or spectrum is None:
             return False
-        half.piece = Piece(tube, spectrum)
+        half.piece = CoveredPart(tube, spectrum)
     part.axis, part.at, part.piece, part.halves = trial.axis, trial.at, None, trial.halves
     return True
 
 
-def spectrum_at(equations: Equations, tube: Tube) -> Spectrum | None:
+def spectrum_at(equations: EnclosedEquations, tube: RootTube) -> Spectrum | None:
     """The spectrum over a tube, where it is proved."""
     return spectrum_of(tube.derivative, equations.nearby(tube.middle[None], tube.centre[None])[0][0])
 
 
-def _cut(equations: Equations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
+def _cut(equations: EnclosedEquations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
     """Both halves, each with the branch followed to its middle, or `near` where it cannot be."""
     low, high = part.box[axis]
     at = low + 0.5 * (high - low)
@@ -212,7 +212,7 @@ def _cut(equations: Equations, part: Part, axis: int, near: np.ndarray) -> tuple
 
 
 @np.errstate(all="ignore")
-def _followed(equations: Equations, whole: Box, half: Box, near: np.ndarray) -> np.ndarray:
+def _followed(equations: EnclosedEquations, whole: Box, half: Box, near: np.ndarray) -> np.ndarray:
     """The root from the middle of `whole` at that of `half`: Newton's method from afar may come to another one."""
     found = equations.followed(middle_of(whole), middle_of(half), near)
     return found[1] if found is not None and found[0] == 1.0 else near
@@ -221,7 +221,7 @@ def _followed(equations: Equations, whole: Box, half: Box, near: np.ndarray) -> 
 # On the way to a pole values overflow.
 @np.errstate(all="ignore")
 def _axis(
-    equations: Equations, box: Box, region: Box, near: np.ndarray
+    equations: EnclosedEquations, box: Box, region: Box, near: np.ndarray
 ) -> tuple[int | None, np.ndarray | None]:
     """Where to cut: across which side the Jacobian varies most along the branch; None where cutting is over.
 
@@ -249,7 +249,7 @@ def _axis(
 
 
 def _variation(
-    equations: Equations, middle: np.ndarray, root: np.ndarray, width: np.ndarray, sides: list[int]
+    equations: EnclosedEquations, middle: np.ndarray, root: np.ndarray, width: np.ndarray, sides: list[int]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """The branch's slope (m, n), and how much derivative and matrix vary across each of the sides; None where
     singular.
@@ -270,7 +270,7 @@ def _variation(
     return (slope, variation) if np.isfinite(variation).all() else None
 
 
-def _suspect(equations: Equations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
+def _suspect(equations: EnclosedEquations, box: Box, root: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
     """A corner where the branch seems to have ended, or to be of another type than in the middle: by doubles."""
     middle = middle_of(box)
     count = _unstable(equations.nearby(middle[None], root[None])[0][0])
@@ -286,7 +286,7 @@ def _unstable(matrix: np.ndarray) -> int:
     return int((np.linalg.eigvals(matrix).real > 0.0).sum()) if np.isfinite(matrix).all() else -1
 
 
-def glue(equations: Equations, covering: Covering) -> list[Box]:
+def glue(equations: EnclosedEquations, covering: Covering) -> list[Box]:
     """Glue both halves of every cut; the common faces (as boxes) where that was not proved.
 
     Called on a covering without undecided parts.
@@ -307,7 +307,7 @@ def glue(equations: Equations, covering: Covering) -> list[Box]:
     return failed
 
 
-def _common(equations: Equations, x: np.ndarray, below: Part, above: Part) -> Tube | None:
+def _common(equations: EnclosedEquations, x: np.ndarray, below: Part, above: Part) -> RootTube | None:
     """A small tube over the point x that lies in the tubes of both parts."""
     if below.piece is None or above.piece is None:
         return None

@@ -32,7 +32,7 @@ def without_decimals(expression: sp.Expr) -> sp.Expr:
     return expression.xreplace({number: sp.Rational(number) for number in decimals}) if decimals else expression
 
 
-class Equations:
+class EnclosedEquations:
     """m equations F(x, y) = 0 for y (m,) over x (n,), smooth where their enclosures are finite.
 
     Raises `UnsupportedFunctionError` for a function without an enclosure.
@@ -50,9 +50,9 @@ class Equations:
         """The expressions of D_y F (m m,), row by row."""
         return tuple(self._by_y)
 
-    def along(self, line: Mapping[sp.Symbol, sp.Expr], parameter: sp.Symbol) -> Equations:
+    def along(self, line: Mapping[sp.Symbol, sp.Expr], parameter: sp.Symbol) -> EnclosedEquations:
         """The same equations where x is given by expressions in one parameter."""
-        return Equations((parameter,), self.y, [e.xreplace(dict(line)) for e in self.equations])
+        return EnclosedEquations((parameter,), self.y, [e.xreplace(dict(line)) for e in self.equations])
 
     @property
     def arguments(self) -> tuple[sp.Symbol, ...]:
@@ -195,7 +195,7 @@ def _largest(vector: np.ndarray) -> float:
     return max(map(abs, vector.tolist()))
 
 
-def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[Equations, list[sp.Expr]]:
+def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[EnclosedEquations, list[sp.Expr]]:
     """g = 0 and the slow rates f, on epsilon = 0, over the slow variables and the parameters in `names`."""
     system = branch.system
     x = [*system.x, *(p for p in system.parameters if p.name in names)]
@@ -205,7 +205,7 @@ def limit_equations(branch: Branch, names: Sequence[str]) -> tuple[Equations, li
         [laurent(e, system.epsilon, order=0).get(0, zero).xreplace(values) for e in rates]
         for rates in (system.g, system.f)
     )
-    return Equations(x, system.y, g), [without_decimals(e) for e in f]
+    return EnclosedEquations(x, system.y, g), [without_decimals(e) for e in f]
 
 
 _NO_PARAMETERS = np.array([np.nan])

@@ -40,7 +40,7 @@ _CONSTANTS: dict[str, Callable[[], Interval]] = {
 _TOKEN = re.compile(r"\s*(?:([0-9]+)|([A-Za-z_][A-Za-z0-9_]*)|(\*\*|[-+*/()]))")
 
 
-class Program:
+class IntervalProgram:
     """Expressions as straight-line code; values and first derivatives over intervals."""
 
     def __init__(self, texts: tuple[Any, ...], variables: int) -> None:
@@ -48,7 +48,7 @@ class Program:
         # (operation, one, two): "+", "-", "*", "/", "**" with a Fraction, a function's name, or "constant".
         self.code: list[tuple[str, Any, Any]] = []
         self.known: dict[tuple[str, Any, Any], int] = {}
-        self.outputs = [_Reader(text, self).read() for text in texts]
+        self.outputs = [_ProgramReader(text, self).read() for text in texts]
         # Operations on intervals so far, and those of one list of values: a power takes repeated squares of both ends.
         self.work = 0
         self.cost = sum(2 * two.numerator.bit_length() if name == "**" else 1 for name, _, two in self.code)
@@ -176,10 +176,10 @@ def _power(a: Interval, exponent: Fraction) -> Interval:
     return ia.power(ia.root(a, exponent.denominator), exponent.numerator)
 
 
-class _Reader:
+class _ProgramReader:
     """Sums, products, powers with constant exponents, and functions of z0, z1, ...; nothing else is read."""
 
-    def __init__(self, text: Any, program: Program) -> None:
+    def __init__(self, text: Any, program: IntervalProgram) -> None:
         if not isinstance(text, str) or len(text) > MOST_TEXT or not text.isprintable():
             raise Rejected(f"an expression is one line of at most {MOST_TEXT} characters")
         self.program = program

@@ -20,7 +20,7 @@ from gsp.algebra.precision import precision
 from gsp.errors import GspError
 from gsp.proofs import balls, checker, untrusted
 from gsp.proofs.covering import Part, glue, refine
-from gsp.proofs.tubes import Tube
+from gsp.proofs.tubes import RootTube
 from gsp.results.files import write_file
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _nodes(root: Part) -> list[dict]:
     return nodes
 
 
-def _tube(tube: Tube) -> dict[str, list[str]]:
+def _tube(tube: RootTube) -> dict[str, list[str]]:
     return {
         "middle": _numbers(tube.middle),
         "centre": _numbers(tube.centre),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from gsp.proofs.programs import Program, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected
 
 Polynomial = dict[tuple[int, ...], Fraction]
 # Operations on terms that one proof may take, factors, and bits of a power of a number: seconds. An operation on longer
@@ -18,7 +18,7 @@ Polynomial = dict[tuple[int, ...], Fraction]
 MOST_PRODUCTS, MOST_FACTORS, MOST_BITS, LONG = 500_000, 200, 20_000, 256
 
 
-class Element:
+class FactoredFraction:
     """A polynomial times powers of the factors, by their places; 0 has none."""
 
     __slots__ = ("numerator", "powers")
@@ -36,20 +36,22 @@ class RationalFunctions:
         self._places: dict[tuple, int] = {}
         self._products = 0
 
-    def constant(self, value: Fraction) -> Element:
+    def constant(self, value: Fraction) -> FactoredFraction:
         """A number."""
-        return Element({(0,) * self.variables: value} if value else {}, {})
+        return FactoredFraction({(0,) * self.variables: value} if value else {}, {})
 
-    def variable(self, place: int) -> Element:
+    def variable(self, place: int) -> FactoredFraction:
         """A variable by its place."""
-        return Element({tuple(int(k == place) for k in range(self.variables)): Fraction(1)}, {})
+        return FactoredFraction({tuple(int(k == place) for k in range(self.variables)): Fraction(1)}, {})
 
-    def add(self, a: Element, b: Element, sign: int = 1) -> Element:
+    def add(self, a: FactoredFraction, b: FactoredFraction, sign: int = 1) -> FactoredFraction:
         """a + sign b."""
         if not b.numerator:
             return a
         if not a.numerator:
-            return Element({exponents: sign * value for exponents, value in b.numerator.items()}, b.powers)
+            return FactoredFraction(
+                {exponents: sign * value for exponents, value in b.numerator.items()}, b.powers
+            )
         least = {
             k: power for k in {*a.powers, *b.powers} if (power := min(a.powers.get(k, 0), b.powers.get(k, 0)))
         }
@@ -61,16 +63,16 @@ class RationalFunctions:
                 total[exponents] = new
             else:
                 del total[exponents]
-        return Element(total, least)
+        return FactoredFraction(total, least)
 
-    def multiply(self, a: Element, b: Element) -> Element:
+    def multiply(self, a: FactoredFraction, b: FactoredFraction) -> FactoredFraction:
         """a b."""
         powers = dict(a.powers)
         for k, power in b.powers.items():
             powers[k] = powers.get(k, 0) + power
-        return Element(self._product(a.numerator, b.numerator), {k: p for k, p in powers.items() if p})
+        return FactoredFraction(self._product(a.numerator, b.numerator), {k: p for k, p in powers.items() if p})
 
-    def power(self, a: Element, exponent: int) -> Element:
+    def power(self, a: FactoredFraction, exponent: int) -> FactoredFraction:
         """a**exponent, whole; the numerator becomes a factor unless it is a single term."""
         if exponent == 0:
             return self.constant(Fraction(1))
@@ -81,12 +83,14 @@ class RationalFunctions:
         powers = {k: p * exponent for k, p in a.powers.items()}
         if len(a.numerator) == 1 and (exponent > 0 or not any(next(iter(a.numerator)))):
             ((exponents, value),) = a.numerator.items()
-            return Element({tuple(e * exponent for e in exponents): _power(value, exponent)}, powers)
+            return FactoredFraction({tuple(e * exponent for e in exponents): _power(value, exponent)}, powers)
         place, scale = self._factor(a.numerator)
         powers[place] = powers.get(place, 0) + exponent
-        return Element({(0,) * self.variables: _power(scale, exponent)}, {k: p for k, p in powers.items() if p})
+        return FactoredFraction(
+            {(0,) * self.variables: _power(scale, exponent)}, {k: p for k, p in powers.items() if p}
+        )
 
-    def derivative(self, a: Element, place: int) -> Element:
+    def derivative(self, a: FactoredFraction, place: int) -> FactoredFraction:
         """The partial derivative by a variable: (N' + N sum e_i F_i'/F_i) times the same powers."""
         moving = [k for k, power in a.powers.items() if power and self._by(self.factors[k], place)]
         total = self._by(a.numerator, place)
@@ -105,9 +109,11 @@ class RationalFunctions:
                 else:
                     total.pop(exponents, None)
         powers = {k: power - (k in moving) for k, power in a.powers.items()}
-        return Element(total, {k: p for k, p in powers.items() if p})
+        return FactoredFraction(total, {k: p for k, p in powers.items() if p})
 
-    def evaluate(self, program: Program, arguments: Sequence[Element]) -> list[Element]:
+    def evaluate(
+        self, program: IntervalProgram, arguments: Sequence[FactoredFraction]
+    ) -> list[FactoredFraction]:
         """The outputs of a program of sums, products, quotients and whole powers."""
         found = list(arguments)
         for name, one, two in program.code:
@@ -145,7 +151,7 @@ class RationalFunctions:
                 total[exponents] = total.get(exponents, 0) + first * second
         return {exponents: value for exponents, value in total.items() if value}
 
-    def _over(self, a: Element, least: dict[int, int]) -> Polynomial:
+    def _over(self, a: FactoredFraction, least: dict[int, int]) -> Polynomial:
         """The numerator of an element over lower powers of the factors."""
         total = a.numerator
         for k in {*a.powers, *least}:

@@ -28,9 +28,9 @@ from flint import arb
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.covering import Covering, cover, glue, spectrum_at
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import Spectrum, spectrum_of
-from gsp.proofs.tubes import Box, Tube, enclose, krawczyk
+from gsp.proofs.tubes import Box, RootTube, enclose, krawczyk
 
 # Boxes along a line, and halvings that narrow a change of type down.
 LINE_BOXES, HALVINGS = 400, 40
@@ -51,13 +51,13 @@ class Witness:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LineSegment:
     """x = `start` + t `way`, t from 0 to 1, and the equations along it."""
 
     start: np.ndarray
     way: np.ndarray
     t: sp.Symbol
-    equations: Equations
+    equations: EnclosedEquations
 
     def at(self, t: arb) -> list[arb]:
         """x (n,) over a ball of t."""
@@ -65,7 +65,7 @@ class Line:
 
 
 def refute(
-    equations: Equations,
+    equations: EnclosedEquations,
     region: Box,
     anchor: tuple[np.ndarray, list[arb]],
     suspects: list[np.ndarray],
@@ -92,15 +92,15 @@ def refute(
     return None
 
 
-def _line(equations: Equations, start: np.ndarray, end: np.ndarray) -> Line:
+def _line(equations: EnclosedEquations, start: np.ndarray, end: np.ndarray) -> LineSegment:
     # Shortened by more than rounding, so that it ends inside where `end` is on the border.
     way = (end - start) * (1.0 - 2.0**-50)
     t = sp.Dummy("t")
     on = {x: sp.Rational(float(a)) + sp.Rational(float(b)) * t for x, a, b in zip(equations.x, start, way)}
-    return Line(start, way, t, equations.along(on, t))
+    return LineSegment(start, way, t, equations.along(on, t))
 
 
-def _is_inside(line: Line, region: Box) -> bool:
+def _is_inside(line: LineSegment, region: Box) -> bool:
     """Whether both ends, and so the whole line, are in the region."""
     for a, b, (low, high) in zip(line.start, line.way, region):
         end = Fraction(float(a)) + Fraction(float(b))
@@ -112,7 +112,9 @@ def _is_inside(line: Line, region: Box) -> bool:
 # -- another type ----------------------------------------------------------------------------------
 
 
-def _another_type_of_graph(equations: Equations, line: Line, graph: tuple[sp.Expr, ...]) -> Witness | None:
+def _another_type_of_graph(
+    equations: EnclosedEquations, line: LineSegment, graph: tuple[sp.Expr, ...]
+) -> Witness | None:
     """Two points of an explicit branch with different numbers of unstable eigenvalues."""
     heights = BallFunction(equations.x, graph)
 
@@ -131,7 +133,7 @@ def _another_type_of_graph(equations: Equations, line: Line, graph: tuple[sp.Exp
     return _between(equations, line, spectrum, heights)
 
 
-def _is_continuous_along(equations: Equations, line: Line, heights: BallFunction) -> bool:
+def _is_continuous_along(equations: EnclosedEquations, line: LineSegment, heights: BallFunction) -> bool:
     """Whether the graph and D_y F on it are finite over boxes that cover the line."""
     waiting = [(0.0, 1.0)]
     for _ in range(LINE_BOXES):
@@ -147,8 +149,8 @@ def _is_continuous_along(equations: Equations, line: Line, heights: BallFunction
 
 
 def _between(
-    equations: Equations,
-    line: Line,
+    equations: EnclosedEquations,
+    line: LineSegment,
     spectrum: Callable[[float], Spectrum | None],
     heights: BallFunction | None,
 ) -> Witness | None:
@@ -174,7 +176,7 @@ def _between(
     return Witness("type", dict(zip(names, ends)), statement)
 
 
-def _along(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None:
+def _along(equations: EnclosedEquations, line: LineSegment, anchor: list[arb]) -> Witness | None:
     """A change of type at the end of a chain along the line, or a fold where the chain ends."""
     chain = _chain(line, anchor, 1.0)
     if chain is not None:
@@ -187,7 +189,7 @@ def _along(equations: Equations, line: Line, anchor: list[arb]) -> Witness | Non
     return _fold(equations, line, anchor)
 
 
-def _chain(line: Line, anchor: list[arb], end: float) -> Covering | None:
+def _chain(line: LineSegment, anchor: list[arb], end: float) -> Covering | None:
     """Glued tubes over t from 0 to `end`, the first of which holds the anchor; None where that is not proved."""
     near = np.array([float(y.mid()) for y in anchor])
     on = line.equations
@@ -201,7 +203,7 @@ def _chain(line: Line, anchor: list[arb], end: float) -> Covering | None:
     return found if first is not None and first.tube.holds([arb(0)], anchor) else None
 
 
-def _at(equations: Equations, chain: Covering, t: float) -> Tube | None:
+def _at(equations: EnclosedEquations, chain: Covering, t: float) -> RootTube | None:
     """A small tube over t whose zero is the chain's."""
     piece = chain.root.holding(np.array([t]), upper=False).piece
     if piece is None:
@@ -215,7 +217,7 @@ def _at(equations: Equations, chain: Covering, t: float) -> Tube | None:
 # -- a fold ----------------------------------------------------------------------------------------
 
 
-def _fold(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None:
+def _fold(equations: EnclosedEquations, line: LineSegment, anchor: list[arb]) -> Witness | None:
     """A singular point of D_y F that a curve of zeros joins to a chain from t = 0."""
     m = equations.m
     on = line.equations
@@ -226,7 +228,7 @@ def _fold(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None
     end, last = reached
     v = sp.symbols(f"v:{m}", cls=sp.Dummy)
     by_y = sp.Matrix(m, m, on.derivatives_by_y)
-    singular = Equations(
+    singular = EnclosedEquations(
         (),
         (*on.y, line.t, *v),
         (*on.equations, *(by_y * sp.Matrix(v)), sum(a * a for a in v) - 1),
@@ -257,7 +259,7 @@ def _fold(equations: Equations, line: Line, anchor: list[arb]) -> Witness | None
     return Witness("fold", box, f"the fast Jacobian is singular on the branch at {where}")
 
 
-def _joins(line: Line, anchor: list[arb], fold: np.ndarray, arc: float, y: list[arb], t: arb) -> bool:
+def _joins(line: LineSegment, anchor: list[arb], fold: np.ndarray, arc: float, y: list[arb], t: arb) -> bool:
     """Whether a curve of zeros from the fold, of length `arc` along its null vector, stays over the line and ends in
     a chain from t = 0.
     """
@@ -268,7 +270,7 @@ def _joins(line: Line, anchor: list[arb], fold: np.ndarray, arc: float, y: list[
     section = sum(
         sp.Rational(float(a)) * (s - sp.Rational(float(c))) for s, a, c in zip(on.y, direction, centre)
     )
-    curve = Equations((sigma,), (*on.y, line.t), (*on.equations, section - sigma))
+    curve = EnclosedEquations((sigma,), (*on.y, line.t), (*on.equations, section - sigma))
     room = 1e-3 * abs(arc)
     low, high = sorted((-room if arc > 0 else room, arc))
     covering = cover(curve, ((low, high),), fold[: m + 1], most_boxes=LINE_BOXES, spectral=False)

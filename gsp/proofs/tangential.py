@@ -20,10 +20,10 @@ from gsp.algebra.differentiation import jacobian
 from gsp.critical.slow_metric import least_metric
 from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
-from gsp.proofs.covering import Piece
-from gsp.proofs.equations import Equations
+from gsp.proofs.covering import CoveredPart
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import largest_modulus
-from gsp.proofs.tubes import Box, Tube
+from gsp.proofs.tubes import Box, RootTube
 
 HALVINGS = 2000
 # Points at which the metric is chosen.
@@ -31,7 +31,7 @@ PLACES = 64
 
 
 def tangential_rate(
-    equations: Equations, slow: Sequence[sp.Expr], pieces: Sequence[Piece], *, enough: float = 0.0
+    equations: EnclosedEquations, slow: Sequence[sp.Expr], pieces: Sequence[CoveredPart], *, enough: float = 0.0
 ) -> float:
     """An upper bound over all `pieces`; infinite where none is found. `slow` are the slow rates f at epsilon = 0.
 
@@ -61,14 +61,14 @@ def tangential_rate(
 
 
 class _Rates:
-    def __init__(self, equations: Equations, slow: Sequence[sp.Expr]) -> None:
+    def __init__(self, equations: EnclosedEquations, slow: Sequence[sp.Expr]) -> None:
         self.equations = equations
         self.own = len(slow)
         states = [*equations.x[: self.own], *equations.y]
         self.derivatives = BallFunction(equations.arguments, list(jacobian(slow, states)))
         self.metric = self.inverse = arb_mat(np.eye(self.own).tolist())
 
-    def measure(self, pieces: Sequence[Piece], *, least: float) -> None:
+    def measure(self, pieces: Sequence[CoveredPart], *, least: float) -> None:
         """Take the metric in which the rates at some points of the pieces are least."""
         unit = np.random.default_rng(0).random((max(PLACES // len(pieces), 1), self.equations.n))
         found = []
@@ -86,7 +86,7 @@ class _Rates:
             with suppress(ZeroDivisionError):
                 self.inverse, self.metric = T.inv(), T
 
-    def matrix(self, tube: Tube, box: Box) -> arb_mat | None:
+    def matrix(self, tube: RootTube, box: Box) -> arb_mat | None:
         """A over a part of a tube's box; None where D_y g may be singular."""
         n, m, own = self.equations.n, self.equations.m, self.own
         x = [balls.hull(low, high) for low, high in box]
@@ -104,7 +104,7 @@ class _Rates:
             ]
         )
 
-    def over(self, tube: Tube, box: Box) -> float:
+    def over(self, tube: RootTube, box: Box) -> float:
         """The bound over a part of a tube's box; infinite where there is none."""
         a = self.matrix(tube, box)
         if a is None:

@@ -25,7 +25,7 @@ from gsp.proofs import untrusted
 from gsp.proofs.checked_tube import CheckedTube
 from gsp.proofs.interval_matrices import Matrix, decay, dot, is_positive, is_regular, norm
 from gsp.proofs.intervals import Interval
-from gsp.proofs.programs import Program, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
 
 # The first version claimed that every locally invariant manifold lies in the tube, and uniqueness of saddles.
@@ -68,13 +68,13 @@ class _TubeProof:
             raise Rejected("epsilon is positive")
         self._read_tube(read)
         # Of x alone; a term of a series or of the basis that names more is no such thing.
-        self.terms = Program(tuple(text for row in self.series for text in row), self.n)
-        self.basis = Program(basis, self.n)
+        self.terms = IntervalProgram(tuple(text for row in self.series for text in row), self.n)
+        self.basis = IntervalProgram(basis, self.n)
         # Of (x, y, epsilon), of (x, z, epsilon).
-        self.field = Program((*self.rates, *self.equations), self.count)
-        self.flow = Program(self.rates, self.count)
-        self.gamma = Program(remainder, self.count)
-        self.graph = Program(tuple(self._graph(i, basis) for i in range(self.m)), self.count)
+        self.field = IntervalProgram((*self.rates, *self.equations), self.count)
+        self.flow = IntervalProgram(self.rates, self.count)
+        self.gamma = IntervalProgram(remainder, self.count)
+        self.graph = IntervalProgram(tuple(self._graph(i, basis) for i in range(self.m)), self.count)
         # Operations of eliminations.
         self.boxes = self.work = 0
 

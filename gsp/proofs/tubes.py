@@ -20,7 +20,7 @@ import numpy as np
 from flint import arb
 
 from gsp.proofs import balls
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 
 _ZERO = arb(0)
 Box = tuple[tuple[float, float], ...]
@@ -34,7 +34,7 @@ FAR = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class Tube:
+class RootTube:
     """One smooth root over `box`: y = `centre` + `slope` (x - `middle`) + R, |R_i| <= `radius`_i.
 
     `inverse` (m, m) is the C that proves it, and `derivative` (m m,) encloses D_y F over the tube.
@@ -73,7 +73,9 @@ def middle_of(box: Box) -> np.ndarray:
     return np.array([low + 0.5 * (high - low) for low, high in box])
 
 
-def enclose(equations: Equations, box: Box, near: np.ndarray, *, room: float = FIRST_ROOM) -> Tube | None:
+def enclose(
+    equations: EnclosedEquations, box: Box, near: np.ndarray, *, room: float = FIRST_ROOM
+) -> RootTube | None:
     """The tube about the root over `box` that Newton's method finds from `near` (m,); None where it is not proved.
 
     Its first radius is `room` times what the residual asks for.
@@ -93,14 +95,14 @@ def enclose(equations: Equations, box: Box, near: np.ndarray, *, room: float = F
 
 
 def krawczyk(
-    equations: Equations,
+    equations: EnclosedEquations,
     box: Box,
     middle: np.ndarray,
     centre: np.ndarray,
     slope: np.ndarray,
     *,
     room: float = FIRST_ROOM,
-) -> Tube | None:
+) -> RootTube | None:
     """The tube with these data if Krawczyk's condition is met for some radius, else None."""
     n, m = equations.n, equations.m
     x = [balls.hull(low, high) for low, high in box]
@@ -145,7 +147,7 @@ def krawczyk(
                 value = value + ((1 if i == k else 0) - product) * ball[k]
             image.append(value)
         if all(inside(value, r) for value, r in zip(image, radius)):
-            return Tube(box, middle, centre, slope, np.array(radius), inverse, by_y)
+            return RootTube(box, middle, centre, slope, np.array(radius), inverse, by_y)
         grown = [ROOM * balls.magnitude(value) for value in image]
         if not all(r < far for r in grown):
             return None

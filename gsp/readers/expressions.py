@@ -21,7 +21,7 @@ import sympy as sp
 
 from gsp.errors import ModelFileError, nearest
 from gsp.readers.limits import at_most
-from gsp.readers.nodes import Node, NodeBuilder
+from gsp.readers.nodes import ExpressionNode, NodeBuilder
 from gsp.readers.parts import Parts
 from gsp.readers.tokens import NumberError, Token, fail_at, parse_number, tokenise
 
@@ -123,7 +123,7 @@ class _Parser:
         self.symbols = symbols
         self.definitions = definitions
         # What the arguments of the definition that is being written out stand for, and how much has been written out.
-        self.arguments: Mapping[str, Node] = {}
+        self.arguments: Mapping[str, ExpressionNode] = {}
         self.written = 0
         self.depth = 0
         self.nodes = NodeBuilder(self.fail, definitions.parts)
@@ -154,7 +154,7 @@ class _Parser:
             self.definitions.spend(self.written, self.nodes.calls)
         return node.expression
 
-    def whole(self) -> Node:
+    def whole(self) -> ExpressionNode:
         node = self.expression(_SUM)
         token = self.token
         if token.kind != "end":
@@ -179,7 +179,7 @@ class _Parser:
         if self.depth > DEPTH:
             self.fail(f"the expression is nested more than {DEPTH} deep", position, "Remove parentheses.")
 
-    def expression(self, minimum: int) -> Node:
+    def expression(self, minimum: int) -> ExpressionNode:
         """Operators that bind at least as tightly as `minimum`; runs of + and of * are built in one call."""
         left = self.operand()
         while (binding := _BINDING.get((token := self.tokens[self.index]).text, 0)) >= minimum:
@@ -194,7 +194,7 @@ class _Parser:
                 left = self.sum(left)
         return left
 
-    def operand(self) -> Node:
+    def operand(self) -> ExpressionNode:
         token = self.tokens[self.index]
         self.index += 1
         if token.kind == "name":
@@ -227,14 +227,14 @@ class _Parser:
             self.fail("this parenthesis is not closed", opening.position, "Add the missing ).")
         self.unexpected(self.token)
 
-    def number(self, token: Token) -> Node:
+    def number(self, token: Token) -> ExpressionNode:
         try:
             value = parse_number(token.text)
         except NumberError as error:
             self.fail(error.fact, token.position, error.remedy)
         return self.nodes.number(value, token)
 
-    def name(self, token: Token) -> Node:
+    def name(self, token: Token) -> ExpressionNode:
         follows = self.tokens[self.index].text == "("
         if token.text in self.arguments and not follows:
             return self.arguments[token.text]
@@ -246,9 +246,9 @@ class _Parser:
         if is_function:
             self.fail(f"{token.text} is a function", token.position, f"Give it an argument: {token.text}(x).")
         if token.text == "pi":
-            return Node(sp.pi, 1)
+            return ExpressionNode(sp.pi, 1)
         if token.text in self.symbols:
-            return Node(self.symbols[token.text], 1)
+            return ExpressionNode(self.symbols[token.text], 1)
         shown, known = token.text[:64], [*self.symbols, *self.definitions, *FUNCTIONS, "pi"]
         if follows:
             self.fail(
@@ -264,7 +264,7 @@ class _Parser:
             remedy = 'Time enters as a state of rate 1, such as clock = "1", with a start: write that.'
         self.fail(f'the name "{shown}" is not declared', token.position, remedy)
 
-    def defined(self, token: Token, follows: bool) -> Node:
+    def defined(self, token: Token, follows: bool) -> ExpressionNode:
         """The definition that `token` names, written out: its text is read with the arguments in their places."""
         definition = self.definitions[token.text]
         wanted = definition.arguments
@@ -301,7 +301,7 @@ class _Parser:
         self.depth -= 1
         return node
 
-    def given(self, token: Token) -> list[Node]:
+    def given(self, token: Token) -> list[ExpressionNode]:
         """The arguments that stand in parentheses behind `token`."""
         opening = self.token
         self.index += 1
@@ -313,7 +313,7 @@ class _Parser:
         self.depth -= 1
         return arguments
 
-    def call(self, token: Token) -> Node:
+    def call(self, token: Token) -> ExpressionNode:
         count, function = FUNCTIONS[token.text]
         arguments = self.given(token)
         if len(arguments) != count:
@@ -324,7 +324,7 @@ class _Parser:
             )
         return self.nodes.call(function, arguments, token)
 
-    def sum(self, first: Node) -> Node:
+    def sum(self, first: ExpressionNode) -> ExpressionNode:
         position = self.token.position
         terms = [first]
         while sign := self.accept("+", "-"):
@@ -332,7 +332,7 @@ class _Parser:
             terms.append(self.nodes.negated(node) if sign.text == "-" else node)
         return self.nodes.sum(terms, position)
 
-    def product(self, first: Node) -> Node:
+    def product(self, first: ExpressionNode) -> ExpressionNode:
         position = self.token.position
         factors = [first]
         while operator := self.accept("*", "/"):

@@ -38,7 +38,7 @@ CANCELLING = 25
 _UNITS: frozenset[sp.Expr] = frozenset({sp.S.Zero, sp.S.One, sp.S.NegativeOne})
 
 
-class Node(NamedTuple):
+class ExpressionNode(NamedTuple):
     """An expression, a bound on its total degree, and the weight of the calls nested in it."""
 
     expression: sp.Expr
@@ -63,23 +63,23 @@ class NodeBuilder:
         self.parts = parts
         self.calls = self.extrema = self.constants = self.bits = 0
 
-    def number(self, value: sp.Rational, token: Token) -> Node:
+    def number(self, value: sp.Rational, token: Token) -> ExpressionNode:
         """A number as it is written."""
         if "e" in token.text or "E" in token.text:
             self._spend(value, token.position)
-        return Node(value)
+        return ExpressionNode(value)
 
-    def negated(self, node: Node) -> Node:
+    def negated(self, node: ExpressionNode) -> ExpressionNode:
         """Minus `node`."""
         value = node.expression
-        return Node(self.parts.once(lambda: -value, "-", value), node.degree, node.calls)
+        return ExpressionNode(self.parts.once(lambda: -value, "-", value), node.degree, node.calls)
 
-    def sum(self, terms: Sequence[Node], position: int) -> Node:
+    def sum(self, terms: Sequence[ExpressionNode], position: int) -> ExpressionNode:
         """The sum of `terms`."""
         value = self._sum_value([node.expression for node in terms], position)
-        return Node(value, max(n.degree for n in terms), max(n.calls for n in terms))
+        return ExpressionNode(value, max(n.degree for n in terms), max(n.calls for n in terms))
 
-    def product(self, factors: Sequence[Node], position: int) -> Node:
+    def product(self, factors: Sequence[ExpressionNode], position: int) -> ExpressionNode:
         """The product of `factors`."""
         degree = sum(node.degree for node in factors)
         self._check_degree(degree, position)
@@ -90,18 +90,20 @@ class NodeBuilder:
             self.check_size(value.as_coeff_Mul()[0], position)
             return value
 
-        return Node(self.parts.once(build, "*", *values), degree, max(node.calls for node in factors))
+        return ExpressionNode(self.parts.once(build, "*", *values), degree, max(node.calls for node in factors))
 
-    def inverse(self, node: Node, operator: Token) -> Node:
+    def inverse(self, node: ExpressionNode, operator: Token) -> ExpressionNode:
         """1/`node`, where `operator` divides by it."""
         if node.expression == 0:
             self.fail("the expression divides by zero", operator.position, "Remove the division.")
-        return self.power(node, Node(sp.Integer(-1)), operator)
+        return self.power(node, ExpressionNode(sp.Integer(-1)), operator)
 
-    def call(self, function: Callable[..., sp.Expr], arguments: Sequence[Node], token: Token) -> Node:
+    def call(
+        self, function: Callable[..., sp.Expr], arguments: Sequence[ExpressionNode], token: Token
+    ) -> ExpressionNode:
         """The `function` that `token` names, of `arguments`."""
         if token.text == "sqrt":
-            return self.power(arguments[0], Node(sp.Rational(1, 2)), token)
+            return self.power(arguments[0], ExpressionNode(sp.Rational(1, 2)), token)
         self.extrema += len(arguments) == 2
         if self.extrema > EXTREMA:
             self.fail(f"there are more than {EXTREMA} min and max", token.position, "Simplify.")
@@ -113,9 +115,9 @@ class NodeBuilder:
             self._check_degree(degree, token.position)
         if len(values) == 2:
             self._sum_value([values[0], -values[1]], token.position)
-        return Node(self._checked(function, values, token), degree, calls)
+        return ExpressionNode(self._checked(function, values, token), degree, calls)
 
-    def power(self, base: Node, exponent: Node, token: Token) -> Node:
+    def power(self, base: ExpressionNode, exponent: ExpressionNode, token: Token) -> ExpressionNode:
         """`base` to the `exponent`, where `token` is the operator or the root."""
         position = token.position
         b: sp.Expr = base.expression
@@ -145,11 +147,11 @@ class NodeBuilder:
                 "zero is raised to a power that is not positive", position, "Remove the division by zero."
             )
         if b.is_Rational and e.is_Integer:
-            return Node(sp.Pow(b, e))
+            return ExpressionNode(sp.Pow(b, e))
         calls = base.calls if e.is_Integer else self._count_call([base, exponent], token)
-        return Node(self._checked(sp.Pow, [b, e], token), max(1, degree), calls)
+        return ExpressionNode(self._checked(sp.Pow, [b, e], token), max(1, degree), calls)
 
-    def _count_call(self, arguments: Sequence[Node], token: Token) -> int:
+    def _count_call(self, arguments: Sequence[ExpressionNode], token: Token) -> int:
         """Weight of the calls nested in this one, itself included; an operator counts as a root."""
         cost = COST["sqrt"] if token.kind == "operator" else COST.get(token.text, 1)
         nested = max(node.calls for node in arguments)

@@ -30,14 +30,14 @@ def read_sbml(text: str, *, origin: str = "an SBML file") -> ForeignModel:
     """What the SBML document `text` says; raises `ModelFileError` for what is refused, by name."""
     document, left_out = read_document(text)
     try:
-        model = _Reader(document.getModel(), library(), origin).model()
+        model = _SbmlReader(document.getModel(), library(), origin).model()
     except RecursionError:
         raise ModelFileError("values depend on each other in too long a chain.", "Shorten it.") from None
     model.left_out[:0] = left_out
     return model
 
 
-class _Reader(Quantities):
+class _SbmlReader(Quantities):
     """One model: how its quantities change."""
 
     def __init__(self, source: Any, libsbml: Any, origin: str) -> None:

@@ -19,7 +19,7 @@ from gsp.readers.xppaut_conditions import without_conditions
 from gsp.readers.xppaut_lines import (
     MISSING,
     WORD,
-    Kind,
+    LineKind,
     Statement,
     fail,
     lines_of,
@@ -189,7 +189,7 @@ def _read(text: str) -> _File:
     file = _File()
     for number, line in written_out(lines_of(text)):
         statement = statement_of(number, line)
-        if statement.kind is Kind.END:
+        if statement.kind is LineKind.END:
             if line not in ("done", "d"):
                 file.left_out.append(f"what stands behind line {number} ({line[:40]!r} ends the file)")
             break
@@ -204,31 +204,31 @@ def _read(text: str) -> _File:
 def _take(file: _File, number: int, statement: Statement) -> None:
     kind, name, text, arguments = statement
     match kind:
-        case Kind.SETTINGS:
+        case LineKind.SETTINGS:
             file.settings.update(dict(_SETTING.findall(text)))
-        case Kind.PARAMETERS:
+        case LineKind.PARAMETERS:
             _assign(file, file.parameters, text, number, "a parameter")
-        case Kind.STARTS:
+        case LineKind.STARTS:
             _assign(file, file.starts, text, number, "an initial value")
-        case Kind.START:
+        case LineKind.START:
             file.starts[name] = found = start_at(text)
             if found != text.strip():
                 file.cut.append(f"{name}(0) = {found} of {text[:40]!r} (line {number})")
-        case Kind.AUXILIARY:
+        case LineKind.AUXILIARY:
             file.observables[_plain(name, file.observables)] = number, text
-        case Kind.RATE if name in file.states:
+        case LineKind.RATE if name in file.states:
             fail(number, f"{name} has two rates", "Keep one.")
-        case Kind.RATE:
+        case LineKind.RATE:
             file.states[name] = number, text
-        case Kind.FUNCTION | Kind.QUANTITY | Kind.CONSTANT:
+        case LineKind.FUNCTION | LineKind.QUANTITY | LineKind.CONSTANT:
             _define(file, number, name, arguments, text)
-            file.derived |= {name} if kind is Kind.CONSTANT else set()
-        case Kind.SET if found := _SET.fullmatch(text):
+            file.derived |= {name} if kind is LineKind.CONSTANT else set()
+        case LineKind.SET if found := _SET.fullmatch(text):
             file.sets[found[1]] = number, found[2]
-        case Kind.MISSING:
+        case LineKind.MISSING:
             told = number, f"{name} is {MISSING['ta' if name[0] == 't' else 'w']}, which no model here has"
             file.missing |= dict.fromkeys(text.split(), told)
-        case Kind.SET | Kind.LEFT_OUT:
+        case LineKind.SET | LineKind.LEFT_OUT:
             file.left_out.append(f"{name} (line {number})")
         case _ if text[0] != "%":
             file.passed_over.append(f"{text[:40]!r} (line {number})")

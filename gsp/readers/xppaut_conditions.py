@@ -27,10 +27,10 @@ def without_conditions(text: str, *, positive: Callable[[], str]) -> str:
     """
     if not re.search(r"[<>&|]|==|!=|(?<![a-z0-9_.])(?:if|heav|not)\s*\(", text):
         return text
-    return _Reader([match[1] for match in _TOKENS.finditer(text)], positive).whole()
+    return _ConditionReader([match[1] for match in _TOKENS.finditer(text)], positive).whole()
 
 
-class _Reader:
+class _ConditionReader:
     """One pass over the words of an expression."""
 
     def __init__(self, words: list[str], positive: Callable[[], str]) -> None:

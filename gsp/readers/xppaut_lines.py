@@ -24,7 +24,7 @@ _PIECE = re.compile(r"\s*(\S[^=\s,]*)\s*(?:=\s*([^\s,]*)\s*,?|,)?")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?")
 
 
-class Kind(Enum):
+class LineKind(Enum):
     """What a line is."""
 
     SETTINGS = auto()
@@ -46,7 +46,7 @@ class Kind(Enum):
 class Statement(NamedTuple):
     """A line: its `kind`, the `name` and the `arguments` that it gives a meaning to, and the `text` of that."""
 
-    kind: Kind
+    kind: LineKind
     name: str
     text: str
     arguments: tuple[str, ...] = ()
@@ -66,15 +66,15 @@ _REFUSED = (
 # What has no value here, which matters where a rate uses it.
 MISSING = {"ta": "a table of numbers", "w": "noise"}
 _TAKEN = (
-    ("au", Kind.AUXILIARY),
-    ("se", Kind.SET),
-    *((letters, Kind.MISSING) for letters in MISSING),
-    ("o", Kind.LEFT_OUT),
-    ("b", Kind.LEFT_OUT),
-    ("p", Kind.PARAMETERS),
-    ("n", Kind.PARAMETERS),
-    ("i", Kind.STARTS),
-    ("d", Kind.END),
+    ("au", LineKind.AUXILIARY),
+    ("se", LineKind.SET),
+    *((letters, LineKind.MISSING) for letters in MISSING),
+    ("o", LineKind.LEFT_OUT),
+    ("b", LineKind.LEFT_OUT),
+    ("p", LineKind.PARAMETERS),
+    ("n", LineKind.PARAMETERS),
+    ("i", LineKind.STARTS),
+    ("d", LineKind.END),
 )
 # What a command of such a kind is called; with other words it has to give values.
 _WRITTEN_OUT = re.compile(r"p(?:ar(?:am(?:s|eters?)?)?)?|n(?:um(?:ber)?)?|i(?:nit(?:ial)?)?")
@@ -116,7 +116,7 @@ def _words(line: str) -> str:
 def statement_of(number: int, line: str) -> Statement:
     """What a line says; raises `ModelFileError` for what no model here has, and for what XPPAUT would not take."""
     if line[0] == "@":
-        return Statement(Kind.SETTINGS, "", line[1:])
+        return Statement(LineKind.SETTINGS, "", line[1:])
     if line.startswith("#include"):
         fail(number, "#include is another file, which no model here has", "Remove it.")
     if line[0] == "%" or not line.strip("-=*~_+. "):
@@ -131,53 +131,53 @@ def statement_of(number: int, line: str) -> Statement:
     if sign in " =":
         name = head.removeprefix("!")
         if re.fullmatch(WORD, name):
-            kind = Kind.CONSTANT if head != name else Kind.QUANTITY
+            kind = LineKind.CONSTANT if head != name else LineKind.QUANTITY
             return Statement(kind, name, rest[1:].strip())
     elif sign == "(":
         return _called(number, line)
     elif "=" in rest and (sign == "'" or line[0] == "d"):
         name = head if sign == "'" else head[1:]
         if re.fullmatch(WORD, name):
-            return Statement(Kind.RATE, name, rest.partition("=")[2].strip())
+            return Statement(LineKind.RATE, name, rest.partition("=")[2].strip())
     _not_understood(number, line)
 
 
 def _called(number: int, line: str) -> Statement:
     """`name(...) = ...`: an initial value, or a function, of t too."""
     if found := _START.fullmatch(line):
-        return Statement(Kind.START, found[1], found[2])
+        return Statement(LineKind.START, found[1], found[2])
     step = _STEP.match(line)
     if step and (step[1] or re.search(r"int ?[{[]", line)):
         fail(number, "a difference or integral equation is no flow", "Write a differential equation.")
     if found := _FUNCTION.fullmatch(line):
         arguments = tuple(word.strip() for word in found[2].split(","))
-        return Statement(Kind.FUNCTION, found[1], found[3].strip(), arguments)
+        return Statement(LineKind.FUNCTION, found[1], found[3].strip(), arguments)
     _not_understood(number, line)
 
 
 def _command(number: int, line: str, head: str, rest: str) -> Statement:
     if head[:2] == "sp" and head[5:6] == "a":
         fail(number, f"{head} is a sum over a network, which no model here has", "Remove it.")
-    kind = next((kind for letters, kind in _TAKEN if head.startswith(letters)), Kind.PASSED_OVER)
+    kind = next((kind for letters, kind in _TAKEN if head.startswith(letters)), LineKind.PASSED_OVER)
     if head[:2] == "in" and head.startswith("include"):
-        kind = Kind.PASSED_OVER
+        kind = LineKind.PASSED_OVER
     for letters, what in _REFUSED:
         if head.startswith(letters):
             fail(number, f"{head[:40]} is {what}, which no model here has", "Remove it.")
-    is_guessed = kind in (Kind.PARAMETERS, Kind.STARTS) and not _WRITTEN_OUT.fullmatch(head)
+    is_guessed = kind in (LineKind.PARAMETERS, LineKind.STARTS) and not _WRITTEN_OUT.fullmatch(head)
     if is_guessed and any(value is None for _, value in pieces_of(rest)):
         _not_understood(number, line)
-    if kind is Kind.PASSED_OVER and not line.isprintable():
+    if kind is LineKind.PASSED_OVER and not line.isprintable():
         _not_understood(number, line)
-    if kind is Kind.AUXILIARY:
+    if kind is LineKind.AUXILIARY:
         name, equals, text = rest.partition("=")
         if not equals:
             _not_understood(number, line)
         return Statement(kind, "".join(name.split()), text.strip())
-    if kind is Kind.MISSING:
+    if kind is LineKind.MISSING:
         names = [name for name, _ in pieces_of(rest)]
         return Statement(kind, head, " ".join(names[:1] if head[0] == "t" else names))
-    return Statement(kind, head, line if kind in (Kind.SET, Kind.PASSED_OVER) else rest)
+    return Statement(kind, head, line if kind in (LineKind.SET, LineKind.PASSED_OVER) else rest)
 
 
 def _struck_out(number: int, line: str) -> Statement:
@@ -187,7 +187,7 @@ def _struck_out(number: int, line: str) -> Statement:
         fail(
             number, f"{line[:40]!r} is no comment: XPPAUT gives {line[: found.start()][:20]} a rate", "Write #."
         )
-    return Statement(Kind.PASSED_OVER, "", line)
+    return Statement(LineKind.PASSED_OVER, "", line)
 
 
 def _not_understood(number: int, line: str) -> NoReturn:

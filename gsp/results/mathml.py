@@ -23,7 +23,7 @@ _BEFORE_A_WORD = re.compile(rf"<mo>&#8290;</mo>(?=(?:<m(?:row|su[bp]|subsup)>)*{
 _BEHIND_A_WORD = re.compile(rf"({_WORD}<mo>&#8290;</mo>)(?!<mspace)")
 
 
-class _Printer(MathMLPresentationPrinter):
+class _MathPrinter(MathMLPresentationPrinter):
     """SymPy's printer, for expressions whose symbols were renamed for the sake of their order."""
 
     def __init__(self, originals: Mapping[sp.Symbol, sp.Symbol]) -> None:
@@ -40,7 +40,7 @@ class Typesetter:
     def __init__(self, symbols: Iterable[sp.Symbol]) -> None:
         ordered = list(dict.fromkeys(symbols))
         self._stand_ins = {s: sp.Symbol(f"s{i:03d}") for i, s in enumerate(ordered)}
-        self._printer = _Printer({stand_in: s for s, stand_in in self._stand_ins.items()})
+        self._printer = _MathPrinter({stand_in: s for s, stand_in in self._stand_ins.items()})
 
     def row(self, expression: sp.Basic | sp.MatrixBase) -> str:
         """The expression without its <math> element."""

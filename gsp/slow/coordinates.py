@@ -21,7 +21,7 @@ from gsp.algebra.factorisation import degree, quotient
 from gsp.algebra.functions import are_rational, require_rules
 from gsp.algebra.laurent import laurent
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element, number_of
+from gsp.algebra.ring_elements import RingElement, number_of
 from gsp.algebra.triangular_blocks import triangular_blocks
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import HyperbolicityError
@@ -46,7 +46,7 @@ class Chart:
     ring: Any
     coordinates: tuple[sp.Symbol, ...]
     elements: dict[sp.Symbol, Any]
-    inverse_jacobian: list[list[Element]] | Factors
+    inverse_jacobian: list[list[RingElement]] | Factors
 
     def solve(self, b: Sequence[Any]) -> list[Any]:
         """g_y^-1 b."""
@@ -171,12 +171,14 @@ def factorised(entries: Mapping[tuple[int, int], Gate], n: int, ring: CircuitRin
     return Factors(ring, entries, elimination.order, elimination.rows, elimination.columns)
 
 
-def inverted(entries: Mapping[tuple[int, int], Element], n: int, ring: LocalisedRing) -> list[list[Element]]:
+def inverted(
+    entries: Mapping[tuple[int, int], RingElement], n: int, ring: LocalisedRing
+) -> list[list[RingElement]]:
     """The inverse of a matrix (n, n) by its entries."""
     return invert([[entries.get((i, j), ring.zero) for j in range(n)] for i in range(n)], ring)
 
 
-def dot(a: Sequence[Element], b: Sequence[Element], ring: LocalisedRing) -> Element:
+def dot(a: Sequence[RingElement], b: Sequence[RingElement], ring: LocalisedRing) -> RingElement:
     """sum_i a_i b_i."""
     total = ring.zero
     for x, y in zip(a, b):
@@ -185,7 +187,7 @@ def dot(a: Sequence[Element], b: Sequence[Element], ring: LocalisedRing) -> Elem
     return total
 
 
-def invert(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
+def invert(matrix: list[list[RingElement]], ring: LocalisedRing) -> list[list[RingElement]]:
     """Inverse block by block: variables that drive one another one way, as in a chain, are inverted one by one."""
     n = range(len(matrix))
     inverse = [[ring.zero for _ in n] for _ in n]
@@ -204,7 +206,7 @@ def invert(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Elemen
     return inverse
 
 
-def _invert_block(matrix: list[list[Element]], ring: LocalisedRing) -> list[list[Element]]:
+def _invert_block(matrix: list[list[RingElement]], ring: LocalisedRing) -> list[list[RingElement]]:
     """Inverse by the Faddeev-LeVerrier recursion, which divides by integers and by the determinant only.
 
     Gaussian elimination would make every pivot a denominator of the ring. It is what inverts numbers.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 
 from gsp.algebra.power_series import SeriesProgram
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.critical.branch import Branch
 from gsp.errors import BudgetError
 from gsp.slow.coordinates import Chart, chart, dot
 
-Rows = list[list[Element]]
+Rows = list[list[RingElement]]
 
 
 class Expansion:

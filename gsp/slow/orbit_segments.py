@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.collocation.bordered import Equations, Step, linearise
+from gsp.collocation.bordered import FlowEquations, OrbitChange, linearise
 from gsp.collocation.gauss import gauss
 from gsp.critical.branch import Branch
 from gsp.errors import Status, UnsupportedFunctionError
@@ -86,7 +86,7 @@ class SegmentSolver:
         except UnsupportedFunctionError:
             # Max, Piecewise and the like have no jets; segments do not need them, only good guesses do.
             self.tape = None
-        self.equations = Equations(self.flow.field, self.flow.jacobian, 0, 0)
+        self.equations = FlowEquations(self.flow.field, self.flow.jacobian, 0, 0)
         # From the polynomial through an element's start and stages to both its halves.
         self.halving = SCHEME.basis(np.concatenate([SCHEME.c / 2, [0.5], (1 + SCHEME.c) / 2]))
 
@@ -359,11 +359,11 @@ class SegmentSolver:
         # The values at the ends are the first conditions, in turn.
         tangents = np.eye(nx + ends)[:, :ends]
 
-        def step_of(point: Point) -> list[Step]:
+        def step_of(point: Point) -> list[OrbitChange]:
             linear = linearise(self.equations, SCHEME, p, 1.0, lengths, *point)
             return linear.solve(held.conditions(point[0]), tangents=tangents)
 
-        def moved(point: Point, steps: list[Step], share: float) -> Point:
+        def moved(point: Point, steps: list[OrbitChange], share: float) -> Point:
             for i in range(ends):
                 response[:, i] = steps[1 + i].states[held.middle, nx:]
             return point[0] + share * steps[0].states, point[1] + share * steps[0].stages

@@ -15,7 +15,7 @@ from gsp.algebra.functions import are_rational
 from gsp.algebra.inversion import solve_for
 from gsp.algebra.power_series import SeriesProgram
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.slow.components import Components
 from gsp.slow.coordinates import dot, invert
@@ -90,7 +90,7 @@ def _composed(series, chart, onto, f, start) -> RawManifold | None:
     )
     for j, z in enumerate(chart):
         ring.set_derivative(z, j, ring.one)
-    X: list[list[Element]] = [[read(start[s], ring, {}).reduced()] for s in x]
+    X: list[list[RingElement]] = [[read(start[s], ring, {}).reduced()] for s in x]
     program = SeriesProgram(ring, epsilon=system.epsilon, inputs=dict(zip(x, X)), constants={})
     images = {z: program.compile(onto[z]) for z in onto}
     rates = [program.compile(rate) for rate in f]
@@ -110,7 +110,7 @@ def _composed(series, chart, onto, f, start) -> RawManifold | None:
             row[k] = (-dot(DX[0][i], defect, ring)).reduced()
         program.extend(k)
         DX.append([[ring.derive(row[k], j).reduced() for j in range(len(chart))] for row in X])
-    velocity: list[list[Element]] = []
+    velocity: list[list[RingElement]] = []
     for k in range(order + 1):
         right = []
         for i in range(len(x)):

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsp.collocation.bordered import Conditions, Step
+from gsp.collocation.bordered import Conditions, OrbitChange
 
 Point = tuple[np.ndarray, np.ndarray]
 
 
-def step_length(steps: list[Step], point: Point) -> float:
+def step_length(steps: list[OrbitChange], point: Point) -> float:
     """Largest change of a state, relative to 1 + |z|."""
     return float((np.abs(steps[0].states) / (1.0 + np.abs(point[0]).sum(axis=1))[:, None]).max())
 

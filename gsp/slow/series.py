@@ -18,7 +18,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.circuits import CircuitRing
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.critical.critical_manifold import Branch
 from gsp.errors import BeyondReachWarning, BudgetError, DeclarationError, HyperbolicityError
 from gsp.lowering.compiled_flow import parameter_vector
@@ -54,8 +54,8 @@ class SeriesManifold(Card):
     branch: Branch
     order: int
     chart: Chart = field(repr=False)
-    _h: list[list[Element]]
-    _f: list[list[Element]]
+    _h: list[list[RingElement]]
+    _f: list[list[RingElement]]
     _expansion: Expansion = field(repr=False)
 
     @cached_property
@@ -244,7 +244,7 @@ class SeriesManifold(Card):
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    def _components(self, rows: list[list[Element]], symbols, write=None) -> tuple[Components, ...]:
+    def _components(self, rows: list[list[RingElement]], symbols, write=None) -> tuple[Components, ...]:
         write = write or self.chart.ring.to_sympy
         return tuple(Components(symbols, [write(row[k]) for row in rows]) for k in range(self.order + 1))
 
@@ -342,7 +342,7 @@ class SeriesManifold(Card):
         ]
         return self._compiled(outputs)
 
-    def _compiled(self, elements: list[Element]):
+    def _compiled(self, elements: list[RingElement]):
         system = self.branch.system
         ring = self.specialised.chart.ring
         return compile_over(

@@ -64,7 +64,7 @@ class Track:
         )
 
 
-class _SlowFlow:
+class _CriticalFlow:
     """The slow flow on {g = 0}, at many points at once."""
 
     def __init__(self, branch: Branch, epsilon: float) -> None:
@@ -132,7 +132,7 @@ def follow_slow_flow(
 ) -> Track:
     """The slow flow from (x, y), upstream (`side` LEFT) or downstream, until the slowest stable, or unstable,
     fast direction has decayed by exp(-goal) on the way back."""
-    flow = _SlowFlow(branch, epsilon)
+    flow = _CriticalFlow(branch, epsilon)
     nx = flow.nx
     k = len(x)
     sign = -1.0 if side == LEFT else 1.0
@@ -197,7 +197,7 @@ def follow_slow_flow(
     return _graded(flow, states, lengths, counts, fastest, decayed, drift, cut)
 
 
-def _drift(flow: _SlowFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
+def _drift(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
     """Distance of M_epsilon from M0 to first order; infinite where there is none."""
     nx = flow.nx
     drift = flow.epsilon * np.linalg.norm(
@@ -206,7 +206,7 @@ def _drift(flow: _SlowFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(drift), drift, np.inf)
 
 
-def _graded(flow: _SlowFlow, z, lengths, counts, fastest, decayed, drift, cut) -> Track:
+def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, cut) -> Track:
     """The track with its last element halved towards the end, where the fastest direction's layer lies."""
     k, m = lengths.shape
     if m == 0:
@@ -234,13 +234,13 @@ def _graded(flow: _SlowFlow, z, lengths, counts, fastest, decayed, drift, cut) -
     return Track(counts + halvings, lengths, z, rates, decayed, drift, cut)
 
 
-def _fast_slopes(flow: _SlowFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
+def _fast_slopes(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
     """dy/dt along the slow flow, -g_y^-1 g_x f."""
     nx = flow.nx
     return -np.einsum("kij,kj->ki", divide(J[:, nx:, nx:], J[:, nx:, :nx]), flow.rates(z))
 
 
-def _all_rates(flow: _SlowFlow, z: np.ndarray) -> np.ndarray:
+def _all_rates(flow: _CriticalFlow, z: np.ndarray) -> np.ndarray:
     return np.hstack([flow.rates(z), _fast_slopes(flow, z, flow.jacobian(z))])
 
 

@@ -29,7 +29,7 @@ from flint import arb, arb_mat
 
 from gsp.proofs import balls
 from gsp.slow_tubes.ball_vectors import centre_of, centres, entries, minus, row, times
-from gsp.slow_tubes.frame import BALL, Frame, framed
+from gsp.slow_tubes.frame import BALL, FibreBasis, framed
 from gsp.slow_tubes.invariance import Invariance
 from gsp.slow_tubes.isolation import norm
 from gsp.slow_tubes.validated_flow import log_norm
@@ -46,7 +46,7 @@ class Deviation:
     radius: arb
     fast: list[arb]
     spread: arb
-    frame: Frame
+    frame: FibreBasis
 
     def slow_box(self) -> list[arb]:
         """A box that holds U."""
@@ -90,7 +90,7 @@ class _Coefficients:
     B: arb_mat
     C: arb_mat
     middle: list[arb]
-    frame: Frame
+    frame: FibreBasis
     decay: arb
 
 
@@ -108,7 +108,7 @@ class _FastPath:
     first: arb
     last: arb
 
-    def box(self, frame: Frame) -> list[arb]:
+    def box(self, frame: FibreBasis) -> list[arb]:
         """A box that holds z all the time: w is largest at one of its ends."""
         return [c + b for c, b in zip(self.centre, frame.box(self.first.max(self.last)))]
 
@@ -123,7 +123,7 @@ def deviation(offset: Sequence[arb], away: Sequence[arb]) -> Deviation:
         norm([o - c for o, c in zip(offset, centre)]),
         fast,
         norm([o - c for o, c in zip(away, fast)]),
-        Frame(unit, unit),
+        FibreBasis(unit, unit),
     )
 
 
@@ -173,7 +173,7 @@ class DeviationFlow:
             box_z = [b.union(i) for b, i in zip(box_z, z)]
         return None
 
-    def _coefficients(self, span: Span, u: list[arb], z: list[arb], frame: Frame) -> _Coefficients | None:
+    def _coefficients(self, span: Span, u: list[arb], z: list[arb], frame: FibreBasis) -> _Coefficients | None:
         """For all U and z in the boxes u and z; None where the fast directions do not attract."""
         n, m, inv, small = self.n, self.m, self.invariance, self.epsilon
         away = [b * self.unit for b in u]

@@ -21,7 +21,7 @@ BALL = balls.hull(-1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class FibreBasis:
     """T (m, m) and its inverse: |w| is taken as |T^-1 w|."""
 
     matrix: arb_mat
@@ -36,7 +36,7 @@ class Frame:
         m = self.matrix.nrows()
         return [BALL * (norm(row(self.matrix, i)) * size) for i in range(m)]
 
-    def change(self, other: Frame) -> arb:
+    def change(self, other: FibreBasis) -> arb:
         """A bound of |w| here over |w| in the `other` frame, near 1 for two that hardly differ."""
         between = self.inverse * other.matrix
         square = between.transpose() * between
@@ -49,7 +49,7 @@ class Frame:
         return least_eigenvalue([[-(turned[i, j] + turned[j, i]) / 2 for j in range(m)] for i in range(m)])
 
 
-def framed(frame: Frame, B: arb_mat) -> tuple[Frame, float]:
+def framed(frame: FibreBasis, B: arb_mat) -> tuple[FibreBasis, float]:
     """The frame, or one of B's eigenvectors where the norm in it hardly falls, and the rate at which it falls."""
     decay = frame.decay(B)
     m = B.nrows()
@@ -67,6 +67,6 @@ def framed(frame: Frame, B: arb_mat) -> tuple[Frame, float]:
     if not np.linalg.cond(turned) < MOST_CONDITION:
         return frame, decay
     matrix = arb_mat(m, m, [arb(float(v)) for v in turned.ravel()])
-    other = Frame(matrix, matrix.inv())
+    other = FibreBasis(matrix, matrix.inv())
     better = other.decay(B)
     return (other, better) if better > decay else (frame, decay)

@@ -21,7 +21,7 @@ from flint import arb
 from gsp.algebra.factorisation import exponentials
 from gsp.algebra.functions import are_rational, is_rational_node
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.verdict import ProofVerdict
@@ -126,15 +126,15 @@ class Invariance:
 
     # -- the ring ----------------------------------------------------------------------------------
 
-    def _read(self, expression: sp.Expr) -> Element:
+    def _read(self, expression: sp.Expr) -> RingElement:
         return read(expression, self._ring, {})
 
-    def _small(self, power: int) -> Element:
+    def _small(self, power: int) -> RingElement:
         return self._ring.constant(1) * _monomial(self._ring, self.epsilon, power)
 
     def _flow(
-        self, symbols: Sequence[sp.Symbol], f: list[sp.Expr], g: list[sp.Expr], y: list[Element]
-    ) -> tuple[list[Element], list[Element]]:
+        self, symbols: Sequence[sp.Symbol], f: list[sp.Expr], g: list[sp.Expr], y: list[RingElement]
+    ) -> tuple[list[RingElement], list[RingElement]]:
         """f (slow,) and Gamma (m,) where the fast variables are `y`."""
         ring, at = self._ring, dict(zip(symbols, y))
         cache: dict = {}
@@ -147,31 +147,31 @@ class Invariance:
         inverse = invert(self._P, ring)
         return rates, [dot(row, defects, ring).reduced() for row in inverse]
 
-    def _divided(self, element: Element) -> Element:
+    def _divided(self, element: RingElement) -> RingElement:
         """The element over epsilon^(n+1), or `NotInvariantError`."""
         numerator = element.numerator
         one = _monomial(self._ring, self.epsilon, 1).numerator
         for order in range(self.order + 1):
             numerator, rest = divmod(numerator, one)
             if rest != 0:
-                left = self._ring.to_sympy(Element(self._ring, rest, element.exponents))
+                left = self._ring.to_sympy(RingElement(self._ring, rest, element.exponents))
                 raise NotInvariantError(order, left, self.x, self.z)
-        return Element(self._ring, numerator, element.exponents)
+        return RingElement(self._ring, numerator, element.exponents)
 
-    def _by(self, elements: Sequence[Element], places: Sequence[int]) -> list[Element]:
+    def _by(self, elements: Sequence[RingElement], places: Sequence[int]) -> list[RingElement]:
         """The derivatives by x, z and epsilon at `places`, row by row."""
         return [self._ring.derive(e, j).reduced() for e in elements for j in places]
 
-    def _balls(self, elements: Sequence[Element], *, at_zero: bool = False) -> BallFunction:
+    def _balls(self, elements: Sequence[RingElement], *, at_zero: bool = False) -> BallFunction:
         arguments = (*self.x, self.epsilon) if at_zero else (*self.x, *self.z, self.epsilon)
         return BallFunction(arguments, [self._written(e) for e in elements])
 
-    def _smooth(self, elements: Sequence[Element], *, at_zero: bool = False) -> Smooth:
+    def _smooth(self, elements: Sequence[RingElement], *, at_zero: bool = False) -> Smooth:
         arguments = (*self.x, self.epsilon) if at_zero else (*self.x, *self.z, self.epsilon)
         written = [self._written(e) for e in elements]
         return Smooth(BallFunction(arguments, written), SeriesFunction(arguments, written))
 
-    def _written(self, element: Element) -> sp.Expr:
+    def _written(self, element: RingElement) -> sp.Expr:
         """An element for balls: a polynomial in z and epsilon whose coefficients, functions of x, are each reduced.
 
         Over one common denominator the leading term would hold the same ball above and below, expanded.
@@ -185,7 +185,7 @@ class Invariance:
             parts.setdefault(powers, {})[rest] = coefficient
         total = []
         for powers, terms in parts.items():
-            part = Element(ring, ring.context.from_dict(terms), element.exponents).reduced()
+            part = RingElement(ring, ring.context.from_dict(terms), element.exponents).reduced()
             monomial = sp.Mul(*(s**p for s, p in zip((*self.z, self.epsilon), powers)))
             total.append(sp.Mul(monomial, ring.to_sympy(part)))
         return sp.Add(*total)
@@ -285,7 +285,7 @@ class Invariance:
         return self._balls([e for row in self._P for e in row], at_zero=True)
 
 
-def _monomial(ring: LocalisedRing, symbol: sp.Symbol, power: int) -> Element:
+def _monomial(ring: LocalisedRing, symbol: sp.Symbol, power: int) -> RingElement:
     result = ring.one
     for _ in range(power):
         result = result * ring.generator(symbol)

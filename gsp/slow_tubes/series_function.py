@@ -11,7 +11,7 @@ import sympy as sp
 from flint import arb, arb_series, fmpq
 
 from gsp.proofs import balls
-from gsp.proofs.ball_functions import Program, without_enclosure
+from gsp.proofs.ball_functions import BallProgram, without_enclosure
 
 
 def _reciprocal(u: arb_series) -> arb_series:
@@ -45,7 +45,7 @@ _FUNCTIONS: dict[Any, Callable[[Any], Any]] = {
 _CONSTANTS = {sp.pi: arb.pi, sp.E: arb.const_e}
 
 
-class SeriesFunction(Program):
+class SeriesFunction(BallProgram):
     """A tuple of expressions as a function of power series, by the order of `arguments`.
 
     Constants have the precision of the time at which it is made. Where a series leaves the domain of a function its

@@ -24,7 +24,6 @@ from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.certification import MOST_BOXES
 from gsp.proofs.equations import without_decimals
 from gsp.proofs.sides import rounded_sides, written
-from gsp.proofs.verdict import ProofVerdict
 from gsp.results.bounds import at_least, at_most
 from gsp.slow.series import SeriesManifold, expand
 from gsp.slow_tubes.adapted_basis import AdaptedBasis, adapted_bases
@@ -132,10 +131,10 @@ def certify_tube(
     checked = check_region(region, [*slow, *(p.name for p in system.parameters)], required=slow)
     box = {name: outwards for name, (outwards, _) in rounded_sides(region, checked).items()}
     with precision(balls.PRECISION):
-        return _Search(series, box, most_boxes).result(epsilon)
+        return _TubeSearch(series, box, most_boxes).result(epsilon)
 
 
-class _Search:
+class _TubeSearch:
     """Tubes about one series over one region."""
 
     def __init__(self, series: SeriesManifold, box: dict[str, tuple[float, float]], most_boxes: int) -> None:

@@ -29,7 +29,7 @@ SHORTEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ValidatedStep:
     """The solution for t in [`start`, `end`]: within `radius` of the `polynomials` in t - start, inside `box`."""
 
     start: float
@@ -47,7 +47,7 @@ class Step:
 
 def solution_steps(
     field: Sequence[sp.Expr], x: Sequence[sp.Symbol], start: Sequence[arb], end: float
-) -> Iterator[Step]:
+) -> Iterator[ValidatedStep]:
     """Steps of x' = `field`(x) from x(0) in the balls `start` to the time `end`, fewer where the next is not proved.
 
     Raises `UnsupportedFunctionError` for a function without an enclosure.
@@ -77,7 +77,7 @@ def solution_steps(
         over = slopes(box)
         growth = (log_norm([over[i * n : (i + 1) * n] for i in range(n)]) * arb(step)).exp()
         spread = (radius * growth.union(arb(1))).upper()
-        yield Step(t, after, polynomials, spread, tuple(box))
+        yield ValidatedStep(t, after, polynomials, spread, tuple(box))
         reached = [_horner(p, arb(after) - arb(t)) for p in polynomials]
         point = [arb(b.mid()) for b in reached]
         radius = (spread + norm([b - m for b, m in zip(reached, point)])).upper()

@@ -10,7 +10,7 @@ import sympy as sp
 from gsp import models
 from gsp.choice.candidates import ModelKind
 from gsp.choice.choice import choose
-from gsp.choice.hybrid_run import Run
+from gsp.choice.hybrid_run import HybridRun
 from gsp.choice.model_switching import SOLVED_LOOKS, _Nearness, _Switcher, run_solved
 from gsp.choice.prediction import Failure
 from gsp.choice.simulation import simulate
@@ -187,7 +187,7 @@ def test_outside_the_region_the_full_system_runs() -> None:
 def test_a_solved_manifold_is_left_where_the_piece_that_was_solved_ends(span: tuple[float, float]) -> None:
     system = SlowFastSystem(slow={x: sp.Integer(1)}, fast={y: x - y}, epsilon=eps)
     study = study_of(Scene(system, {"x": (0, 4)}, {"x": 1, "y": 0}, span, 0.01, (0.02, 0.01), 1e-3))
-    run = Run(study, True)
+    run = HybridRun(study, True)
     run_solved(run, solve_manifold(study.branch, region={"x": (0.5, 1.5)}, epsilon=0.01, tolerance=1e-6))
     whole = span[1] < 0.5
     assert [piece.kind for piece in run.pieces] == (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from gsp.collocation.bordered import Conditions, Equations, linearise
+from gsp.collocation.bordered import Conditions, FlowEquations, linearise
 from gsp.collocation.gauss import gauss
 from gsp.errors import Status
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
@@ -19,11 +19,11 @@ x, y, k = sp.symbols("x y k")
 saddle = VectorField({x: 20 * x + k * y**2, y: -20 * y + k * x**2}, epsilon=None, parameters={k: 0.5})
 
 
-def equations(free: int) -> tuple[Equations, np.ndarray, object]:
+def equations(free: int) -> tuple[FlowEquations, np.ndarray, object]:
     flow = compile_flow(saddle)
     sensitivity = compile_function([y**2, x**2], arguments=(x, y), epsilon=None, parameters=(k,))
     return (
-        Equations(flow.field, flow.jacobian, sensitivity.address, free),
+        FlowEquations(flow.field, flow.jacobian, sensitivity.address, free),
         parameter_vector(saddle, None),
         sensitivity,
     )
@@ -96,7 +96,7 @@ def test_growth_and_decay_are_carried_the_way_they_are_stable() -> None:
 def test_an_orbit_between_two_conditions_is_of_order_twice_its_stages(degree: int) -> None:
     pendulum = VectorField({x: y, y: -sp.sin(x)}, epsilon=None)
     flow, p, scheme = compile_flow(pendulum), parameter_vector(pendulum, None), gauss(degree)
-    own, ends = Equations(flow.field, flow.jacobian, 0, 0), []
+    own, ends = FlowEquations(flow.field, flow.jacobian, 0, 0), []
     for N in (4, 8, 64):
         mesh = np.linspace(0.0, 1.0, N + 1)
         places = scheme.places(mesh)

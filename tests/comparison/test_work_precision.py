@@ -13,7 +13,7 @@ import sympy as sp
 from gsp import models
 from gsp.comparison.peers import PEERS, Peer, PeerRun
 from gsp.comparison.work_precision import work_precision
-from gsp.comparison.work_runs import ModelKind, WorkCurve, WorkPoint
+from gsp.comparison.work_runs import WorkCurve, WorkKind, WorkPoint
 from gsp.errors import DeclarationError, GspError, OutputError
 from gsp.integration.methods import Method
 from gsp.scenes.scene import Scene
@@ -74,7 +74,7 @@ def test_every_method_and_every_peer_agree(michaelis_menten):
     assert labels[-3:] == ["reduced 0", "reduced 1", "reduced 2"]
     assert michaelis_menten.reference_error < 1e-12
     for curve in michaelis_menten.curves:
-        if curve.kind is not ModelKind.REDUCED:
+        if curve.kind is not WorkKind.REDUCED:
             assert curve.points[-1].rtol == 1e-9
             assert curve.points[-1].error < 2e-8, curve.label
 
@@ -104,12 +104,12 @@ def test_the_card_shows_targets_that_somebody_reached(michaelis_menten):
     assert "reduced 2" in text
     assert "1e-07" in text
     assert michaelis_menten.fastest(1e-7) is not None
-    assert michaelis_menten.fastest(1e-7, kind=ModelKind.REDUCED) is None
+    assert michaelis_menten.fastest(1e-7, kind=WorkKind.REDUCED) is None
 
 
 def curve(*points: tuple[float, float]) -> WorkCurve:
     runs = tuple(WorkPoint(10.0**-i, error, error, seconds, 1, 1) for i, (error, seconds) in enumerate(points))
-    return WorkCurve("drawn", ModelKind.FULL, runs)
+    return WorkCurve("drawn", WorkKind.FULL, runs)
 
 
 def test_seconds_are_interpolated_on_logarithmic_axes():

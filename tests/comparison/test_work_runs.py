@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsp.comparison.work_runs import ModelKind, Task, measure
+from gsp.comparison.work_runs import Task, WorkKind, measure
 
 REFERENCE = np.array([[1.0, 2.0]])
 
@@ -19,7 +19,7 @@ def measured(failing: set[float], *, reasons: dict[float, str] | None = None):
         return (REFERENCE * np.nan if rtol in failing else REFERENCE * (1 + rtol)), 10, 30
 
     steps: list[float] = []
-    task = Task("one", ModelKind.FULL, run, failures=reasons or {})
+    task = Task("one", WorkKind.FULL, run, failures=reasons or {})
     (curve,) = measure([task], (1e-2, 1e-4, 1e-6), REFERENCE, 1e9, steps.append)
     assert steps == pytest.approx([1 / 3, 2 / 3, 1])
     return curve

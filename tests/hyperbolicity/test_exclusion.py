@@ -16,7 +16,7 @@ from gsp.hyperbolicity.exclusion import LONGER, MOST, Exclusion
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.proofs import balls
 from gsp.proofs.covering import cover
-from gsp.proofs.equations import Equations
+from gsp.proofs.equations import EnclosedEquations
 from gsp.readers.loading import load
 from gsp.scenes.study import study_of
 from tests.cases import crossed, sampled, thinned
@@ -202,7 +202,7 @@ def test_the_budget_follows_the_work_that_is_left(name: str) -> None:
 @pytest.mark.parametrize(("rate", "done"), [(x**2 - Q(3, 5) * x + Q(9, 100) + Q(1, 100), True), (y**2, False)])
 def test_a_budget_grows_while_that_decides_something(rate: sp.Expr, done: bool) -> None:
     # The square (x - 3/10)^2 written out is wide over a box; with y^2 the derivative is 0 all along y = 0.
-    equations = Equations((x,), (y,), (-rate * y,))
+    equations = EnclosedEquations((x,), (y,), (-rate * y,))
     with precision(balls.PRECISION):
         fixed = cover(equations, ((0.0, 1.0),), np.zeros(1), most_boxes=16)
         longer = cover(equations, ((0.0, 1.0),), np.zeros(1), most_boxes=16, at_most=128)

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 import gsp
-from gsp.collocation.bordered import Step
+from gsp.collocation.bordered import OrbitChange
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.canard_orbits.canard import deviation
 from gsp.orbits.canard_orbits.collocation import SCHEME, OrbitSegment
@@ -46,11 +46,11 @@ def test_an_orbit_and_an_axis_are_apart_by_what_they_are_near_the_section(reach:
 
 def test_a_step_of_epsilon_moves_epsilon_and_one_without_does_not() -> None:
     orbit = straight([0.0, 1.0], [2.0, 3.0])
-    ones = Step(np.ones_like(orbit.states), np.ones_like(orbit.stages), np.array([0.5, 0.002]))
+    ones = OrbitChange(np.ones_like(orbit.states), np.ones_like(orbit.stages), np.array([0.5, 0.002]))
     moved = orbit.moved(ones, 0.5)
     assert (moved.time, moved.epsilon) == pytest.approx((1.25, 0.011))
     assert moved.states == pytest.approx(orbit.states + 0.5)
-    fixed = orbit.moved(Step(ones.states, ones.stages, np.array([0.5])))
+    fixed = orbit.moved(OrbitChange(ones.states, ones.stages, np.array([0.5])))
     assert (fixed.time, fixed.epsilon) == (1.5, 0.01)
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from gsp.proofs import rational_functions
 from gsp.proofs.programs import Rejected
-from gsp.proofs.rational_functions import Element, RationalFunctions
+from gsp.proofs.rational_functions import FactoredFraction, RationalFunctions
 
 POINTS = [(Fraction(2, 3), Fraction(-5, 7)), (Fraction(-3), Fraction(1, 4))]
 
 
-def value(ring: RationalFunctions, found: Element, point: tuple[Fraction, ...]) -> Fraction:
+def value(ring: RationalFunctions, found: FactoredFraction, point: tuple[Fraction, ...]) -> Fraction:
     def polynomial(terms: rational_functions.Polynomial) -> Fraction:
         return sum(
             (c * prod(p**e for p, e in zip(point, exponents)) for exponents, c in terms.items()), Fraction(0)
@@ -23,7 +23,7 @@ def value(ring: RationalFunctions, found: Element, point: tuple[Fraction, ...]) 
     return polynomial(found.numerator) * prod(polynomial(ring.factors[k]) ** e for k, e in found.powers.items())
 
 
-def elements(ring: RationalFunctions) -> tuple[Element, Element, Element]:
+def elements(ring: RationalFunctions) -> tuple[FactoredFraction, FactoredFraction, FactoredFraction]:
     """x, y and 6 x - 4 y^2."""
     x, y = ring.variable(0), ring.variable(1)
     six, four = ring.constant(Fraction(6)), ring.constant(Fraction(4))

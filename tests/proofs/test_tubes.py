@@ -10,22 +10,22 @@ from flint import arb
 
 from gsp.proofs import tangential
 from gsp.proofs.anchors import ball_at
-from gsp.proofs.covering import Piece
-from gsp.proofs.equations import Equations
+from gsp.proofs.covering import CoveredPart
+from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.programs import Rejected
 from gsp.proofs.rational_functions import MOST_BITS, _power
 from gsp.proofs.spectrum import spectrum_of
 from gsp.proofs.tangential import tangential_rate
-from gsp.proofs.tubes import Tube, krawczyk
+from gsp.proofs.tubes import RootTube, krawczyk
 
 x, u, y, z = sp.symbols("x u y z")
 # 2 y + z = x + u and y - 3 z = 4 x + 2 u: (y, z) = (x + 5 u/7, -x - 3 u/7).
-LINEAR = Equations([x, u], [y, z], [x + u - 2 * y - z, 4 * x + 2 * u - y + 3 * z])
+LINEAR = EnclosedEquations([x, u], [y, z], [x + u - 2 * y - z, 4 * x + 2 * u - y + 3 * z])
 SLOPES = np.array([[1.0, 5 / 7], [-1.0, -3 / 7]])
 BOX = ((0.0, 1.0), (1.0, 3.0))
 
 
-def linear_tube() -> Tube:
+def linear_tube() -> RootTube:
     middle = np.array([0.5, 2.0])
     tube = krawczyk(LINEAR, BOX, middle, SLOPES @ middle, SLOPES)
     assert tube is not None
@@ -53,7 +53,7 @@ def test_a_single_eigenvalue_is_its_own_spectrum(entry: float, expected: tuple) 
 @pytest.mark.parametrize(("graph", "width"), [((x / 3 + 1,), 1e-14), ((1 / x,), 1e-6), (None, 1e-6)])
 def test_a_point_of_a_branch_is_held_where_its_formula_has_no_value(graph, width: float) -> None:
     # y + y^3 = x + 2, at x = 0.
-    equations = Equations([x], [y], [x + 2 - y - y**3])
+    equations = EnclosedEquations([x], [y], [x + 2 - y - y**3])
     (ball,) = ball_at(equations, (np.array([0.0]), np.array([1.0])), graph) or [arb(0, 1)]
     assert ball.contains(arb(1))
     assert ball.is_finite()
@@ -74,7 +74,7 @@ def test_growth_along_the_slow_flow_is_bounded_no_closer_than_is_asked(monkeypat
         LINEAR.derivative([arb(0), arb(0)], [arb(0), arb(0)]), np.array([[-2.0, -1.0], [-1.0, 3.0]])
     )
     assert spectrum is not None
-    piece = Piece(tube, spectrum)
+    piece = CoveredPart(tube, spectrum)
     # x' = y^2/2 is x^2/2 + ... on the plane, and u drives x: in small units of x that is nothing beside the rate of x.
     slow = [y**2 / 2, sp.Integer(0)]
     coarse = tangential_rate(LINEAR, slow, [piece], enough=math.inf)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gsp.proofs import untrusted
-from gsp.proofs.programs import Program, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.proofs.untrusted import names, read_json
 from gsp.proofs.verification import verify
 
@@ -36,7 +36,7 @@ def test_a_name_that_moves_the_cursor_is_rejected(name) -> None:
     assert str(found.value).isprintable()
     if name:
         with pytest.raises(Rejected):
-            Program((f"z0 + {name}",), 1)
+            IntervalProgram((f"z0 + {name}",), 1)
 
 
 def test_a_name_that_stands_twice_is_rejected() -> None:
@@ -46,4 +46,4 @@ def test_a_name_that_stands_twice_is_rejected() -> None:
 
 def test_an_expression_is_one_line() -> None:
     with pytest.raises(Rejected, match="one line"):
-        Program(("z0\n+ 1",), 1)
+        IntervalProgram(("z0\n+ 1",), 1)

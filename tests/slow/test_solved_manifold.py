@@ -573,7 +573,7 @@ def test_the_degree_of_a_surface_does_not_depend_on_the_units_of_the_fast_variab
 def test_a_step_of_the_slow_flow_is_exact_to_the_fourth_order():
     # On y = x + x^2 the flow x' = x - y = -x^2 from 1 is 1/(1 + t).
     system = SlowFastSystem(slow={x: x - y}, fast={y: x + x**2 - y}, epsilon=epsilon)
-    flow = slow_track._SlowFlow(branch_of(system), 0.01)
+    flow = slow_track._CriticalFlow(branch_of(system), 0.01)
     errors = []
     for h in (0.05, 0.025):
         end, height, good = flow.step(np.array([[1.0]]), np.array([[2.0]]), np.array([h]))

@@ -5,15 +5,15 @@ import pytest
 from flint import arb, arb_mat
 
 from gsp.slow_tubes.adapted_basis import _constant
-from gsp.slow_tubes.frame import Frame, framed
+from gsp.slow_tubes.frame import FibreBasis, framed
 
 
 def matrix(rows) -> arb_mat:
     return arb_mat([[arb(v) for v in row] for row in rows])
 
 
-def frame(rows) -> Frame:
-    return Frame(matrix(rows), matrix(rows).inv())
+def frame(rows) -> FibreBasis:
+    return FibreBasis(matrix(rows), matrix(rows).inv())
 
 
 IDENTITY = {m: frame(np.eye(m).tolist()) for m in (1, 2)}

@@ -1,4 +1,4 @@
-"""The flow about a series: what it leaves over is 0 where the series is right, and called wrong where that is proved."""
+"""The flow about a series: what it leaves over is 0 where the series is right, and wrong where that is proved."""
 
 from dataclasses import replace
 

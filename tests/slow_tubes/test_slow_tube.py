@@ -16,7 +16,7 @@ from gsp.proofs.verdict import ProofVerdict
 from gsp.slow.series import expand
 from gsp.slow_tubes.certify import certify
 from gsp.slow_tubes.isolation import Isolation, Tally, _proved
-from gsp.slow_tubes.slow_tube import _Search
+from gsp.slow_tubes.slow_tube import _TubeSearch
 from gsp.slow_tubes.tube_search import TubeSearch
 from gsp.systems.system import SlowFastSystem
 from tests.cases import thinned
@@ -108,7 +108,7 @@ def test_a_complex_pair_far_from_normal(order: int, bound: float) -> None:
 def test_the_cones_of_the_steps_cover_every_epsilon() -> None:
     manifold = michaelis_menten(2)
     with flint.ctx.workprec(balls.PRECISION):
-        search = _Search(manifold, {"s": (0.1, 5.0)}, 20_000)
+        search = _TubeSearch(manifold, {"s": (0.1, 5.0)}, 20_000)
         search.result(None)
         tube = search.best
         assert tube is not None
@@ -157,7 +157,7 @@ def test_cones_proved_without_a_collar_are_not_taken_for_cones_with_one() -> Non
     manifold = series({x: (x - 4 * epsilon) / 8}, {y: -8 * y + x}, 1)
     assert certify(manifold, region={"x": (-1, 1)}, epsilon=0.125).boundary == "overflowing"
     with flint.ctx.workprec(balls.PRECISION):
-        search = _Search(manifold, {"x": (-1.0, 1.0)}, 20_000)
+        search = _TubeSearch(manifold, {"x": (-1.0, 1.0)}, 20_000)
         tube = search.result(None)
         assert tube.epsilon_0 > 0.25
         assert (tube.boundary, tube.collar > 0.0) == ("mixed", True)
@@ -177,7 +177,7 @@ def test_a_side_that_is_decided_by_luck_takes_no_collar_for_granted(monkeypatch:
     monkeypatch.setattr(TubeSearch, "boundary", lucky)
     manifold = series({x: x / 8}, {y: -8 * y + x}, 1)
     with flint.ctx.workprec(balls.PRECISION):
-        search = _Search(manifold, {"x": (-1.0, 1.0)}, 20_000)
+        search = _TubeSearch(manifold, {"x": (-1.0, 1.0)}, 20_000)
         tube = search.result(None)
         assert search.best is not None
         assert all(cone.collar > 0.0 for cone in search.best.cones)

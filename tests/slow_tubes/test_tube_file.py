@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from gsp.cli import cli
 from gsp.errors import GspError
 from gsp.proofs.checked_tube import CheckedTube
-from gsp.proofs.programs import Program, Rejected
+from gsp.proofs.programs import IntervalProgram, Rejected
 from gsp.proofs.rational_functions import RationalFunctions
 from gsp.proofs.verification import verify
 from gsp.slow_tubes.certify import certify
@@ -321,7 +321,7 @@ def test_rational_functions_are_those_of_sympy() -> None:
         text = random_expression(draw, 3)
         ring = RationalFunctions(3)
         try:
-            (element,) = ring.evaluate(Program((text,), 3), [ring.variable(i) for i in range(3)])
+            (element,) = ring.evaluate(IntervalProgram((text,), 3), [ring.variable(i) for i in range(3)])
         except Rejected:
             continue
         expression = sp.parse_expr(text)

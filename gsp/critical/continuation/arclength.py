@@ -60,7 +60,7 @@ class Counters:
     located: int = 0
 
 
-class Equations(Protocol):
+class CurveEquations(Protocol):
     """A curve {F(u) = 0}: F (N - 1,) and F_u (N - 1, N) at one point."""
 
     def residual(self, u: np.ndarray) -> np.ndarray: ...
@@ -69,7 +69,7 @@ class Equations(Protocol):
 
 
 @dataclass
-class Trace:
+class CurveTrace:
     """One direction of a curve: `points`, unit `tangents` in `scales`, row by row, and how it ended.
 
     `crossings` are rows that are branch points of the curve, with what the finder returned for them.
@@ -104,13 +104,13 @@ class PointTracer(arclength.Tracer[Place]):
 
     def __init__(
         self,
-        equations: Equations,
+        equations: CurveEquations,
         *,
         scales: np.ndarray,
         bounds: np.ndarray,
         names: tuple[str, ...],
         controls: Controls,
-        refresh: Callable[[Equations, np.ndarray], Equations] | None = None,
+        refresh: Callable[[CurveEquations, np.ndarray], CurveEquations] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.equations = equations
@@ -130,7 +130,7 @@ class PointTracer(arclength.Tracer[Place]):
         self._bounded = np.isfinite(bounds).all(axis=1)
         self._saw_non_finite = False
         self._at_crossing = False
-        self._trace = Trace([], [], [])
+        self._trace = CurveTrace([], [], [])
 
     # -- one point ---------------------------------------------------------------------------------
 
@@ -213,9 +213,9 @@ class PointTracer(arclength.Tracer[Place]):
 
     # -- the whole curve ---------------------------------------------------------------------------
 
-    def run(self, start: np.ndarray, tangent: np.ndarray, *, at_crossing: bool = False) -> Trace:
+    def run(self, start: np.ndarray, tangent: np.ndarray, *, at_crossing: bool = False) -> CurveTrace:
         """Continue from `start` along `tangent`; `at_crossing` says that start is a branch point."""
-        trace = Trace([start], [tangent], [self.scales.copy()])
+        trace = CurveTrace([start], [tangent], [self.scales.copy()])
         self._trace, self._at_crossing, self._saw_non_finite = trace, at_crossing, False
         outside = self._outside(start + 1e-3 * self.controls.step * self.scales * tangent)
         if outside is not None and self._on_bound(start, outside):
@@ -300,7 +300,7 @@ class PointTracer(arclength.Tracer[Place]):
         trace = self._trace
         return Arrival([*nodes, (self._append(trace, trace.points[0], trace.tangents[0]), 0.0)], Status.CLOSED)
 
-    def _append(self, trace: Trace, u: np.ndarray, t: np.ndarray) -> Place:
+    def _append(self, trace: CurveTrace, u: np.ndarray, t: np.ndarray) -> Place:
         trace.points.append(u)
         trace.tangents.append(t)
         trace.scales.append(self.scales.copy())
@@ -340,7 +340,7 @@ class PointTracer(arclength.Tracer[Place]):
 
     # -- closing -----------------------------------------------------------------------------------
 
-    def _closes(self, trace: Trace, a: np.ndarray, b: np.ndarray, along: np.ndarray) -> bool:
+    def _closes(self, trace: CurveTrace, a: np.ndarray, b: np.ndarray, along: np.ndarray) -> bool:
         """Whether the curve passes through its start between a and b, in the direction in which it left."""
         start, chord = trace.points[0], (b - a) / self.scales
         length = float(np.linalg.norm(chord))
@@ -352,7 +352,7 @@ class PointTracer(arclength.Tracer[Place]):
         through = self.between(a, b, share)
         return through is not None and self._is_start(trace, through, along)
 
-    def _is_start(self, trace: Trace, u: np.ndarray, along: np.ndarray) -> bool:
+    def _is_start(self, trace: CurveTrace, u: np.ndarray, along: np.ndarray) -> bool:
         first = trace.tangents[0] * trace.scales[0] / self.scales
         aligned = along @ first >= np.cos(2.0 * LARGEST_ANGLE) * np.linalg.norm(first)
         return bool(aligned and np.abs((u - trace.points[0]) / self.scales).max() < SAME_PLACE)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
+from gsp.critical.continuation.arclength import Controls, CurveTrace, PointTracer
 from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
 from gsp.critical.layer_problem import LayerProblem
 from gsp.errors import DeclarationError, Status
@@ -224,7 +224,7 @@ def curve_of(
     problem: LayerProblem,
     options: Options,
     tracer: PointTracer,
-    traces: Sequence[Trace],
+    traces: Sequence[CurveTrace],
     located: tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray],
     **own: Any,
 ) -> Curve:

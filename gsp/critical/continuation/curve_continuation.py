@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.arclength import Controls, PointTracer, Trace
+from gsp.critical.continuation.arclength import Controls, CurveTrace, PointTracer
 from gsp.critical.continuation.critical_curve import CriticalCurve, Options, curve_of, oriented, stability
 from gsp.critical.continuation.location import locate
 from gsp.critical.continuation.special_points import VERTICAL, BranchPoints, SpecialPoint
@@ -220,7 +220,7 @@ def _tracer(
 
 def traced(
     tracer: PointTracer, u: np.ndarray, tangent: np.ndarray, *, both: bool, at_crossing: bool
-) -> list[Trace]:
+) -> list[CurveTrace]:
     """The traces, forward or backward and forward; only forward when the curve closes."""
     scales = tracer.scales.copy()
     forward = tracer.run(u, tangent, at_crossing=at_crossing)
@@ -232,14 +232,14 @@ def traced(
     return [backward, forward]
 
 
-def joined(traces: list[Trace]) -> Trace:
+def joined(traces: list[CurveTrace]) -> CurveTrace:
     """The whole curve as one trace in the forward direction; its ending and bound are the forward ones."""
     forward = traces[-1]
     if len(traces) == 1:
         return forward
     backward = traces[0]
     last = len(backward.points) - 1
-    return Trace(
+    return CurveTrace(
         points=[*backward.points[:0:-1], *forward.points],
         tangents=[*(-t for t in backward.tangents[:0:-1]), *forward.tangents],
         scales=[*backward.scales[:0:-1], *forward.scales],

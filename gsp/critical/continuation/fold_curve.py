@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from gsp.critical.continuation.arclength import PointTracer, Trace
+from gsp.critical.continuation.arclength import CurveTrace, PointTracer
 from gsp.critical.continuation.critical_curve import NamedCurve, Options, curve_of, oriented
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside, joined, traced
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
@@ -206,7 +206,7 @@ def _tests(problem: LayerProblem, points: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _special(
-    problem: LayerProblem, tracer: PointTracer, trace: Trace
+    problem: LayerProblem, tracer: PointTracer, trace: CurveTrace
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
     points, scales = np.array(trace.points), np.array(trace.scales)

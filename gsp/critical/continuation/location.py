@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from gsp import roots
-from gsp.critical.continuation.arclength import PointTracer, Trace
+from gsp.critical.continuation.arclength import CurveTrace, PointTracer
 from gsp.critical.continuation.special_points import (
     NONE,
     VERTICAL,
-    Crossing,
+    CurveCrossing,
     SpecialPoint,
     branch_point,
     curvature,
@@ -81,14 +81,14 @@ def touches(values: np.ndarray, slopes: np.ndarray, lengths: np.ndarray) -> Iter
 
 
 def locate(
-    problem: LayerProblem, tracer: PointTracer, trace: Trace, known: tuple[SpecialPoint, ...] = ()
+    problem: LayerProblem, tracer: PointTracer, trace: CurveTrace, known: tuple[SpecialPoint, ...] = ()
 ) -> tuple[np.ndarray, tuple[SpecialPoint, ...], np.ndarray]:
     """Points (m, N) of a trace with its special points among them, these, and the arclength (m,).
 
     `known` are branch points that the curve starts from.
     """
     last = tracer.scales
-    search = _Search(problem, tracer, trace)
+    search = _SpecialPointSearch(problem, tracer, trace)
     search.run(trace.crossings, known)
     tracer.scales = last
     return inserted(search.points, search.scales, search.found)
@@ -128,8 +128,8 @@ def inserted(
     return np.array(rows), numbered, np.append(0.0, np.cumsum(steps))
 
 
-class _Search:
-    def __init__(self, problem: LayerProblem, tracer: PointTracer, trace: Trace) -> None:
+class _SpecialPointSearch:
+    def __init__(self, problem: LayerProblem, tracer: PointTracer, trace: CurveTrace) -> None:
         self.problem = problem
         self.tracer = tracer
         self.points, self.tangents, self.scales = map(np.array, (trace.points, trace.tangents, trace.scales))
@@ -139,11 +139,11 @@ class _Search:
 
     def run(self, crossings: dict[int, object], known: tuple[SpecialPoint, ...]) -> None:
         for row, crossing in crossings.items():
-            assert isinstance(crossing, Crossing)
+            assert isinstance(crossing, CurveCrossing)
             self.found.append((row, branch_point(self.problem, self.points[row], crossing)))
         for point in known:
             row = int(np.argmin(np.linalg.norm((self.points - point.unknowns) / self.scales, axis=1)))
-            crossing = Crossing(point.coefficients.get("discriminant", 0.0), point.directions[::-1])
+            crossing = CurveCrossing(point.coefficients.get("discriminant", 0.0), point.directions[::-1])
             self.found.append((row, branch_point(self.problem, point.unknowns, crossing)))
         self.crossings = {round(row) for row, _ in self.found}
         self._folds()
@@ -187,7 +187,7 @@ class _Search:
         if abs(self.tracer.tangent(u, self._chord(a, b))[0]) > VERTICAL:
             if self._is_new(u):
                 place = self._place(a, b, u)
-                self.found.append((place, branch_point(self.problem, u, Crossing(0.0, NONE))))
+                self.found.append((place, branch_point(self.problem, u, CurveCrossing(0.0, NONE))))
             return
         try:
             system = singular_near(self.problem, identity, u)

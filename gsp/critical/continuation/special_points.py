@@ -238,7 +238,7 @@ def hopf_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, ome
 
 
 @dataclass(frozen=True)
-class Crossing:
+class CurveCrossing:
     """What is known of a branch point: the discriminant, and the tangents (2, N) of the curves, or neither."""
 
     discriminant: float
@@ -258,7 +258,7 @@ class BranchPoints:
 
     def __call__(
         self, a: np.ndarray, b: np.ndarray, tangent: np.ndarray, short: bool
-    ) -> tuple[np.ndarray, Crossing] | None:
+    ) -> tuple[np.ndarray, CurveCrossing] | None:
         """The branch point between a and b with its tangents; None when there is none.
 
         `short` accepts a point of higher order, whose curves are not told apart, in place of none.
@@ -275,7 +275,7 @@ class BranchPoints:
                 crossing = self._directions(u, w, size, tangent)
                 if crossing is not None:
                     return u, crossing
-        return (0.5 * (a + b), Crossing(0.0, NONE)) if short and not self._is_pole(a, b) else None
+        return (0.5 * (a + b), CurveCrossing(0.0, NONE)) if short and not self._is_pole(a, b) else None
 
     def _is_pole(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Whether g_u grows towards the place between a and b, where at a branch point its rank falls."""
@@ -314,7 +314,7 @@ class BranchPoints:
 
     def _directions(
         self, u: np.ndarray, w: np.ndarray, size: np.ndarray, tangent: np.ndarray
-    ) -> Crossing | None:
+    ) -> CurveCrossing | None:
         """Both tangents from the algebraic bifurcation equation w^T g_uu d d = 0 on the kernel of g_u."""
         problem, scales = self.problem, self.tracer.scales
         kernel = np.linalg.svd(problem.jacobian(u) * scales / size[:, None])[2][-2:]
@@ -332,10 +332,10 @@ class BranchPoints:
         left, _, right = np.linalg.svd(problem.jacobian(u))
         raw = np.einsum("i,ijk,aj,bk->ab", left[:, -1], problem.second(u), right[-2:], right[-2:])
         discriminant = float(raw[0, 1] ** 2 - raw[0, 0] * raw[1, 1])
-        return Crossing(discriminant, np.array([first * np.sign(first @ tangent), second]))
+        return CurveCrossing(discriminant, np.array([first * np.sign(first @ tangent), second]))
 
 
-def branch_point(problem: LayerProblem, u: np.ndarray, crossing: Crossing) -> SpecialPoint:
+def branch_point(problem: LayerProblem, u: np.ndarray, crossing: CurveCrossing) -> SpecialPoint:
     """The branch point at u, named by how its curves lie over the free variable."""
     kind, coefficients = SpecialKind.BRANCH_POINT, {}
     if len(crossing.directions):

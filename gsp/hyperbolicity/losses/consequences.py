@@ -17,7 +17,7 @@ OMEGA_0 = 2.3381074104597670385
 BOUNDARY = 1e-6
 
 
-class Verdict(NamedTuple):
+class LossConsequence(NamedTuple):
     """What orbits do, whether reduction may go on through the place, and how."""
 
     consequence: str
@@ -25,16 +25,18 @@ class Verdict(NamedTuple):
     remedy: str
 
 
-NOTHING_PASSES = Verdict("the slow flow vanishes here, so nothing passes", False, "move the region off it")
+NOTHING_PASSES = LossConsequence(
+    "the slow flow vanishes here, so nothing passes", False, "move the region off it"
+)
 STOP_OR_CROSS = "stop the reduced flow here, or integrate the full system across"
 EXIT = "the exit is where the integral of the eigenvalue vanishes"
 
 
-def fold(coefficients: Mapping[str, float], slow: int) -> Verdict:
+def fold(coefficients: Mapping[str, float], slow: int) -> LossConsequence:
     """A fold, by the sign of kappa = a <l, g_x f>; zero where the normal switching condition fails."""
     kappa = coefficients["kappa"]
     if kappa > 0.0:
-        return Verdict(
+        return LossConsequence(
             f"orbits that reach it jump, {coefficients['delay']:.4g} epsilon^(2/3) later in slow time than M0 ends; "
             "errors there go as epsilon^(2/3)",
             False,
@@ -42,14 +44,14 @@ def fold(coefficients: Mapping[str, float], slow: int) -> Verdict:
             "the full system across",
         )
     if kappa < 0.0:
-        return Verdict(
+        return LossConsequence(
             "slow orbits leave it on both sheets and none reaches it; within epsilon^(2/3) of it the slow manifold "
             "is not attracting",
             False,
             "keep the region off it; orbits that start away from it never come back to it",
         )
     where = "the slow flow vanishes here" if slow == 1 else "the slow flow is tangent to the fold here"
-    return Verdict(
+    return LossConsequence(
         f"{where}: canards are possible, orbits may follow the repelling sheet for a time of order 1",
         False,
         "canard_value gives the parameter for which orbits go through; canards live in widths exp(-c/epsilon)"
@@ -58,61 +60,61 @@ def fold(coefficients: Mapping[str, float], slow: int) -> Verdict:
     )
 
 
-def cusp(coefficients: Mapping[str, float], slow: int) -> Verdict:
+def cusp(coefficients: Mapping[str, float], slow: int) -> LossConsequence:
     """A cusp: two curves of folds meet, or for one slow variable a fold of third order."""
     attracting = coefficients["c"] < 0.0
     kind = "attracts only algebraically, v' = c v^3" if attracting else "repels algebraically, v' = c v^3"
     meeting = "two folds meet; " if slow > 1 else ""
-    return Verdict(
+    return LossConsequence(
         f"{meeting}the fast fibre {kind}: the inner region is epsilon^(1/5) wide in v and epsilon^(3/5) in x",
         False,
         "integrate the full system across; M0 goes on" + (" and orbits do not jump" if attracting else ""),
     )
 
 
-def transcritical(coefficients: Mapping[str, float]) -> Verdict:
+def transcritical(coefficients: Mapping[str, float]) -> LossConsequence:
     """A crossing of two branches, by lambda (Krupa and Szmolyan): 1 is the canard case."""
     if "lambda" not in coefficients:
         return NOTHING_PASSES
     value = coefficients["lambda"]
     if abs(value - 1.0) <= BOUNDARY:
-        return Verdict(
+        return LossConsequence(
             "the branches exchange their stability with delay: orbits stay on the repelling branch for a time of "
             "order 1 in slow time, until the integral of the eigenvalue is zero",
             False,
             EXIT,
         )
     if value < 1.0:
-        return Verdict(
+        return LossConsequence(
             "the branches exchange their stability: orbits change to the other, attracting one within epsilon^(1/2)",
             True,
             "change to the other branch at the crossing; errors there go as epsilon^(1/2)",
         )
-    return Verdict(
+    return LossConsequence(
         "orbits leave along the fast fibre within epsilon^(1/2) of the crossing: they jump",
         False,
         "stop the reduced flow at the crossing, or integrate the full system across",
     )
 
 
-def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
+def pitchfork(coefficients: Mapping[str, float]) -> LossConsequence:
     """A pitchfork, by the sign of its cubic coefficient and the push of order epsilon along the fibre."""
     if "crossing" not in coefficients:
         return NOTHING_PASSES
     if coefficients["c"] > 0.0:
-        return Verdict(
+        return LossConsequence(
             "subcritical: orbits that pass jump along the fast fibre, with delay when nothing pushes them off",
             False,
             STOP_OR_CROSS,
         )
     if abs(coefficients["push"]) <= BOUNDARY:
-        return Verdict(
+        return LossConsequence(
             "supercritical and symmetric: orbits stay on the repelling branch for a time of order 1 in slow time, "
             "until the integral of the eigenvalue is zero",
             False,
             EXIT,
         )
-    return Verdict(
+    return LossConsequence(
         "supercritical: orbits go over to one of the two outer branches within epsilon^(1/2), the inner region "
         "being epsilon^(1/4) wide in v",
         True,
@@ -120,44 +122,44 @@ def pitchfork(coefficients: Mapping[str, float]) -> Verdict:
     )
 
 
-def rank_change(coefficients: Mapping[str, float]) -> Verdict:
+def rank_change(coefficients: Mapping[str, float]) -> LossConsequence:
     """g vanishes along the fast fibre: the eigenvalue passes zero and nothing bends."""
     if "crossing" not in coefficients:
         return NOTHING_PASSES
     if coefficients["crossing"] < 0.0:
-        return Verdict(
+        return LossConsequence(
             "the fast fibre consists of equilibria; orbits come from where the direction repels and the branch gains "
             "its attraction here",
             False,
             "keep the region on the attracting side",
         )
     if abs(coefficients["push"]) <= BOUNDARY:
-        return Verdict(
+        return LossConsequence(
             "the fast fibre consists of equilibria; orbits leave with delay, when the integral of the eigenvalue is "
             "back to zero",
             False,
             EXIT,
         )
-    return Verdict(
+    return LossConsequence(
         "the fast fibre consists of equilibria; orbits leave it after a time (epsilon ln(1/epsilon))^(1/2)",
         False,
         STOP_OR_CROSS,
     )
 
 
-def hopf(coefficients: Mapping[str, float]) -> Verdict:
+def hopf(coefficients: Mapping[str, float]) -> LossConsequence:
     """A Hopf point of the layer problem, by the speed of its pair along the slow flow."""
     crossing, l1 = coefficients.get("crossing", 0.0), coefficients["l1"]
     after = "small cycles of the layer problem" if l1 < 0.0 else "a jump to large oscillations"
     if crossing == 0.0:
-        return Verdict("the pair does not cross along the slow flow", False, "move the region off it")
+        return LossConsequence("the pair does not cross along the slow flow", False, "move the region off it")
     if crossing < 0.0:
-        return Verdict(
+        return LossConsequence(
             "the slow flow carries orbits from oscillating repulsion to attraction",
             False,
             "keep the region on the attracting side",
         )
-    return Verdict(
+    return LossConsequence(
         "delayed exit: orbits leave a time of order 1 later, where the integral of Re lambda is back to zero or at "
         f"the buffer point of an analytic system, then {after}; noise above exp(-c/epsilon) removes the delay",
         False,
@@ -165,32 +167,32 @@ def hopf(coefficients: Mapping[str, float]) -> Verdict:
     )
 
 
-BOGDANOV_TAKENS = Verdict(
+BOGDANOV_TAKENS = LossConsequence(
     "a fold and a Hopf curve of the layer problem meet; passage takes a slow time of order epsilon^(4/5) and orbits "
     "leave along the nilpotent block",
     False,
     STOP_OR_CROSS,
 )
-NEUTRAL_SADDLE = Verdict("nothing: one eigenvalue on each side of the axis", True, "no change")
-NILPOTENT = Verdict(
+NEUTRAL_SADDLE = LossConsequence("nothing: one eigenvalue on each side of the axis", True, "no change")
+NILPOTENT = LossConsequence(
     "no exponential rate along the block: orbits drift algebraically and no slow manifold of Fenichel's persists",
     False,
     "rescale the fast variables by powers of epsilon so that the block becomes hyperbolic, or declare them slow",
 )
-CENTRE = Verdict(
+CENTRE = LossConsequence(
     "fast oscillations neither decay nor grow at leading order", False, "average over them; do not reduce"
 )
-DEGENERATE = Verdict(
+DEGENERATE = LossConsequence(
     "the coefficients do not decide: what orbits do depends on terms of higher order or on more than one direction",
     False,
     "integrate the full system near here, or unfold it with a parameter",
 )
-JUMP = Verdict(
+JUMP = LossConsequence(
     "an eigenvalue jumps across the axis: the branch is of another type on the other side",
     False,
     "shrink the region to one side, or treat the switching surface by Filippov's rule",
 )
-BRANCH_POLE = Verdict("the branch goes to infinity", False, "shrink the region to one side of the pole")
-FIELD_POLE = Verdict(
+BRANCH_POLE = LossConsequence("the branch goes to infinity", False, "shrink the region to one side of the pole")
+FIELD_POLE = LossConsequence(
     "the field goes to infinity on the branch", False, "shrink the region to one side of the pole"
 )

@@ -18,7 +18,7 @@ from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
 from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.sampling import Sampler
-from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.systems.region import Interval
@@ -143,7 +143,7 @@ class Diagnosis:
         kind: LossKind,
         test: str,
         value: float,
-        verdict: Verdict,
+        verdict: LossConsequence,
         *,
         coefficients: Mapping[str, float] | None = None,
         note: str = "",

@@ -13,7 +13,7 @@ import numpy as np
 from gsp.critical.sampling import neighbours
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
-from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
@@ -29,12 +29,12 @@ VANISHED = 1e-2
 # The field ends rather than its hyperbolicity where the least |lambda| is this share of what it is over the samples.
 HYPERBOLIC = 1e-3
 
-DOMAIN = Verdict(
+DOMAIN = LossConsequence(
     "the field has no real value beyond; orbits that get there leave the model",
     False,
     "shrink the region to the domain of the field",
 )
-SURFACE = Verdict(
+SURFACE = LossConsequence(
     "the equilibria end at a switching surface: orbits cross it or slide along it",
     False,
     "shrink the region to this side, or use Filippov's rule on the surface",

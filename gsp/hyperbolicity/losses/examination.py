@@ -47,7 +47,7 @@ class Examination:
     notes: tuple[str, ...]
     gap: float
     zero: float = 0.0
-    unmet: tuple[switching.Switch, ...] = ()
+    unmet: tuple[switching.SwitchingFunction, ...] = ()
 
 
 def examine(

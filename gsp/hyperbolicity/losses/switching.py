@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.functions import NON_SMOOTH
-from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.roots import gauss_newton
@@ -27,21 +27,21 @@ STARTS = 6
 
 
 @dataclass(frozen=True)
-class Switch:
+class SwitchingFunction:
     """A non-smooth function `source` of the field, not smooth where `surface` = 0."""
 
     surface: sp.Expr
     source: str
 
 
-def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[Switch, ...]:
+def switches(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[SwitchingFunction, ...]:
     """The switching functions of `expressions` that depend on `variables`, each once up to its sign."""
-    found: dict[sp.Expr, Switch] = {}
+    found: dict[sp.Expr, SwitchingFunction] = {}
     for expression in expressions:
         for atom in sorted(expression.atoms(*NON_SMOOTH, sp.Pow), key=sp.default_sort_key):
             for surface in _surfaces(atom):
                 if surface.has(*variables) and surface not in found and -surface not in found:
-                    found[surface] = Switch(surface, str(atom))
+                    found[surface] = SwitchingFunction(surface, str(atom))
     return tuple(found.values())
 
 
@@ -61,7 +61,7 @@ def _surfaces(atom: sp.Expr) -> list[sp.Expr]:
 
 def meetings(
     diagnosis: Diagnosis, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
-) -> tuple[list[Loss], list[Switch]]:
+) -> tuple[list[Loss], list[SwitchingFunction]]:
     """A loss for every switching surface that the branch meets, and the switches that it does not meet."""
     sampler = diagnosis.sampler
     found, unmet = [], []
@@ -75,7 +75,7 @@ def meetings(
 
 
 def _located(
-    diagnosis: Diagnosis, switch: Switch, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
+    diagnosis: Diagnosis, switch: SwitchingFunction, z: np.ndarray, links: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, bool]:
     sampler, nx = diagnosis.sampler, diagnosis.nx
     function = sampler.compiled([switch.surface])
@@ -121,7 +121,7 @@ def _bisected(diagnosis: Diagnosis, values, a: np.ndarray, b: np.ndarray) -> np.
     return low[sampler.inside(low, diagnosis.box)]
 
 
-def _touched(diagnosis: Diagnosis, switch: Switch, values, starts: np.ndarray) -> np.ndarray:
+def _touched(diagnosis: Diagnosis, switch: SwitchingFunction, values, starts: np.ndarray) -> np.ndarray:
     """Zeros next to `starts` that the function touches or that lie between the samples."""
     sampler, branch = diagnosis.sampler, diagnosis.sampler.branch
     slope = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
@@ -136,7 +136,7 @@ def _touched(diagnosis: Diagnosis, switch: Switch, values, starts: np.ndarray) -
     return points[sampler.inside(points, diagnosis.box)][:1]
 
 
-def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: bool) -> Loss:
+def _loss(diagnosis: Diagnosis, switch: SwitchingFunction, points: np.ndarray, lies_in_it: bool) -> Loss:
     sampler = diagnosis.sampler
     z = points[len(points) // 2]
     slopes = sampler.compiled([derivative(switch.surface, s) for s in sampler.system.states])
@@ -151,20 +151,20 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
         endless = _grows(diagnosis, z, step)
     coefficients = {} if endless else {"jump": jumps[0], "kink": jumps[1]}
     if endless:
-        verdict = Verdict(
+        verdict = LossConsequence(
             "the Jacobian grows without bound, and so do the terms of the series from the first on: the slow manifold "
             "is not smooth up to the surface",
             False,
             "keep the region off the surface",
         )
     elif jumps[0]:
-        verdict = Verdict(
+        verdict = LossConsequence(
             "the rates jump: orbits cross or slide along the surface, and no slow manifold goes through it",
             False,
             "use one smooth piece on each side, or Filippov's rule on the surface",
         )
     elif jumps[1]:
-        verdict = Verdict(
+        verdict = LossConsequence(
             "the Jacobian jumps: the slow manifold is continuous with a kink; an orbit that crosses it is off by order "
             "epsilon^2 beyond it, and in the fast variables by order epsilon next to it, at every order from the first "
             "on",
@@ -172,7 +172,7 @@ def _loss(diagnosis: Diagnosis, switch: Switch, points: np.ndarray, lies_in_it: 
             "through order 1, as further ones gain no power of epsilon; or expand on each side by itself",
         )
     else:
-        verdict = Verdict(
+        verdict = LossConsequence(
             "a derivative of higher order jumps or does not exist: the series loses that many orders near the surface",
             True,
             "to low order, or on each side by itself",

@@ -12,7 +12,7 @@ import numpy as np
 
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses import consequences
-from gsp.hyperbolicity.losses.consequences import Verdict
+from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.fibre import FibreOrder
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
@@ -109,7 +109,7 @@ def _degenerate_point(diagnosis: Diagnosis, z: np.ndarray, A: np.ndarray, matric
     fast = len(A) - max(dimension, zero)
     counts = {"fast directions": float(fast), "zero eigenvalues": float(max(dimension, zero))}
 
-    def loss(kind: LossKind, verdict: Verdict, more: Mapping[str, float] = {}, note: str = "") -> Loss:
+    def loss(kind: LossKind, verdict: LossConsequence, more: Mapping[str, float] = {}, note: str = "") -> Loss:
         coefficients = {**counts, **more}
         return diagnosis.loss(
             z, Contact.EVERYWHERE, kind, test, worst, verdict, coefficients=coefficients, note=note
@@ -158,7 +158,9 @@ def _next_order(diagnosis: Diagnosis, z: np.ndarray, R: np.ndarray, L: np.ndarra
     return np.sort(np.linalg.eigvals(block).real)
 
 
-def _hidden(diagnosis: Diagnosis, matrices: list[np.ndarray], zero: int, flat: int, fast: int) -> Verdict:
+def _hidden(
+    diagnosis: Diagnosis, matrices: list[np.ndarray], zero: int, flat: int, fast: int
+) -> LossConsequence:
     names = ", ".join(s.name for s in diagnosis.sampler.system.y)
     combinations = _constant_combinations(diagnosis, matrices, zero)
     declare = (
@@ -167,7 +169,7 @@ def _hidden(diagnosis: Diagnosis, matrices: list[np.ndarray], zero: int, flat: i
         else "declare a VectorField and split it: it finds the slow coordinates"
     )
     are = "is" if fast == 1 else "are"
-    return Verdict(
+    return LossConsequence(
         f"the zeros of g extend along {flat} of the directions {names}: {fast} {are} fast, "
         "the rest moves as slowly as x",
         False,
@@ -205,7 +207,7 @@ def _combination(row: np.ndarray, names: list[str]) -> str:
     return " + ".join(shown).replace("+ -", "- ")
 
 
-def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> Verdict:
+def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> LossConsequence:
     order, sides = slowest.order, slowest.attracts
     side = {(True, True): "attracts", (False, False): "repels"}.get(
         sides, "attracts from one side only and repels on the other"
@@ -231,7 +233,7 @@ def _algebraic(slowest: FibreOrder, rates: np.ndarray) -> Verdict:
         "keep the direction as a slow variable, or rescale v by a power of epsilon; errors fall like powers of epsilon "
         "below 1"
     )
-    return Verdict(f"{what}: {decay}{linear}", False, remedy)
+    return LossConsequence(f"{what}: {decay}{linear}", False, remedy)
 
 
 def centre_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gsp.collocation.bordered import Conditions
 from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, joined
-from gsp.orbits.canard_orbits.frame import Frame, Plane
+from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane
 from gsp.orbits.canard_orbits.sheet import Sheet
 from gsp.roots import root
 from gsp.systems.flow import Flow
@@ -72,7 +72,7 @@ class Canard:
     attracting_line: Plane
     repelling_line: Plane
     section: Plane
-    frame: Frame
+    frame: FoldedNodeFrame
 
     @property
     def name(self) -> str:
@@ -113,7 +113,9 @@ class Canard:
 class CanardSolver:
     """Solves the boundary-value problem of canards between two lines; `free` makes epsilon an unknown."""
 
-    def __init__(self, frame: Frame, lines: tuple[Plane, Plane], *, epsilon_free: bool = False) -> None:
+    def __init__(
+        self, frame: FoldedNodeFrame, lines: tuple[Plane, Plane], *, epsilon_free: bool = False
+    ) -> None:
         self.frame = frame
         self.lines = lines
         self.solver = Collocation(frame.system, epsilon_free=epsilon_free)
@@ -151,7 +153,7 @@ class CanardSolver:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class SectionCrossing:
     """Where two curves in the section cross: `place` (2,), and on each the segment before it and the share beyond."""
 
     place: np.ndarray
@@ -159,13 +161,13 @@ class Crossing:
     repelling: tuple[int, float]
 
 
-def crossings(attracting: Sheet, repelling: Sheet) -> tuple[list[Crossing], bool]:
+def crossings(attracting: Sheet, repelling: Sheet) -> tuple[list[SectionCrossing], bool]:
     """Where the curves of two sheets cross, from the outermost inwards, on their cubic Hermite interpolants.
 
     The second value is whether these are all: MOST_CROSSINGS and MOST_PLACES bound the search.
     """
     a, b = (sheet.chords(CHORDS) for sheet in (attracting, repelling))
-    found: list[Crossing] = []
+    found: list[SectionCrossing] = []
     places = 0
     lower, upper = b.min(axis=1), b.max(axis=1)
     for i in reversed(range(len(a))):
@@ -190,18 +192,18 @@ def crossings(attracting: Sheet, repelling: Sheet) -> tuple[list[Crossing], bool
     return _ordered(found), True
 
 
-def _ordered(found: list[Crossing]) -> list[Crossing]:
+def _ordered(found: list[SectionCrossing]) -> list[SectionCrossing]:
     return sorted(found, key=lambda crossing: -sum(crossing.attracting))
 
 
-def _same(one: Crossing, other: Crossing) -> bool:
+def _same(one: SectionCrossing, other: SectionCrossing) -> bool:
     return all(
         abs(sum(p) - sum(q)) < 1e-3
         for p, q in ((one.attracting, other.attracting), (one.repelling, other.repelling))
     )
 
 
-def _refined(first: Sheet, i: int, s: float, second: Sheet, j: int, t: float) -> Crossing | None:
+def _refined(first: Sheet, i: int, s: float, second: Sheet, j: int, t: float) -> SectionCrossing | None:
     for _ in range(20):
         (p, dp), (q, dq) = first.interpolated(i, s), second.interpolated(j, t)
         matrix = np.stack([dp, -dq], axis=1)
@@ -212,10 +214,10 @@ def _refined(first: Sheet, i: int, s: float, second: Sheet, j: int, t: float) ->
         if max(abs(ds), abs(dt)) < 1e-13:
             break
     inside = -1e-9 <= s < 1.0 + 1e-9 and -1e-9 <= t < 1.0 + 1e-9
-    return Crossing(first.interpolated(i, s)[0], (i, s), (j, t)) if inside else None
+    return SectionCrossing(first.interpolated(i, s)[0], (i, s), (j, t)) if inside else None
 
 
-def guess_at(crossing: Crossing, attracting: Sheet, repelling: Sheet) -> OrbitSegment:
+def guess_at(crossing: SectionCrossing, attracting: Sheet, repelling: Sheet) -> OrbitSegment:
     """The two segments at a crossing, each blended from its neighbours on its sheet, joined."""
     halves = []
     for sheet, (i, s) in ((attracting, crossing.attracting), (repelling, crossing.repelling)):
@@ -323,6 +325,6 @@ def split(orbit: OrbitSegment, share: float) -> tuple[OrbitSegment, OrbitSegment
     return parts[0], parts[1]
 
 
-def named_point(frame: Frame, z: np.ndarray) -> Mapping[str, float]:
+def named_point(frame: FoldedNodeFrame, z: np.ndarray) -> Mapping[str, float]:
     """A state by name."""
     return MappingProxyType({s.name: float(v) for s, v in zip(frame.system.states, z)})

@@ -12,7 +12,7 @@ from enum import Enum
 
 import numpy as np
 
-from gsp.collocation.bordered import Conditions, Step
+from gsp.collocation.bordered import Conditions, OrbitChange
 from gsp.errors import DeclarationError, GspError, Status
 from gsp.orbits.canard_orbits.canard import (
     FEWEST,
@@ -146,11 +146,11 @@ class _Direction:
 
     ends: np.ndarray
     profile: OrbitSegment
-    step: Step
+    step: OrbitChange
 
 
 @dataclass(frozen=True, eq=False)
-class _Node:
+class _FamilyNode:
     """An orbit of the family, its tangent, and its place in the section (3,), NaN where it does not come there."""
 
     orbit: OrbitSegment
@@ -158,7 +158,7 @@ class _Node:
     point: np.ndarray
 
 
-class _Follower(Tracer[_Node]):
+class _Follower(Tracer[_FamilyNode]):
     """Pseudo-arclength in the whole orbit, its time, and log epsilon."""
 
     pace = PACE
@@ -181,18 +181,22 @@ class _Follower(Tracer[_Node]):
         along = self._tangent(first, None)
         if along is None:
             return [first], [start], [], FamilyEnd.STEPS
-        trace = Trace([_Node(first, self._scaled(along, np.sign(along.ends[7] * direction) or 1.0), start)])
+        trace = Trace(
+            [_FamilyNode(first, self._scaled(along, np.sign(along.ends[7] * direction) or 1.0), start)]
+        )
         self.follow(trace)
         end = ENDS.get(trace.ending, trace.ending)
         assert isinstance(end, FamilyEnd)
         return [node.orbit for node in trace.nodes], [node.point for node in trace.nodes], self.folds, end
 
-    def predicted(self, here: _Node, length: float) -> tuple[OrbitSegment, _Node] | None:
+    def predicted(self, here: _FamilyNode, length: float) -> tuple[OrbitSegment, _FamilyNode] | None:
         """The orbit moved along the tangent, and where from."""
         guess = here.orbit.moved(here.along.step, length)
         return (guess, here) if min(guess.time, guess.epsilon) > 0.0 else None
 
-    def corrected(self, guess: tuple[OrbitSegment, _Node], length: float) -> tuple[OrbitSegment, int] | None:
+    def corrected(
+        self, guess: tuple[OrbitSegment, _FamilyNode], length: float
+    ) -> tuple[OrbitSegment, int] | None:
         """The orbit across the tangent, on the mesh of the guess and then on its own."""
         orbit, here = guess
         anchor, along = self._coordinates(here.orbit), here.along
@@ -212,20 +216,20 @@ class _Follower(Tracer[_Node]):
         return None if found is None else (found, corrections)
 
     def oriented(
-        self, here: _Node, guess: tuple[OrbitSegment, _Node], found: tuple[OrbitSegment, int]
-    ) -> Stride[_Node] | None:
+        self, here: _FamilyNode, guess: tuple[OrbitSegment, _FamilyNode], found: tuple[OrbitSegment, int]
+    ) -> Stride[_FamilyNode] | None:
         """The orbit with its tangent; where it passes the section is found on arrival."""
         along = self._tangent(found[0], here.along)
         if along is None:
             return None
         cosine = self._product(along, here.along, found[0].mesh)
         return Stride(
-            _Node(found[0], along, here.point), found[1], float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            _FamilyNode(found[0], along, here.point), found[1], float(np.arccos(np.clip(cosine, -1.0, 1.0)))
         )
 
     def arrived(
-        self, trace: Trace[_Node], here: _Node, stride: Stride[_Node], length: float
-    ) -> Arrival[_Node] | None:
+        self, trace: Trace[_FamilyNode], here: _FamilyNode, stride: Stride[_FamilyNode], length: float
+    ) -> Arrival[_FamilyNode] | None:
         """The orbit, or the one on the bound of epsilon before it; a fold on the way is located."""
         found, new = stride.node.orbit, stride.node.along
         ends = float(here.along.ends[7]), float(new.ends[7])
@@ -243,7 +247,7 @@ class _Follower(Tracer[_Node]):
             found = self._at(here.orbit, found, low if found.epsilon <= low else high) or found
         met = section_crossing(found, self.canard.section, self._share)
         self._share = self._share if met is None else met[0]
-        node = _Node(found, new, np.full(3, np.nan) if met is None else met[1])
+        node = _FamilyNode(found, new, np.full(3, np.nan) if met is None else met[1])
         ending = FamilyEnd.BOUND if beyond else FamilyEnd.MESH if found.elements_for(PRECISION) > MOST else None
         return Arrival([(node, length)], ending)
 

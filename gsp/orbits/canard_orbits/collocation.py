@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.collocation.bordered import Conditions, Equations, Step, linearise
+from gsp.collocation.bordered import Conditions, FlowEquations, OrbitChange, linearise
 from gsp.collocation.gauss import gauss
 from gsp.collocation.mesh import equidistributed
 from gsp.integration.trajectory import Trajectory
@@ -79,7 +79,7 @@ class OrbitSegment:
         middle = 0.5 * (self.mesh[:-1] + self.mesh[1:])
         return self.on(np.sort(np.concatenate([self.mesh, middle])))
 
-    def moved(self, step: Step, share: float = 1.0) -> OrbitSegment:
+    def moved(self, step: OrbitChange, share: float = 1.0) -> OrbitSegment:
         """This orbit plus `share` times a step."""
         return replace(
             self,
@@ -133,11 +133,11 @@ class Collocation:
             system,
             [derivative(rate, system.epsilon) for rate in system.rates] if epsilon_free else [sp.Integer(0)],
         )
-        self.equations = Equations(
+        self.equations = FlowEquations(
             self.flow.field, self.flow.jacobian, self.sensitivity.address, 2 if epsilon_free else 1
         )
 
-    def linear(self, orbit: OrbitSegment, conditions: Conditions, *, tangent: bool = False) -> Step:
+    def linear(self, orbit: OrbitSegment, conditions: Conditions, *, tangent: bool = False) -> OrbitChange:
         """Newton's step at `orbit`, or the `tangent` that the conditions pick.
 
         Raises `numpy.linalg.LinAlgError` where the system is singular.
@@ -197,7 +197,7 @@ class Collocation:
         return float((np.abs(rate - field) / size).max())
 
 
-def _length(step: Step, orbit: OrbitSegment) -> float:
+def _length(step: OrbitChange, orbit: OrbitSegment) -> float:
     """Largest change of a state over 1 + |z|, and of a parameter over its value, in a step."""
     return float(
         (np.abs(step.states).max(axis=1) / (1.0 + np.abs(orbit.states).max(axis=1))).max()
@@ -205,7 +205,7 @@ def _length(step: Step, orbit: OrbitSegment) -> float:
     )
 
 
-def _moved(orbit: OrbitSegment, step: Step, share: float) -> OrbitSegment | None:
+def _moved(orbit: OrbitSegment, step: OrbitChange, share: float) -> OrbitSegment | None:
     found = orbit.moved(step, share)
     return found if found.time > 0.0 else None
 

@@ -13,7 +13,7 @@ from gsp.orbits.canard_orbits.canard import (
     Canard,
     CanardKind,
     CanardSolver,
-    Crossing,
+    SectionCrossing,
     crossings,
     deviation,
     guess_at,
@@ -23,7 +23,7 @@ from gsp.orbits.canard_orbits.canard import (
     split,
 )
 from gsp.orbits.canard_orbits.collocation import OrbitSegment
-from gsp.orbits.canard_orbits.frame import Frame, Plane, frame_at, line_of, section_of
+from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane, frame_at, line_of, section_of
 from gsp.orbits.canard_orbits.line import SheetNotFound
 from gsp.orbits.canard_orbits.sheet import Sheet, SheetBuilder, SheetEnd
 from gsp.results.drawn import Drawn
@@ -78,7 +78,7 @@ class CanardOrbits(Drawn, Tabular):
     unresolved: int
     touching: bool
     exhausted: bool
-    frame: Frame
+    frame: FoldedNodeFrame
 
     @property
     def section(self) -> tuple[str, float]:
@@ -245,10 +245,10 @@ def folded_canards(
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _SolvedCanard:
     """A crossing with its orbit, the share of its time at the section, and the state there."""
 
-    crossing: Crossing
+    crossing: SectionCrossing
     orbit: OrbitSegment
     share: float
     state: np.ndarray
@@ -257,7 +257,9 @@ class _Solved:
 class _Finder:
     """Solves the crossings of two sheets and names them."""
 
-    def __init__(self, frame: Frame, section: Plane, builders: list[SheetBuilder], sheets: list[Sheet]) -> None:
+    def __init__(
+        self, frame: FoldedNodeFrame, section: Plane, builders: list[SheetBuilder], sheets: list[Sheet]
+    ) -> None:
         self.frame, self.section, self.builders, self.sheets = frame, section, builders, sheets
         self.lines = (builders[0].line, builders[1].line)
         self.solver = CanardSolver(frame, self.lines)
@@ -269,7 +271,7 @@ class _Finder:
     def find(self) -> list[Canard]:
         """The canards, from the strong one inwards."""
         crossed, complete = crossings(*self.sheets)
-        solved: list[_Solved] = []
+        solved: list[_SolvedCanard] = []
         self.exhausted = not complete
         for crossing in crossed:
             if self.solver.solver.work > WORK:
@@ -296,18 +298,18 @@ class _Finder:
         """How far apart two states of the section are, in local units."""
         return float(np.abs((one - other)[self.columns] / self.scale).max())
 
-    def _solved(self, crossing: Crossing, orbit: OrbitSegment | None) -> _Solved | None:
+    def _solved(self, crossing: SectionCrossing, orbit: OrbitSegment | None) -> _SolvedCanard | None:
         if orbit is None:
             return None
         near = self.sheets[0].segments[crossing.attracting[0]].time / orbit.time
         met = section_crossing(orbit, self.section, near)
         # Newton's method may leave for another canard: it is found at its own crossing.
         off = np.inf if met is None else np.abs((met[1][self.columns] - crossing.place) / self.scale).max()
-        return None if met is None or off > 0.1 else _Solved(crossing, orbit, *met)
+        return None if met is None or off > 0.1 else _SolvedCanard(crossing, orbit, *met)
 
     def _axis(
-        self, solved: list[_Solved], innermost: Crossing | None
-    ) -> tuple[tuple[OrbitSegment, OrbitSegment], _Solved | None]:
+        self, solved: list[_SolvedCanard], innermost: SectionCrossing | None
+    ) -> tuple[tuple[OrbitSegment, OrbitSegment], _SolvedCanard | None]:
         """The weak canard up to the section and beyond: the innermost crossing, or the sheets' innermost orbits."""
         passed = any(sheet.inner is SheetEnd.PASSED for sheet in self.sheets)
         weak = self._touching(solved, innermost) if passed and innermost is not None else None
@@ -329,14 +331,14 @@ class _Finder:
             return axis, None
         return split(last.orbit, last.share), last
 
-    def _is_at(self, solved: _Solved, innermost: Crossing | None) -> bool:
+    def _is_at(self, solved: _SolvedCanard, innermost: SectionCrossing | None) -> bool:
         """Whether a canard is that of the innermost crossing, which curves that touch may have several of."""
         if innermost is None:
             return False
         off = np.abs((solved.state[self.columns] - innermost.place) / self.scale).max()
         return solved.crossing is innermost or bool(off < TOUCHING)
 
-    def _is_strong(self, solved: _Solved) -> bool:
+    def _is_strong(self, solved: _SolvedCanard) -> bool:
         """Whether a canard passes the node rather along its strong direction than along its weak one."""
         frame, index = self.frame, self.section.index
         sigma = np.linspace(0.0, 1.0, 20 * len(solved.orbit.mesh))
@@ -346,13 +348,13 @@ class _Finder:
         slope = float(np.polyfit(states[near, index], states[near, 2], 1)[0])
         return abs(slope - strong) < abs(slope - weak)
 
-    def _touching(self, solved: list[_Solved], innermost: Crossing) -> _Solved | None:
+    def _touching(self, solved: list[_SolvedCanard], innermost: SectionCrossing) -> _SolvedCanard | None:
         """The canard of the innermost crossing when Newton's method found none there: the curves touch."""
         if solved and self._is_at(solved[-1], innermost):
             return None
         return self._solved(innermost, self.solver.touching(guess_at(innermost, *self.sheets)))
 
-    def _canard(self, solved: _Solved, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
+    def _canard(self, solved: _SolvedCanard, kind: CanardKind, index: int | None, turns: int | None) -> Canard:
         orbit = solved.orbit
         touching = kind is CanardKind.WEAK and self.touching
         finer = self.solver.touching_finer(orbit) if touching else self.solver.finer(orbit)

@@ -43,7 +43,7 @@ class Plane:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Frame:
+class FoldedNodeFrame:
     """A folded node with negative eigenvalues, numerically.
 
     - `point` (3,), the two slow states before the fast one; `strong` and `weak` (3,) point to the attracting side,
@@ -118,7 +118,7 @@ class Frame:
         )
 
 
-def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
+def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFrame:
     """The frame of a folded node.
 
     Raises `FoldedError` where there is no folded node whose canards cross from the attracting to the repelling
@@ -157,7 +157,7 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     states = {s: flow.rates[s] for s in system.states}
     desingularised = VectorField(states={**states, contraction: -(flow.fold**2)}, epsilon=None)
     critical = compile_function([flow.g, *slope, flow.fold], arguments=(*x, y))
-    return Frame(
+    return FoldedNodeFrame(
         system=system,
         singularity=singularity,
         epsilon=epsilon,
@@ -174,7 +174,9 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> Frame:
     )
 
 
-def section_of(frame: Frame, section: Mapping[str, float] | Mapping[sp.Symbol, float] | None) -> Plane:
+def section_of(
+    frame: FoldedNodeFrame, section: Mapping[str, float] | Mapping[sp.Symbol, float] | None
+) -> Plane:
     """The section: by default the slow variable of the larger rate at the node takes its value there."""
     system = frame.system
     names = [s.name for s in system.x]
@@ -199,12 +201,14 @@ def section_of(frame: Frame, section: Mapping[str, float] | Mapping[sp.Symbol, f
     return Plane(index, value)
 
 
-def line_of(frame: Frame, line: Mapping[str, float] | Mapping[sp.Symbol, float], *, what: str) -> Plane:
+def line_of(
+    frame: FoldedNodeFrame, line: Mapping[str, float] | Mapping[sp.Symbol, float], *, what: str
+) -> Plane:
     """A line on M0 that the user gave as one state and its value."""
     return Plane(*_single(line, [s.name for s in frame.system.states], what=what))
 
 
-def _slow_rates(frame: Frame) -> tuple[sp.Expr, ...]:
+def _slow_rates(frame: FoldedNodeFrame) -> tuple[sp.Expr, ...]:
     flow = desingularise(frame.system)
     put = dict(zip(frame.system.states, map(float, frame.point)))
     return tuple(rate.xreplace({s: sp.Float(v) for s, v in put.items()}) for rate in flow.f)

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.integration.trajectory import Trajectory
 from gsp.lowering.compiled_flow import compile_flow
-from gsp.orbits.canard_orbits.frame import DEPARTURE, Frame, Plane
+from gsp.orbits.canard_orbits.frame import DEPARTURE, FoldedNodeFrame, Plane
 from gsp.roots import root
 
 # How many powers of e orbits come nearer to M_epsilon between a default line and the node: the first of these at
@@ -26,7 +26,7 @@ class SheetNotFound(Exception):
     """Within the package: no sheet could be started; the message says why."""
 
 
-class Line:
+class SheetLine:
     """A line {state = value} on the attracting (`side` 1) or repelling (-1) sheet of M0.
 
     `plane` is the one given, or the level of the fast variable where the strong singular canard has contracted by
@@ -34,7 +34,7 @@ class Line:
     largest. `contraction` is what it has contracted there.
     """
 
-    def __init__(self, frame: Frame, side: int, plane: Plane | None) -> None:
+    def __init__(self, frame: FoldedNodeFrame, side: int, plane: Plane | None) -> None:
         self.frame, self.side = frame, side
         self.desingularised = compile_flow(frame.desingularised)
         self.strong = frame.strong_canard(side)

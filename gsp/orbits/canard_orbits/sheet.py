@@ -13,13 +13,13 @@ from enum import Enum, StrEnum
 
 import numpy as np
 
-from gsp.collocation.bordered import Conditions, Step
+from gsp.collocation.bordered import Conditions, OrbitChange
 from gsp.errors import Status
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import trajectory_of
 from gsp.orbits.canard_orbits.collocation import Collocation, OrbitSegment, sampled
-from gsp.orbits.canard_orbits.frame import Frame, Plane
-from gsp.orbits.canard_orbits.line import Line, SheetNotFound, crossing_times
+from gsp.orbits.canard_orbits.frame import FoldedNodeFrame, Plane
+from gsp.orbits.canard_orbits.line import SheetLine, SheetNotFound, crossing_times
 from gsp.tracing.arclength import Arrival, Pace, Stride, Trace, Tracer
 
 # Elements of a segment to begin with, and at most.
@@ -144,7 +144,7 @@ ENDS: dict[Enum, SheetEnd] = {Status.TOO_MANY_POINTS: SheetEnd.SEGMENTS, Status.
 
 
 @dataclass(frozen=True, eq=False)
-class _Node:
+class _SheetNode:
     """A segment with its tangent: `normal` (7,) of its beginning, its end and its time, `tangent` the whole change.
 
     `before` is the slope of the curve in the section at the segment before, by the arclength of the step from there,
@@ -153,22 +153,22 @@ class _Node:
 
     segment: OrbitSegment
     normal: np.ndarray
-    tangent: Step
+    tangent: OrbitChange
     before: np.ndarray
     after: np.ndarray
 
 
-class SheetBuilder(Tracer[_Node]):
+class SheetBuilder(Tracer[_SheetNode]):
     """Builds one sheet: `attracting` from its line forward in time to the section, else backward."""
 
-    def __init__(self, frame: Frame, section: Plane, *, attracting: bool, line: Plane | None) -> None:
+    def __init__(self, frame: FoldedNodeFrame, section: Plane, *, attracting: bool, line: Plane | None) -> None:
         self.frame = frame
         self.section = section
         self.attracting = attracting
         self.side = 1 if attracting else -1
         self.other = 1 - section.index
         self.solver = Collocation(frame.system)
-        self.start = Line(frame, self.side, line)
+        self.start = SheetLine(frame, self.side, line)
         self.line = self.start.plane
         mu = frame.rates[1] / frame.rates[0]
         sharpness = float(np.clip(SHARPER * (1.0 - mu), FINEST, 1.0))
@@ -299,12 +299,13 @@ class SheetBuilder(Tracer[_Node]):
 
     # -- continuation ------------------------------------------------------------------------------
 
-    def _trace(self, first: OrbitSegment, *, inwards: bool) -> Trace[_Node]:
+    def _trace(self, first: OrbitSegment, *, inwards: bool) -> Trace[_SheetNode]:
         """Follow the family from `first`; inwards orbits take longer, for the weak canard is slower."""
         node = self._node(first, None)
         if node is None:
             return Trace(
-                [_Node(first, NOWHERE, Step(*3 * (NOWHERE,)), NOWHERE, NOWHERE)], ending=SheetEnd.SINGULAR
+                [_SheetNode(first, NOWHERE, OrbitChange(*3 * (NOWHERE,)), NOWHERE, NOWHERE)],
+                ending=SheetEnd.SINGULAR,
             )
         if (node.normal[6] > 0.0) != inwards:
             node = replace(node, normal=-node.normal, tangent=node.tangent.times(-1.0))
@@ -317,13 +318,13 @@ class SheetBuilder(Tracer[_Node]):
         """The end of the work that one direction is allowed."""
         return SheetEnd.WORK if self.solver.work > self._allowed else None
 
-    def predicted(self, here: _Node, length: float) -> tuple[OrbitSegment, _Node] | None:
+    def predicted(self, here: _SheetNode, length: float) -> tuple[OrbitSegment, _SheetNode] | None:
         """The segment moved along the tangent, and where from."""
         guess = here.segment.moved(here.tangent, length)
         return (guess, here) if guess.time > 0.0 else None
 
     def corrected(
-        self, guess: tuple[OrbitSegment, _Node], length: float
+        self, guess: tuple[OrbitSegment, _SheetNode], length: float
     ) -> tuple[OrbitSegment, int, float] | None:
         """The segment across the tangent, on the mesh of the guess and then on its own."""
         orbit, here = guess
@@ -342,8 +343,8 @@ class SheetBuilder(Tracer[_Node]):
         return None if found is None else (found, self.solver.iterations - before, length)
 
     def oriented(
-        self, here: _Node, guess: tuple[OrbitSegment, _Node], found: tuple[OrbitSegment, int, float]
-    ) -> Stride[_Node] | None:
+        self, here: _SheetNode, guess: tuple[OrbitSegment, _SheetNode], found: tuple[OrbitSegment, int, float]
+    ) -> Stride[_SheetNode] | None:
         """The segment with its tangent; the turn is that of the curve in the section."""
         node = self._node(found[0], here.normal)
         if node is None:
@@ -355,7 +356,9 @@ class SheetBuilder(Tracer[_Node]):
         moves = np.linalg.norm(before) * found[2] >= RESOLUTION
         return Stride(node, found[1], turn if moves else 0.0)
 
-    def arrived(self, trace: Trace[_Node], here: _Node, stride: Stride[_Node], length: float) -> Arrival[_Node]:
+    def arrived(
+        self, trace: Trace[_SheetNode], here: _SheetNode, stride: Stride[_SheetNode], length: float
+    ) -> Arrival[_SheetNode]:
         """The segment, and the ending where the curve leaves the window, stands still or has come by its line."""
         taken = stride.node.segment
         moved = np.abs((self._free_end(taken) - self._free_end(here.segment))[[self.other, 2]]) / self.scale
@@ -372,7 +375,7 @@ class SheetBuilder(Tracer[_Node]):
             return SheetEnd.LINE
         return None if self.start.enters(self._line_end(orbit)) else SheetEnd.PASSED
 
-    def _node(self, orbit: OrbitSegment, along: np.ndarray | None) -> _Node | None:
+    def _node(self, orbit: OrbitSegment, along: np.ndarray | None) -> _SheetNode | None:
         """A segment with the unit tangent (7,) of the family, on the side of `along`; None where it is singular."""
         normal = np.eye(7)[6] if along is None else along
         conditions = self._across(self._base(orbit), normal, 1.0)
@@ -386,7 +389,7 @@ class SheetBuilder(Tracer[_Node]):
         size = float(np.sqrt(vector @ (self.weights * vector)))
         vector, place = vector / size, [3 + self.other, 5]
         inside = vector @ (self.weights * normal)
-        return _Node(orbit, vector, step.times(1.0 / size), normal[place], vector[place] / inside)
+        return _SheetNode(orbit, vector, step.times(1.0 / size), normal[place], vector[place] / inside)
 
 
 def _told(ending: Enum) -> SheetEnd:

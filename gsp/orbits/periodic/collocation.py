@@ -18,7 +18,7 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.differentiation import derivative
-from gsp.collocation.bordered import Conditions, Equations, Linearisation, linearise
+from gsp.collocation.bordered import Conditions, FlowEquations, Linearisation, linearise
 from gsp.collocation.gauss import Scheme, gauss
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_over
@@ -85,7 +85,7 @@ class Cycle:
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
+class LinearCondition:
     """One linear equation for a step: the integral of <weights, du> + period dT + parameter dlambda = value."""
 
     weights: np.ndarray
@@ -137,7 +137,7 @@ class OrbitProblem:
         Raises `numpy.linalg.LinAlgError` where an interval is singular.
         """
         sensitivity = 0 if self.by_parameter is None else self.by_parameter.address
-        equations = Equations(
+        equations = FlowEquations(
             self.compiled.field, self.compiled.jacobian, sensitivity, 1 if self.free is None else 2
         )
         states = np.concatenate([cycle.values[:, 0], cycle.values[:1, 0]])
@@ -161,7 +161,7 @@ class OrbitProblem:
         self,
         linear: Linearisation,
         cycle: Cycle,
-        conditions: Sequence[Condition],
+        conditions: Sequence[LinearCondition],
         scales: np.ndarray,
         tangents: np.ndarray | None = None,
     ) -> list[Cycle]:
@@ -204,7 +204,7 @@ class OrbitProblem:
         return float(worst) if np.isfinite(worst) else float("inf")
 
 
-def phase_condition(cycle: Cycle, reference: Cycle, scales: np.ndarray) -> Condition:
+def phase_condition(cycle: Cycle, reference: Cycle, scales: np.ndarray) -> LinearCondition:
     """The integral of <u - reference, reference'> = 0 in units of `scales`, for a step from `cycle`."""
     weights = reference.slopes / scales**2
     # Of order one, so that the border is as large as the rest of the matrix.
@@ -212,4 +212,4 @@ def phase_condition(cycle: Cycle, reference: Cycle, scales: np.ndarray) -> Condi
     norm = float(np.sqrt(np.sum(weight * (weights * scales) ** 2)))
     weights = weights / norm
     value = -float(np.sum(weight * weights * (cycle.values[:, 1:] - reference.values[:, 1:])))
-    return Condition(weights, 0.0, 0.0, value)
+    return LinearCondition(weights, 0.0, 0.0, value)

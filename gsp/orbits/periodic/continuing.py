@@ -10,7 +10,7 @@ import sympy as sp
 from gsp.collocation.gauss import gauss
 from gsp.errors import DeclarationError, Status
 from gsp.lowering.compiled_flow import parameter_vector
-from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
+from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, phase_condition
 from gsp.orbits.periodic.family import FamilyStats, OrbitFamily, SpecialOrbit
 from gsp.orbits.periodic.finding import check_accuracy, orbit_of
 from gsp.orbits.periodic.hopf import HopfPoint
@@ -192,9 +192,9 @@ def _born(tracer: CycleTracer, hopf: HopfPoint, degree: int) -> Row:
         weights = step.values[:, 1:] / scales**2
         norm = float(np.sum(weight * weights * step.values[:, 1:]))
 
-        def condition(cycle: Cycle, weights=weights, weight=weight, guess=guess, norm=norm) -> Condition:
+        def condition(cycle: Cycle, weights=weights, weight=weight, guess=guess, norm=norm) -> LinearCondition:
             moved = cycle.values[:, 1:] - guess.values[:, 1:]
-            return Condition(weights / norm, 0.0, 0.0, -float(np.sum(weight * weights * moved)) / norm)
+            return LinearCondition(weights / norm, 0.0, 0.0, -float(np.sum(weight * weights * moved)) / norm)
 
         solution = solve_cycle(
             tracer.problem, guess, scales=scales,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsp.errors import Status
-from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
+from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, phase_condition
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
 from gsp.tracing.newton import Rules, Solution, newton
 
@@ -30,7 +30,7 @@ MESHES = 12
 # A mesh is kept when its estimated error is below the tolerance and above this share of it.
 WASTEFUL = 1e-3
 
-Conditions = Callable[[Cycle], Sequence[Condition]]
+Conditions = Callable[[Cycle], Sequence[LinearCondition]]
 
 
 def scales_of(cycle: Cycle) -> np.ndarray:

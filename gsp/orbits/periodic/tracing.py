@@ -18,7 +18,7 @@ import numpy as np
 
 from gsp.critical.continuation.arclength import Controls
 from gsp.errors import Status
-from gsp.orbits.periodic.collocation import Condition, Cycle, OrbitProblem, phase_condition
+from gsp.orbits.periodic.collocation import Cycle, LinearCondition, OrbitProblem, phase_condition
 from gsp.orbits.periodic.floquet import multipliers
 from gsp.orbits.periodic.mesh import adapted, growth_density, interval_errors
 from gsp.orbits.periodic.newton import WASTEFUL, scales_of, solve_cycle
@@ -94,21 +94,23 @@ class CycleTracer(Tracer[Row]):
         states = float(np.sum(weight * a.values[:, 1:] * b.values[:, 1:]))
         return states + a.period * b.period / at.period**2 + a.parameter * b.parameter / self.width**2
 
-    def across(self, at: Cycle, tangent: Cycle) -> Callable[[Cycle], Condition]:
+    def across(self, at: Cycle, tangent: Cycle) -> Callable[[Cycle], LinearCondition]:
         """The condition <cycle - at, tangent> = 0."""
         weights = tangent.values[:, 1:] / scales_of(at) ** 2
 
-        def condition(cycle: Cycle) -> Condition:
+        def condition(cycle: Cycle) -> LinearCondition:
             moved = cycle.moved(at, -1.0)
             value = -self.inner(at, moved, tangent)
-            return Condition(weights, tangent.period / at.period**2, tangent.parameter / self.width**2, value)
+            return LinearCondition(
+                weights, tangent.period / at.period**2, tangent.parameter / self.width**2, value
+            )
 
         return condition
 
-    def at_parameter(self, at: Cycle, value: float) -> Callable[[Cycle], Condition]:
+    def at_parameter(self, at: Cycle, value: float) -> Callable[[Cycle], LinearCondition]:
         """The condition parameter = value."""
         nothing = np.zeros_like(at.values[:, 1:])
-        return lambda cycle: Condition(
+        return lambda cycle: LinearCondition(
             nothing, 0.0, 1.0 / self.width, (value - cycle.parameter) / self.width
         )  # fmt: skip
 
@@ -116,7 +118,7 @@ class CycleTracer(Tracer[Row]):
         self,
         guess: Cycle,
         reference: Cycle,
-        condition: Callable[[Cycle], Condition],
+        condition: Callable[[Cycle], LinearCondition],
     ) -> Solution[Cycle]:
         """Newton's method with that condition, the phase held against `reference`."""
         scales = scales_of(reference)
@@ -129,7 +131,9 @@ class CycleTracer(Tracer[Row]):
             damped=False,
         )
 
-    def row(self, solution: Solution[Cycle], condition: Callable[[Cycle], Condition], iterations: int) -> Row:
+    def row(
+        self, solution: Solution[Cycle], condition: Callable[[Cycle], LinearCondition], iterations: int
+    ) -> Row:
         """What belongs to a cycle: its tangent on the side of the condition, multipliers, error."""
         cycle = solution.point
         scales = scales_of(cycle)
@@ -176,7 +180,7 @@ class CycleTracer(Tracer[Row]):
     # -- one step ------------------------------------------------------------------------------------
 
     def settled(
-        self, solution: Solution[Cycle], condition: Callable[[Cycle], Condition], along: Cycle
+        self, solution: Solution[Cycle], condition: Callable[[Cycle], LinearCondition], along: Cycle
     ) -> Row | None:
         """The cycle on a mesh made for it, with its tangent; None when Newton's method fails there."""
         tolerance, iterations = self.controls.tolerance, solution.iterations

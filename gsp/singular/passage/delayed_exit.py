@@ -14,7 +14,7 @@ from gsp.errors import Status
 from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import Outcome, PassedLoss
-from gsp.singular.passage.slow_orbit import Piece, crossing, interpolate
+from gsp.singular.passage.slow_orbit import ResolvedPanel, crossing, interpolate
 from gsp.systems.flow import check_epsilon
 
 # ln of what rounding adds to a deviation, relative to the fast variables, and of the least positive double.
@@ -59,7 +59,7 @@ class DelayedExit(Card):
     eigenvalues: np.ndarray
     takeovers: tuple[float, ...]
     status: Status
-    _pieces: tuple[Piece, ...] = ()
+    _pieces: tuple[ResolvedPanel, ...] = ()
     _phi_ends: tuple[float, ...] = ()
 
     @property

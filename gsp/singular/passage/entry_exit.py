@@ -25,7 +25,7 @@ from gsp.lowering.compiled_function import compile_over
 from gsp.singular.passage.delayed_exit import DelayedExit, ExitKind
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.losses_met import PassedLoss, passed_loss
-from gsp.singular.passage.slow_orbit import Piece, SlowOrbit, crossing, interpolate
+from gsp.singular.passage.slow_orbit import ResolvedPanel, SlowOrbit, crossing, interpolate
 from gsp.systems.arguments import check_noun, check_number, shown
 from gsp.systems.flow import Point, as_points
 from gsp.systems.region import Interval, check_region
@@ -86,7 +86,7 @@ class _Passage:
     def __init__(self, orbit: SlowOrbit, box: Mapping[str, Interval] | None, longest: float) -> None:
         self.orbit, self.box, self.longest = orbit, box, longest
         self.start = orbit.state.copy()
-        self.pieces: list[Piece] = []
+        self.pieces: list[ResolvedPanel] = []
         self.ends: list[float] = []
         self.losses: list[PassedLoss] = []
         self.takeovers: list[float] = []
@@ -131,7 +131,7 @@ class _Passage:
             # The branch may end here: what was asked for has been found.
             return
 
-    def _piece(self, piece: Piece) -> float | None:
+    def _piece(self, piece: ResolvedPanel) -> float | None:
         """Take in one piece; the time of the exit when it is on it."""
         if piece.has_kink and all(abs(piece.t[0] - other) > SAME * (1.0 + other) for other in self.takeovers):
             self.takeovers.append(float(0.5 * (piece.t[0] + piece.t[-1])))
@@ -151,7 +151,7 @@ class _Passage:
                 return crossing(piece.t, phi, self.level, i)
         return None
 
-    def _meet(self, piece: Piece, t: float, before: float) -> None:
+    def _meet(self, piece: ResolvedPanel, t: float, before: float) -> None:
         slope = float(interpolate(piece.t, _derivative(piece), np.array([t]))[0])
         loss = passed_loss(self.orbit, t, slope, invariant=self.invariant)
         self.losses.append(loss)
@@ -217,7 +217,7 @@ def is_invariant(orbit: SlowOrbit, z: np.ndarray) -> bool:
     return True
 
 
-def _derivative(piece: Piece) -> np.ndarray:
+def _derivative(piece: ResolvedPanel) -> np.ndarray:
     """d/dt of the rightmost real part at the nodes."""
     degree = len(piece.t) - 1
     half = 0.5 * (piece.t[-1] - piece.t[0])

@@ -37,7 +37,7 @@ SHORTEST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class BranchExpressions:
     """The expressions of one branch: f and g at epsilon = 0, E with {E = 0} the branch, and their derivatives."""
 
     branch: Branch
@@ -96,7 +96,7 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ResolvedPanel:
     """A panel or part of one on which the rightmost real part is resolved: nodes `t`, `values` of it (m,),
     the eigenvalue itself (m,), and the primitive of `values` from the left end (m,); `has_kink` when not resolved."""
 
@@ -112,7 +112,7 @@ class SlowOrbit:
 
     def __init__(self, branch: Branch, x: np.ndarray) -> None:
         self.branch = branch
-        self.equations = Equations(branch)
+        self.equations = BranchExpressions(branch)
         system = branch.system
         self._g_y = self.equations.compiled(self.equations.g_y)
         self._f = self.equations.compiled(self.equations.f)
@@ -217,11 +217,11 @@ class SlowOrbit:
         n = len(self.branch.system.y)
         return self._g_y(z[None, :])[0].reshape(n, n)
 
-    def pieces(self, panel: Panel) -> list[Piece]:
+    def pieces(self, panel: Panel) -> list[ResolvedPanel]:
         """The rightmost eigenvalue over a panel, cut where its real part has kinks."""
         return self._cut(panel, float(panel.t[0]), float(panel.t[-1]), CUTS)
 
-    def _cut(self, panel: Panel, first: float, last: float, depth: int) -> list[Piece]:
+    def _cut(self, panel: Panel, first: float, last: float, depth: int) -> list[ResolvedPanel]:
         nodes, _, S = chebyshev()
         half = 0.5 * (last - first)
         t = first + half * (nodes + 1.0)
@@ -229,7 +229,7 @@ class SlowOrbit:
         values = np.real(leading)
         resolved = tail(values[None, :])[0] <= RESOLVED * (1.0 + np.abs(values).max())
         if resolved or depth == 0:
-            return [Piece(t, values, leading, half * (S @ values), not resolved)]
+            return [ResolvedPanel(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
         return self._cut(panel, first, middle, depth - 1) + self._cut(panel, middle, last, depth - 1)
 
