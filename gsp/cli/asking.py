@@ -41,6 +41,12 @@ OPTIONS = {
         "--region", "intervals", multiple=True, metavar="NAME=LOW:HIGH",
         help="Another interval of a state. May be repeated.",
     ),
+    "small": click.option(
+        "--small", metavar="NAME", help="The parameter that counts as small [what the model says, or what is found]."
+    ),
+    "fast": click.option(
+        "--fast", metavar="NAME,...", help="The variables that count as fast, in place of a small parameter."
+    ),
     "start": click.option("--start", metavar="NAME", help="Another of the model's starts, by name [its start]."),
 }  # fmt: skip
 
@@ -65,10 +71,13 @@ def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
             epsilon: str | None = None,
             intervals: tuple[str, ...] = (),
             start: str | None = None,
+            small: str | None = None,
+            fast: str | None = None,
             **others: Any,
         ) -> Any:
             with compiled_by_two() if by_two else nullcontext():
-                scene = asked(load_scene(model), settings, epsilon, intervals, start)
+                scene = asked(load_scene(model), settings, None, intervals, start)
+                scene = asked(taken(scene, small, fast), (), epsilon, ())
                 with compiling_told():
                     return function(scene=scene, **others)
 
@@ -77,6 +86,24 @@ def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
         return click.argument("model")(command)
 
     return decorate
+
+
+def taken(scene: Scene, small: str | None, fast: str | None) -> Scene:
+    """The scene with the small parameter or the fast variables that were named; what that means is told."""
+    if small is None and fast is None:
+        return scene
+    from gsp.scenes.small_parameter import explain_small, take_fast, take_small
+
+    if small is not None and fast is not None:
+        raise DeclarationError(
+            "--small names a parameter and --fast variables; one of them says what is fast.", "Leave one out."
+        )
+    if small is not None:
+        made = take_small(scene, parameter=small)
+    else:
+        made = take_fast(scene, variables=[name.strip() for name in str(fast).split(",") if name.strip()])
+    tell_notes(explain_small(made, scene))
+    return made
 
 
 def asked(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "small", "fast")
 @click.option("--prove", is_flag=True, help="Prove it in ball arithmetic instead of sampling.")
 @output_option("Write the proof to this file; `gsp verify` checks it.")
 @json_option

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", by_two=True)
+@asks("set", "epsilon", "region", "small", "fast", by_two=True)
 @click.option("--order", type=int, help="Highest order of the series [3].")
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:
@@ -50,7 +50,7 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "small", "fast")
 @click.option("--order", type=int, help="Highest order of the reduced models.")
 @click.option("--failures", is_flag=True, help="Draw where each method holds instead.")
 @output_option("File for the figure, .png, .pdf or .svg [gsp-chart-NAME.png].")
@@ -100,7 +100,7 @@ def chart(
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start")
+@asks("set", "epsilon", "region", "start", "small", "fast")
 @click.option("--tolerance", type=float, help="Relative accuracy wanted [the scene's].")
 @click.option("--order", type=int, help="Highest order of the reduced flows.")
 @json_option

@@ -19,7 +19,7 @@ USUAL = 3
 
 
 @cli.command()
-@asks("set")
+@asks("set", "small", "fast")
 @json_option
 def split(scene: Scene, as_json: bool) -> None:
     """Find the slow and the fast variables of MODEL, and say how."""
@@ -49,7 +49,7 @@ def split(scene: Scene, as_json: bool) -> None:
 
 
 @cli.command()
-@asks("set")
+@asks("set", "small", "fast")
 @click.option("--order", type=int, help="Highest power of epsilon [3, or what the budget of terms allows].")
 @click.option("--raw", is_flag=True, help="In the field's own variables instead of the slow and fast ones.")
 @click.option(
@@ -113,7 +113,7 @@ def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bo
 
 
 @cli.command()
-@asks("set", "region")
+@asks("set", "region", "small", "fast")
 @json_option
 def folds(scene: Scene, as_json: bool) -> None:
     """Follow the critical manifold of MODEL through its folds.

@@ -24,7 +24,7 @@ RTOL = 1e-8
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start")
+@asks("set", "epsilon", "region", "start", "small", "fast")
 @click.option("--order", type=int, help="Run the reduced flow of this order instead of the full system.")
 @output_option("File for the values, .csv or .json [not written].")
 @json_option
@@ -59,7 +59,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start")
+@asks("set", "epsilon", "region", "start", "small", "fast")
 @click.option("--order", type=int, help="Highest order of the reduced flows [3].")
 @output_option("File for the errors, .csv or .json [not written].")
 @json_option

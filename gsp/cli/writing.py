@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option
+from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option, taken
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start", by_two=True)
+@asks("set", "epsilon", "region", "start", "small", "fast", by_two=True)
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @click.option("--open/--no-open", "opened", default=False, help="Show the report in the browser [no].")
@@ -66,6 +66,8 @@ def report(scene: Scene, output: Path | None, order: int, opened: bool, as_json:
 @click.argument("model", required=False)
 @OPTIONS["set"]
 @OPTIONS["epsilon"]
+@OPTIONS["small"]
+@OPTIONS["fast"]
 @output_option("File for the page [gsp-demo-NAME.html].")
 @click.option("--open/--no-open", "opened", default=True, help="Show the page in the browser [yes].")
 @json_option
@@ -73,6 +75,8 @@ def demo(
     model: str | None,
     settings: tuple[str, ...],
     epsilon: str | None,
+    small: str | None,
+    fast: str | None,
     output: Path | None,
     opened: bool,
     as_json: bool,
@@ -85,13 +89,14 @@ def demo(
     from gsp.demos.demo import stories
 
     if model is None:
-        if settings or epsilon is not None or output is not None:
+        if settings or any(option is not None for option in (epsilon, small, fast, output)):
             raise DeclarationError(
                 "a demo is made of a model.", "Name a scene or a model file.", got="options and no MODEL"
             )
         _list_demos(stories(), as_json)
         return
-    scene = asked(load_scene(model), settings, epsilon, ())
+    scene = taken(asked(load_scene(model), settings, None, ()), small, fast)
+    scene = asked(scene, (), epsilon, ())
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
     if not target.absolute().parent.is_dir():
         raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
@@ -127,7 +132,7 @@ def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
 
 
 @cli.command()
-@asks("set", "epsilon")
+@asks("set", "epsilon", "small", "fast")
 @output_option("File for the picture, .gif or .mp4 [gsp-NAME.gif].")
 @click.option("--view", metavar="NAME", help="One of the model's views [its path, or its first plane view].")
 @click.option("--seconds", default=6.0, show_default=True, help="How long the picture moves.")
@@ -143,7 +148,7 @@ def animate(scene: Scene, output: Path | None, view: str | None, seconds: float)
 
 
 @cli.command()
-@asks("set", "epsilon", "region")
+@asks("set", "epsilon", "region", "small", "fast")
 @click.option("--order", default=1, show_default=True, help="Highest power of epsilon in the reduced flow.")
 @click.option(
     "--to",

@@ -20,8 +20,8 @@ from gsp.errors import DeclarationError, GspError, printable
 from gsp.results.card import Card
 from gsp.results.files import write_file
 from gsp.scenes.scene import Scene
-from gsp.scenes.study import Study, study_of
-from gsp.systems.arguments import shown
+from gsp.scenes.study import Study
+from gsp.systems.arguments import check_noun, shown
 
 # M0 is drawn beyond the region by this share of its widths, so that folds beside it are seen.
 WIDER = 0.5
@@ -78,7 +78,8 @@ def stories() -> tuple[str, ...]:
 
 
 def _demo(scene: Scene | Study, *, verb: str) -> Demo:
-    study = study_of(scene, verb=verb)
+    check_noun(scene, (Scene, Study), verb=verb)
+    study = scene if isinstance(scene, Study) else Study(scene)
     scene = study.scene
     program = program_of(study)
     told = _story(scene)
@@ -88,7 +89,7 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         "title": scene.title,
         "description": printable(scene.description),
         "source": printable(scene.source),
-        "epsilon": scene.epsilon,
+        "epsilon": scene.epsilon if scene.has_small else 1.0,
         "start": list(scene.full_start.values()),
         "span": list(scene.span),
         "axes": axes,

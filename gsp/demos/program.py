@@ -16,6 +16,7 @@ from gsp.algebra.differentiation import jacobian
 from gsp.algebra.laurent import laurent
 from gsp.demos.javascript import function, operations
 from gsp.errors import BudgetError, GspError
+from gsp.scenes.small_parameter import no_small_parameter
 from gsp.scenes.study import Study
 from gsp.slow.series import SeriesManifold
 
@@ -49,7 +50,9 @@ def program_of(study: Study) -> PageProgram:
     """
     scene = study.scene
     flow = scene.full_flow
-    p = (_small(study), *scene.system.parameters)
+    # The functions of the page take a first number always.
+    epsilon = scene.system.epsilon
+    p = (sp.Dummy("epsilon") if epsilon is None else epsilon, *scene.system.parameters)
     full = {"z": flow.states, "p": p}
     functions = {
         "field": function("field", list(flow.rates), full),
@@ -59,7 +62,7 @@ def program_of(study: Study) -> PageProgram:
     parts: dict[str, Any] = {
         "states": [s.name for s in scene.system.states],
         "driven": [s.name for s in scene.reconstruction],
-        "epsilon": p[0].name,
+        "epsilon": None if epsilon is None else epsilon.name,
         "parameters": [s.name for s in scene.system.parameters],
         "values": [float(value) for value in scene.system.parameters.values()],
     }
@@ -69,6 +72,8 @@ def program_of(study: Study) -> PageProgram:
         claims.append({"name": name, "states": [s.name for s in rates]})
     parts["claims"] = claims
     try:
+        if epsilon is None:
+            raise no_small_parameter(scene, "a reduced model needs one")
         more, parts["reduction"] = _reduction(study, p)
         functions |= more
         splitting = study.splitting
@@ -81,12 +86,6 @@ def program_of(study: Study) -> PageProgram:
     parts["quantities"] = [s.name for s in shown]
     parts["operations"] = {name: operations(code) for name, code in functions.items()}
     return PageProgram(functions, parts)
-
-
-def _small(study: Study) -> sp.Symbol:
-    epsilon = study.scene.system.epsilon
-    assert epsilon is not None
-    return epsilon
 
 
 def _reduction(study: Study, p: Sequence[sp.Symbol]) -> tuple[dict[str, str], dict[str, Any]]:

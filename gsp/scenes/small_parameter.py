@@ -144,6 +144,37 @@ def without_small(scene: Scene) -> Scene:
     return replace(scene, system=field, epsilon=None, epsilons=None)
 
 
+def explain_small(scene: Scene, before: Scene) -> list[str]:
+    """Sentences that say what `take_small` or `take_fast` made of the scene `before`, and what it left."""
+    system, epsilon = scene.system, scene.system.epsilon
+    assert epsilon is not None
+    rates = dict(zip(system.states, system.rates))
+    fast = [z.name for z, rate in rates.items() if not _is_regular([rate], epsilon)]
+    if isinstance(system, SlowFastSystem):
+        said = [
+            f"fast variables: {', '.join(fast)}; their rates are divided by {epsilon}, which is 1 for the model itself"
+        ]
+        parameters = system.parameters
+    else:
+        said = [f"small parameter: {epsilon} = {scene.epsilon:g}, which divides the rates of {', '.join(fast)}"]
+        parameters = {s: v for s, v in system.parameters.items() if s != epsilon}
+        if scene.span != before.span:
+            said.append(
+                f"no rate has a pole in {epsilon}, so the time of the model is the fast one: rates are divided by "
+                f"{epsilon}, and the span {before.span[1]:g} becomes {scene.span[1]:g}"
+            )
+        others = [z.name for z, rate in rates.items() if z.name not in fast and rate.has(epsilon)]
+        if others:
+            said.append(f"{epsilon} stands in the rates of {', '.join(others)} too, and is as small there")
+    left = {p: [z.name for z, rate in rates.items() if not _is_regular([rate], p)] for p in parameters}
+    said += [
+        f"left as it is: {p} = {parameters[p]}, which divides the rate of {', '.join(where)}"
+        for p, where in left.items()
+        if where
+    ]
+    return said
+
+
 def _epsilons() -> Iterable[str]:
     yield "epsilon"
     yield from (f"epsilon_{k}" for k in range(1, 10**6))

@@ -281,6 +281,8 @@ class Study(Card):
         scene = self.scene
         if isinstance(scene.system, SlowFastSystem):
             return None
+        if not scene.has_small:
+            raise no_small_parameter(scene, "to split it takes one")
         splitting = split(scene.system)
         if splitting.system is None:
             raise SplittingError(

@@ -153,7 +153,9 @@ def _of_coefficients(study: Study, *, order: int = 4, **_: object):
 def _periodic_orbit(
     study: Study, epsilon: float, tolerance: float, *, period: float | None = None, backward: bool = False
 ) -> Record:
-    orbit = periodic_orbit(study.system, start=study.start, epsilon=epsilon, period=period, backward=backward)
+    scene = study.scene
+    system, start = (study.system, study.start) if scene.has_small else (scene.system, scene.start)
+    orbit = periodic_orbit(system, start=start, epsilon=epsilon, period=period, backward=backward)
     return {
         "ending": orbit.status,
         "period": orbit.period,

@@ -58,14 +58,15 @@ class Subject:
         """The numbers of the scene that may be an axis."""
         assert self.scene is not None
         system = self.scene.system
-        names = ["epsilon", "tolerance", *map(str, system.parameters), *self.scene.start]
+        small = ["epsilon"] if self.scene.has_small else []
+        names = [*small, "tolerance", *map(str, system.parameters), *self.scene.start]
         return tuple(dict.fromkeys(names))
 
     def at(self, coordinates: Mapping[str, float]) -> tuple[Study, float, float]:
         """The study at other parameters and another start, the last one if they are the same; epsilon; tolerance."""
         # What has a model needs most of the package; a function of its own needs none of it.
         from gsp.scenes.settings import ask_again
-        from gsp.scenes.study import study_of
+        from gsp.scenes.study import Study
         from gsp.systems.flow import check_epsilon
 
         assert self.scene is not None
@@ -78,7 +79,7 @@ class Subject:
                 scene = ask_again(scene, parameters=parameters)
             if start:
                 scene = replace(scene, start={**scene.start, **start})
-            self._last = (key, study_of(scene))
+            self._last = (key, Study(scene))
         epsilon, tolerance = (coordinates.get(name) for name in ("epsilon", "tolerance"))
         return (
             self._last[1],

@@ -10,7 +10,7 @@ import sympy as sp
 
 import gsp
 from gsp.errors import DeclarationError, GspError, SplittingError
-from gsp.scenes.small_parameter import take_fast, take_small, without_small
+from gsp.scenes.small_parameter import explain_small, take_fast, take_small, without_small
 from gsp.systems.system import SlowFastSystem
 
 MOTOR = """
@@ -147,3 +147,20 @@ def test_a_parameter_in_no_rate_separates_nothing(motor: gsp.Scene) -> None:
     field = gsp.VectorField({x: -x}, parameters={a: 1}, observables={sp.Symbol("u"): a * x})
     with pytest.raises(DeclarationError, match="a stands in no rate"):
         take_small(gsp.Scene(field, {}, {"x": 1}, (0, 1)), parameter="a")
+
+
+def test_what_was_taken_and_what_is_left_is_told() -> None:
+    x, y, z, a, b, c = sp.symbols("x y z a b c")
+    field = gsp.VectorField(
+        {x: (y - x) / a, y: (z - y) / b, z: c * x - a * z}, parameters={a: 0.01, b: 0.02, c: 0.5}
+    )
+    before = gsp.Scene(field, {}, {"x": 1, "y": 0, "z": 0}, (0, 1))
+    assert explain_small(take_small(before, parameter="a"), before) == [
+        "small parameter: a = 0.01, which divides the rates of x",
+        "a stands in the rates of z too, and is as small there",
+        "left as it is: b = 1/50, which divides the rate of y",
+    ]
+    slowed = explain_small(take_small(before, parameter="c"), before)
+    assert slowed[1].startswith("no rate has a pole in c, so the time of the model is the fast one")
+    fast = explain_small(take_fast(before, variables=["x"]), before)
+    assert fast[0] == "fast variables: x; their rates are divided by epsilon, which is 1 for the model itself"

@@ -41,10 +41,12 @@ function addSlider(id, label, { low, high, log = false, read, write, moved = cha
 }
 
 function addControls() {
-  addSlider("epsilon", `${model.epsilon}, the small parameter`, {
-    low: Math.min(EPSILON_RANGE[0], data.epsilon), high: Math.max(EPSILON_RANGE[1], data.epsilon), log: true,
-    read: () => state.epsilon, write: (value) => (state.epsilon = value),
-  });
+  if (model.epsilon !== null) {
+    addSlider("epsilon", `${model.epsilon}, the small parameter`, {
+      low: Math.min(EPSILON_RANGE[0], data.epsilon), high: Math.max(EPSILON_RANGE[1], data.epsilon), log: true,
+      read: () => state.epsilon, write: (value) => (state.epsilon = value),
+    });
+  }
   model.parameters.forEach((name, i) => {
     const value = model.values[i];
     // A parameter keeps its sign: many a model has no meaning where it is zero.

@@ -235,6 +235,7 @@ const KEYS = {
 };
 
 function multiplyEpsilon(factor) {
+  if (model.epsilon === null) return;
   const wanted = Number((state.epsilon * factor).toPrecision(4));
   state.epsilon = Math.min(EPSILON_RANGE[1], Math.max(EPSILON_RANGE[0], wanted));
   changed();
