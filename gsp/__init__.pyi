@@ -110,5 +110,7 @@ from .sweeps.sweep import Sweep as Sweep
 from .sweeps.sweep import sweep as sweep
 from .systems.system import SlowFastSystem as SlowFastSystem
 from .systems.system import VectorField as VectorField
+from .time_scales.small_parameter import SmallParameter as SmallParameter
+from .time_scales.special_values import small_parameters as small_parameters
 
 __version__: str

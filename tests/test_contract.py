@@ -79,6 +79,7 @@ SIGN = kind("-1")
 # A name is text, but this one is nobody's.
 NAME = kind()
 NAMES = kind()
+NAMES_OR_NONE = kind("[]")
 POINT = kind(inside=NUMBER)
 INTERVAL = kind("an array", inside=NUMBER)
 REGION = kind(inside=INTERVAL)
@@ -213,6 +214,10 @@ BEHIND = {"x": -0.5, "y": 0.1}
 
 CONTRACTS = {
     "split": Contract(("VectorField", "SlowFastSystem"), van_der_pol, dict),
+    "small_parameters": Contract(
+        ("VectorField",), lambda: gsp.VectorField({x: z * (y - x), y: x - 2 * y}, epsilon=None, parameters={z: 2}),
+        dict, {"dimensions": kind(inside=kind()), "vanishing": NAMES_OR_NONE, "kept": NAMES_OR_NONE},
+    ),
     "solve_critical": Contract(("SlowFastSystem",), van_der_pol, dict),
     "continue_critical": Contract(
         ("SlowFastSystem",), van_der_pol, lambda: {"start": OSCILLATOR, "bounds": {"y": (-1.0, 1.0)}},

@@ -1,5 +1,5 @@
 """The command line: `gsp models`, `gsp split`, `gsp expand`, `gsp check`, `gsp verify`, `gsp choose`, `gsp report`,
-`gsp run`, `gsp compare`, `gsp demo`, `gsp export`.
+`gsp run`, `gsp compare`, `gsp demo`, `gsp export`, `gsp scales`.
 
 Exit status 0 when all is well, 1 when `check` finds that normal hyperbolicity does not hold or `verify` that a
 proof does not, 2 on bad input or when the output cannot be written, 3 when `check --prove` leaves it undecided, 70 on
@@ -26,7 +26,7 @@ def main() -> None:
 
 def _complete():
     """The program with all its commands."""
-    from gsp.cli import checking, comparing, declaring, deriving, program, running, writing  # noqa: F401
+    from gsp.cli import checking, comparing, declaring, deriving, program, running, scaling, writing  # noqa: F401
 
     return program
 

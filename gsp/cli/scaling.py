@@ -1,0 +1,75 @@
+"""The command about time scales: `gsp scales`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from gsp.cli.asking import asks, json_option
+from gsp.cli.program import cli
+from gsp.cli.telling import check_interrupt, print_json, progress_bar
+from gsp.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from gsp.scenes.scene import Scene
+    from gsp.time_scales.small_parameter import SmallParameter
+
+
+@cli.command()
+@asks("set", "epsilon", "start")
+@click.option(
+    "--parameters",
+    is_flag=True,
+    help="Which parameters may be called small, and what is left where they vanish.",
+)
+@click.option(
+    "--keep", multiple=True, metavar="NAME", help="A parameter that does not vanish. May be repeated."
+)
+@json_option
+def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool) -> None:
+    """Find the time scales of MODEL, with or without a small parameter."""
+    if not parameters:
+        raise DeclarationError("gsp scales asks which parameters may be small.", "Add --parameters.")
+    from gsp.systems.system import without_epsilon
+    from gsp.time_scales.special_values import small_parameters
+
+    with progress_bar("special values") as show:
+        found = small_parameters(without_epsilon(scene.system, scene.epsilon), kept=keep, progress=show)
+    check_interrupt()
+    if as_json:
+        print_json(
+            {
+                "name": scene.name,
+                "status": found.status.name,
+                "message": found.message,
+                "parameters": [_plain(each) for each in found],
+            }
+        )
+        return
+    useful = [each for each in found if each.attracts is not False and each.is_positive is not False]
+    for each in useful:
+        click.echo(str(each))
+        for state, rate in each.reduced.items():
+            click.echo(f"    {state}' = {rate}")
+    if not useful:
+        click.echo("No parameter of this model may be called small.")
+    click.echo(found.message)
+    if len(useful) < len(found):
+        click.echo(
+            f"{len(found) - len(useful)} more manifolds do not attract, or have no points with positive states; "
+            "--json has them."
+        )
+
+
+def _plain(found: SmallParameter) -> dict[str, object]:
+    return {
+        "vanishing": list(found.vanishing),
+        "kept": list(found.kept),
+        "dimension": found.dimension,
+        "manifold": [str(e.lhs) for e in found.manifold],
+        "attracts": found.attracts,
+        "is_positive": found.is_positive,
+        "reduced": {state.name: str(rate) for state, rate in found.reduced.items()},
+        "error": found.error,
+    }

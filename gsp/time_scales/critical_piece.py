@@ -1,0 +1,172 @@
+"""A critical manifold at a special value: the linear part across it, the reduction, and whether it attracts.
+
+On a piece of {F_0 = 0} of codimension r the linear part M = D F_0 has rank r at most. Its other eigenvalues are not
+zero where sigma_r, the sum of the principal minors of order r, is not (Goeke, Walcher, Zerz 2015, proposition 1). With
+r independent columns C and rows R of M the projection along the fast fibres is 1 - C (R C)^-1 R, which is
+1 - P (D psi P)^-1 D psi for any F_0 = P psi (Goeke and Walcher 2014).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from functools import cached_property
+
+import sympy as sp
+
+from gsp.algebra.polynomials import primitive_multiple
+from gsp.algebra.ring_elements import Element
+from gsp.errors import HyperbolicityError
+from gsp.time_scales.polynomial_field import Fraction, PolynomialField, Ray
+from gsp.time_scales.triangular_sets import Polynomial, TriangularSet
+
+
+class CriticalPiece:
+    """One irreducible critical manifold of a ray; polynomials in the field's variables."""
+
+    def __init__(self, whole: PolynomialField, ray: Ray, piece: TriangularSet) -> None:
+        self.whole, self.ray, self.piece = whole, ray, piece
+
+    @property
+    def codimension(self) -> int:
+        """How many directions are fast."""
+        return len(self.piece.pivots)
+
+    @cached_property
+    def is_hyperbolic(self) -> bool:
+        """Whether the r eigenvalues across the manifold are not zero at its generic points."""
+        try:
+            return not self.sigma(self.codimension).is_zero
+        except HyperbolicityError:
+            # A denominator vanishes on the piece: the field is not defined there.
+            return False
+
+    @cached_property
+    def linear_part(self) -> list[list[Element]]:
+        """M = D F_0 (n, n) on the piece, in the variables that are free there."""
+        return [[self.on_piece(entry) for entry in row] for row in self.ray.jacobian]
+
+    def on_piece(self, fraction: Fraction) -> Element:
+        """The fraction on the piece; raises `HyperbolicityError` where its denominator vanishes there."""
+        top, left = self.piece.restricted(fraction[0])
+        below, right = self.piece.restricted(fraction[1])
+        return self._element(top * right, below * left)
+
+    def _element(self, top: Polynomial, below: Polynomial) -> Element:
+        ring = self.whole.ring
+        found = Element(ring, top, ())
+        return found.reduced() if below.is_one() else (found * Element(ring, below, ()).inverse()).reduced()
+
+    def sigma(self, k: int) -> Element:
+        """The sum of the principal minors of order k of M: up to its sign the characteristic polynomial has it."""
+        total = self.whole.ring.zero
+        for chosen in itertools.combinations(range(len(self.linear_part)), k):
+            total = total + determinant([[self.linear_part[i][j] for j in chosen] for i in chosen])
+        return self.again(total)
+
+    def again(self, element: Element) -> Element:
+        """A product of residues, as a residue again where an equation is not linear in its main variable."""
+        if self.piece.is_linear:
+            return element.reduced()
+        top, left = self.piece.restricted(element.numerator)
+        found = Element(self.whole.ring, top, element.exponents)
+        return (found * Element(self.whole.ring, left, ()).inverse()).reduced()
+
+    # -- the manifold and the flow on it ------------------------------------------------------------
+
+    @cached_property
+    def equations(self) -> tuple[sp.Expr, ...]:
+        """What vanishes on the manifold."""
+        ring = self.whole.ring
+        return tuple(ring.to_sympy(Element(ring, _primitive(psi), ())) for psi in self.piece.equations)
+
+    @cached_property
+    def graph(self) -> dict[sp.Symbol, sp.Expr] | None:
+        """Fast states as functions of the others on the manifold; None where an equation is not linear in a state."""
+        meaning = {i: state for state, i in self.whole.places.items() if state in self.whole.field.states}
+        if not self.piece.is_linear or not set(self.piece.pivots) <= set(meaning):
+            return None
+        context = self.whole.ring.context
+        variable = context.gens()
+        one = context.constant(1)
+        graph = {
+            meaning[v]: self.whole.ring.to_sympy(self.on_piece((variable[v], one))) for v in self.piece.pivots
+        }
+        # Within a function a state is no polynomial's variable, and is still there.
+        graph = {state: e.xreplace(graph) for state, e in graph.items()}
+        return None if any(e.has(*graph) for e in graph.values()) else graph
+
+    @cached_property
+    def reduction(self) -> dict[sp.Symbol, sp.Expr]:
+        """x' = (1 - C (R C)^-1 R) F_1 on the manifold, in slow time, of every state.
+
+        In the states that `graph` leaves, or where there is none in all of them.
+        """
+        explicit = self.graph is not None
+        states = self.whole.field.states
+        n, r = len(states), self.codimension
+        ring = self.whole.ring
+        if explicit:
+            matrix, drift = self.linear_part, [self.on_piece(part) for part in self.ray.drift]
+        else:
+            matrix = [[self._element(*entry) for entry in row] for row in self.ray.jacobian]
+            drift = [self._element(*part) for part in self.ray.drift]
+        rows, columns, inner = self._independent(matrix, n, r)
+        scale = determinant(inner).inverse()
+        right = [_sum(ring.zero, (matrix[i][j] * drift[j] for j in range(n))).reduced() for i in rows]
+        result = {}
+        for i, state in enumerate(states):
+            # Cramer's rule: row i of C (R C)^-1 applied to R F_1.
+            moved = ring.zero
+            for k in range(r):
+                replaced = [[*row[:k], right[m], *row[k + 1 :]] for m, row in enumerate(inner)]
+                moved = moved + matrix[i][columns[k]] * determinant(replaced)
+            result[state] = ring.to_sympy((drift[i] - (moved * scale)).reduced()).xreplace(self.graph or {})
+        return result
+
+    def _independent(
+        self, matrix: list[list[Element]], n: int, r: int
+    ) -> tuple[tuple[int, ...], tuple[int, ...], list[list[Element]]]:
+        """Rows R, columns C and R C, which is invertible on the piece."""
+        zero = self.whole.ring.zero
+        for rows, columns in itertools.product(itertools.combinations(range(n), r), repeat=2):
+            inner = [
+                [_sum(zero, (matrix[i][k] * matrix[k][j] for k in range(n))).reduced() for j in columns]
+                for i in rows
+            ]
+            if not self.again(self._restricted(determinant(inner))).is_zero:
+                return rows, columns, inner
+        raise AssertionError("sigma_r is not zero, so M^2 has rank r")
+
+    def _restricted(self, element: Element) -> Element:
+        top, left = self.piece.restricted(element.numerator)
+        found = Element(self.whole.ring, top, element.exponents)
+        return found if left.is_one() else found * Element(self.whole.ring, left, ()).inverse()
+
+
+def determinant(matrix: Sequence[Sequence[Element]]) -> Element:
+    """By rows, each time along the one with most zeros."""
+    if len(matrix) == 1:
+        return matrix[0][0]
+    i = max(range(len(matrix)), key=lambda k: (sum(e.is_zero for e in matrix[k]), -k))
+    total: Element | None = None
+    for j, entry in enumerate(matrix[i]):
+        if entry.is_zero:
+            continue
+        minor = [[e for m, e in enumerate(row) if m != j] for k, row in enumerate(matrix) if k != i]
+        term = entry * determinant(minor)
+        term = -term if (i + j) % 2 else term
+        total = term if total is None else total + term
+    return matrix[i][0] if total is None else total.reduced()
+
+
+def _sum(zero: Element, terms) -> Element:
+    for term in terms:
+        zero = zero + term
+    return zero
+
+
+def _primitive(psi: Polynomial) -> Polynomial:
+    """With integer coefficients and a positive leading one."""
+    leading = psi.leading_coefficient()
+    return primitive_multiple(psi * (1 / leading))[0]

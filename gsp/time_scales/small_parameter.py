@@ -1,0 +1,159 @@
+"""`SmallParameter`: parameters that may be small together, the critical manifold that they leave, and the reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import sympy as sp
+
+from gsp.errors import Status
+from gsp.results.card import Card
+from gsp.systems.flow import Portable
+from gsp.systems.system import VectorField
+from gsp.time_scales.attraction import attracts, has_positive_points
+from gsp.time_scales.critical_piece import CriticalPiece
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SmallParameter(Portable, Card):
+    """Parameters `vanishing` that go to 0 in proportion while those of `kept` stay, and one critical manifold then.
+
+    `error` is that of the reduction at the field's own values once it has been measured, and None before.
+    """
+
+    original: VectorField
+    vanishing: tuple[str, ...]
+    kept: tuple[str, ...]
+    manifold: tuple[sp.Eq, ...]
+    critical: CriticalPiece
+    error: float | None = None
+
+    @classmethod
+    def of(cls, critical: CriticalPiece, chosen: Iterable[sp.Symbol]) -> SmallParameter:
+        """The small parameter of a critical manifold at the value where those `chosen` vanish."""
+        original = critical.whole.field
+        vanishing = tuple(p.name for p in chosen)
+        return cls(
+            original=original,
+            vanishing=vanishing,
+            kept=tuple(p.name for p in original.parameters if p.name not in vanishing),
+            manifold=tuple(sp.Eq(e, 0, evaluate=False) for e in critical.equations),
+            critical=critical,
+        )
+
+    @cached_property
+    def attracts(self) -> bool | None:
+        """Whether the manifold attracts wherever states are positive, and parameters have the signs of their values.
+
+        True: everywhere there; False: nowhere; None: signs of coefficients do not decide it, or it depends.
+        """
+        return attracts(self.critical, self._negative)
+
+    @cached_property
+    def is_positive(self) -> bool | None:
+        """Whether states can be positive or zero on the manifold; None where signs do not decide it."""
+        return has_positive_points(self.critical, self._negative)
+
+    @property
+    def _negative(self) -> frozenset[int]:
+        places = self.critical.whole.places
+        return frozenset(places[p] for p, value in self.original.parameters.items() if value < 0)
+
+    @cached_property
+    def is_trivial(self) -> bool:
+        """Whether nothing moves on the manifold to leading order: the reduction has no use then."""
+        return all(rate == 0 for rate in self.reduced.values())
+
+    @property
+    def dimension(self) -> int:
+        """How many variables are left."""
+        return len(self.original.states) - self.critical.codimension
+
+    @cached_property
+    def epsilon(self) -> sp.Symbol:
+        """The distance along the ray to the special value: 0 there, 1 at the values of the field."""
+        taken = {s.name for s in (*self.original.states, *self.original.parameters, *self.original.observables)}
+        name = "epsilon"
+        while name in taken:
+            name += "_"
+        return sp.Symbol(name)
+
+    @cached_property
+    def field(self) -> VectorField:
+        """The field with epsilon p for each vanishing parameter p, in slow time: at epsilon = 1 it is the original."""
+        ray = {p: self.epsilon * p for p in self.original.parameters if p.name in self.vanishing}
+        divided = self.epsilon ** (1 - self.critical.ray.order)
+        rates = {
+            z: sp.Add(*[term / divided for term in sp.Add.make_args(sp.expand_mul(rate.xreplace(ray)))])
+            for z, rate in self.original.equations.items()
+        }
+        observables = {o: e.xreplace(ray) for o, e in self.original.observables.items()}
+        return VectorField(
+            rates,
+            epsilon=self.epsilon,
+            parameters=self.original.parameters,
+            name=self.original.name,
+            observables=observables,
+        )
+
+    @cached_property
+    def graph(self) -> Mapping[sp.Symbol, sp.Expr] | None:
+        """States on the manifold as functions of the others; None where it is implicit."""
+        graph = self.critical.graph
+        return None if graph is None else MappingProxyType(graph)
+
+    @cached_property
+    def reduced(self) -> Mapping[sp.Symbol, sp.Expr]:
+        """The rates on the manifold to leading order, in the time of the field, of the states that stay.
+
+        x' = (1 - P (D psi P)^-1 D psi) F_1; where the manifold is implicit, of all states, in all of them.
+        """
+        rates = self.critical.reduction
+        gone = self.critical.graph or {}
+        return MappingProxyType({z: rate for z, rate in rates.items() if z not in gone})
+
+    def __str__(self) -> str:
+        gone = ", ".join(f"{name} -> 0" for name in self.vanishing)
+        equations = ", ".join(f"{e.lhs} = 0" for e in self.manifold)
+        told = {True: "attracts", False: "does not attract", None: "undecided whether it attracts"}
+        where = ", has no points with positive states" if self.is_positive is False else ""
+        return f"{gone}: {equations}, {told[self.attracts]}{where}"
+
+    def __repr__(self) -> str:
+        return f"SmallParameter({self})"
+
+
+class SmallParameters(tuple[SmallParameter, ...]):
+    """What `small_parameters` found, in the order in which it looked; with `status` and `message` how far that was."""
+
+    field: VectorField
+    status: Status
+    message: str
+
+    def __new__(
+        cls, found: Iterable[SmallParameter], *, field: VectorField, status: Status, message: str
+    ) -> SmallParameters:
+        made = super().__new__(cls, found)
+        made.field, made.status, made.message = field, status, message
+        return made
+
+    def __reduce__(self) -> tuple:
+        return _made, (tuple(self), self.field, self.status, self.message)
+
+    def __repr__(self) -> str:
+        values = len({each.vanishing for each in self})
+        return f"SmallParameters({len(self)} reductions at {values} special values)"
+
+    def __str__(self) -> str:
+        if not self:
+            return f"no parameter of {self.field.name or 'the field'} may be called small. {self.message}"
+        return "\n".join([*(str(each) for each in self), self.message])
+
+
+def _made(
+    found: tuple[SmallParameter, ...], field: VectorField, status: Status, message: str
+) -> SmallParameters:
+    return SmallParameters(found, field=field, status=status, message=message)

@@ -1,0 +1,190 @@
+"""Irreducible pieces of an algebraic set, as triangular sets that are linear in their main variables.
+
+Decomposition by factors and substitution (Ritt, Wu): a factor c v + d of one equation is solved for the variable v
+where c != 0; where c = 0 = d follow pieces of their own. Equations of mass action are linear in a state or in a
+parameter at every step, so that nothing but factorisation is needed. Polynomials are python-flint's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import NamedTuple
+
+import flint
+
+Polynomial = flint.fmpq_mpoly
+
+
+class TriangularSet(NamedTuple):
+    """Equations psi_1 = ... = psi_r = 0; psi_i has the main variable `pivots[i]`, which no later one contains."""
+
+    equations: tuple[Polynomial, ...]
+    pivots: tuple[int, ...]
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether each equation is linear in its main variable: the piece has a rational parametrisation."""
+        return all(psi.degrees()[v] == 1 for psi, v in zip(self.equations, self.pivots))
+
+    def is_regular_on(self, piece: TriangularSet) -> bool:
+        """Whether no leading coefficient vanishes on the piece: otherwise the set does not describe it."""
+        return all(piece.restricted(leading(psi, v))[0] != 0 for psi, v in zip(self.equations, self.pivots))
+
+    def restricted(self, polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
+        """(a, b) with a/b the polynomial on the piece: for an irreducible one it vanishes there exactly when a = 0."""
+        below = polynomial.context().constant(1)
+        for psi, v in zip(self.equations, self.pivots):
+            polynomial, lead = pseudo_remainder(polynomial, psi, v)
+            below, other = pseudo_remainder(below * lead, psi, v)
+            polynomial *= other
+        return polynomial, below
+
+    def shortened(self) -> TriangularSet:
+        """The same piece, each equation with what follows from the later ones put in."""
+        if not self.is_linear:
+            return self
+        short: tuple[Polynomial, ...] = ()
+        for i, v in reversed([*enumerate(self.pivots)]):
+            top, _ = TriangularSet(short, self.pivots[i + 1 :]).restricted(self.equations[i])
+            short = (next(q for q, _ in top.factor()[1] if q.degrees()[v]), *short)
+        return TriangularSet(short, self.pivots)
+
+    def contains(self, other: TriangularSet) -> bool:
+        """Whether the piece lies in that of `other`, which has as many equations: they are the same then."""
+        return all(self.restricted(psi)[0] == 0 for psi in other.equations)
+
+
+class Decomposition(NamedTuple):
+    """Pieces of an algebraic set, and how many branches were left because no equation was linear in anything."""
+
+    pieces: list[TriangularSet]
+    unsolved: int
+
+
+class Variables(NamedTuple):
+    """Which generators are states (or functions of them), which a piece may be solved for, and which parameters."""
+
+    states: frozenset[int]
+    solvable: tuple[int, ...]
+    parameters: tuple[int, ...]
+
+
+def decomposed(
+    equations: Sequence[Polynomial], variables: Variables, *, most: int, count: Callable[[int], None]
+) -> Decomposition:
+    """The pieces of codimension `most` and less on which no polynomial in the parameters alone vanishes.
+
+    `count` is told of the terms that are looked at, and ends the work by what it raises.
+    """
+    search = _Search(variables, most, count)
+    search.branch(equations, TriangularSet((), ()))
+    return Decomposition(search.pieces, search.unsolved)
+
+
+class _Search:
+    def __init__(self, variables: Variables, most: int, count: Callable[[int], None]) -> None:
+        self.variables, self.most, self.count = variables, most, count
+        self.pieces: list[TriangularSet] = []
+        self.unsolved = 0
+
+    def branch(self, equations: Sequence[Polynomial], found: TriangularSet) -> None:
+        equations = [g for g in equations if g != 0]
+        if not equations:
+            same = (p for p in self.pieces if len(p.pivots) == len(found.pivots))
+            if found.equations and not any(found.contains(p) for p in same):
+                self.pieces.append(found.shortened())
+            return
+        if len(found.pivots) == self.most:
+            return
+        self.count(sum(map(len, equations)))
+        choice = min(
+            ((self._factors(g), i) for i, g in enumerate(equations)),
+            key=lambda entry: (max((score for score, _, _ in entry[0]), default=-1), len(entry[0]), entry[1]),
+        )
+        factors, place = choice
+        rest = [g for i, g in enumerate(equations) if i != place]
+        for score, v, q in factors:
+            reduced = [pseudo_remainder(g, q, v)[0] for g in rest]
+            further = TriangularSet((*found.equations, q), (*found.pivots, v))
+            if not further.is_regular_on(further):
+                continue
+            if score == _NONLINEAR and any(g != 0 for g in reduced):
+                self.unsolved += 1
+                continue
+            self.branch(reduced, further)
+            top = leading(q, v)
+            if score != _NONLINEAR and len(found.pivots) + 2 <= self.most and self._moves(top):
+                self.branch([top, q - top * q.context().gens()[v], *rest], found)
+
+    def _factors(self, g: Polynomial) -> list[tuple[int, int, Polynomial]]:
+        """(score, main variable, factor) of the factors that contain states; none where nothing can vanish."""
+        return [(*self._pivot(q), q) for q, _ in g.factor()[1] if self._moves(q)]
+
+    def _moves(self, g: Polynomial) -> bool:
+        return contained(g, self.variables.states)
+
+    def _complexity(self, lead: Polynomial) -> int:
+        if lead.is_constant() or not self._moves(lead):
+            return int(not lead.is_constant())
+        return 2 if len({c > 0 for c in lead.coeffs()}) == 1 else 3
+
+    def _pivot(self, q: Polynomial) -> tuple[int, int]:
+        """(score, variable): first a state with a constant coefficient, then one whose coefficient has one sign.
+
+        Parameters come after all states.
+        """
+        degrees = q.degrees()
+        best = (_NONLINEAR, -1)
+        for group, base in ((self.variables.solvable, 0), (self.variables.parameters, 4)):
+            for v in group:
+                if degrees[v] == 1:
+                    lead = q.derivative(v)
+                    score = base + self._complexity(lead)
+                    best = min(best, (score, v))
+        if best[1] < 0:
+            v = min((i for i in self.variables.states if degrees[i] > 0), key=lambda i: (degrees[i], i))
+            return _NONLINEAR, v
+        return best
+
+
+_NONLINEAR = 8
+
+
+def coefficients_in(polynomial: Polynomial, v: int) -> dict[int, Polynomial]:
+    """Coefficients of the powers of generator `v`, those that are not zero."""
+    rows: dict[int, dict] = {}
+    for powers, c in polynomial.to_dict().items():
+        rows.setdefault(int(powers[v]), {})[tuple(0 if i == v else k for i, k in enumerate(powers))] = c
+    context = polynomial.context()
+    return {k: context.from_dict(row) for k, row in rows.items()}
+
+
+def leading(polynomial: Polynomial, v: int) -> Polynomial:
+    """The coefficient of the highest power of generator `v`."""
+    degree = polynomial.degrees()[v]
+    if degree == 1:
+        return polynomial.derivative(v)
+    return coefficients_in(polynomial, v)[degree]
+
+
+def pseudo_remainder(polynomial: Polynomial, divisor: Polynomial, v: int) -> tuple[Polynomial, Polynomial]:
+    """(r, b) with b P = r modulo the divisor, r of lower degree in `v`, b a power of its leading coefficient."""
+    degree = divisor.degrees()[v]
+    own = polynomial.degrees()[v]
+    one = polynomial.context().constant(1)
+    if polynomial == 0 or own < degree:
+        return polynomial, one
+    lead, variable = leading(divisor, v), polynomial.context().gens()[v]
+    tail = divisor - lead * variable**degree
+    below = one
+    while polynomial != 0 and (own := polynomial.degrees()[v]) >= degree:
+        top = leading(polynomial, v)
+        polynomial = lead * (polynomial - top * variable**own) - top * tail * variable ** (own - degree)
+        below *= lead
+    return polynomial, below
+
+
+def contained(polynomial: Polynomial, variables: Collection[int]) -> bool:
+    """Whether the polynomial contains one of the variables."""
+    degrees = polynomial.degrees()
+    return any(degrees[i] > 0 for i in variables)

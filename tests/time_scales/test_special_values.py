@@ -1,0 +1,156 @@
+"""Special parameter values: published counts, reductions in closed form, other variables, bounds."""
+
+from __future__ import annotations
+
+import pytest
+import sympy as sp
+
+from gsp.errors import DeclarationError, Status
+from gsp.time_scales import special_values
+from gsp.time_scales.special_values import small_parameters
+from tests.time_scales.fields import (
+    H,
+    alpha,
+    beta,
+    delta,
+    eta,
+    field,
+    gamma,
+    in_other_variables,
+    michaelis_menten,
+    mutualism,
+    rho,
+    rosenzweig_macarthur,
+)
+
+# Special values, critical manifolds and reductions, of TikhonovFenichelReductions.jl's tests.
+PUBLISHED = {
+    "Michaelis-Menten": (michaelis_menten, {}, (12, 5, 15)),
+    "Michaelis-Menten with k_-1 fixed": (michaelis_menten, {"kept": ["km1"]}, (7, 3, 8)),
+    "Rosenzweig-MacArthur": (rosenzweig_macarthur, {}, (15, 7, 18)),
+    "Rosenzweig-MacArthur with alpha = 1, beta = 0": (
+        rosenzweig_macarthur,
+        {"kept": ["alpha"], "vanishing": ["beta"]},
+        (6, 3, 8),
+    ),
+    # Their 35 count two more, on which the linear part is nilpotent: see the next test.
+    "mutualism": (mutualism, {"kept": ["k1", "k2", "k3"]}, (27, 12, 33)),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_as_many_are_found_as_were_published(name: str) -> None:
+    make, options, wanted = PUBLISHED[name]
+    given = make()
+    found = small_parameters(given, dimensions=[len(given.states) - 1], **options)
+    assert found.status is Status.SUCCESS
+    values = {each.vanishing for each in found}
+    assert (len(values), len({each.manifold for each in found}), len(found)) == wanted
+
+
+@pytest.mark.parametrize(("kept", "state"), [("mu1", "H"), ("mu2", "S")])
+def test_two_published_reductions_of_the_mutualism_fail_the_rank_condition(kept: str, state: str) -> None:
+    """With mu_i alone kept, C = 0 is a manifold of equilibria across which the linear part is nilpotent."""
+    given = mutualism()
+    rates = {z: r.subs({p: 0 for p in given.parameters if p.name not in (kept, "k1", "k2", "k3")}) for z, r in
+             given.equations.items()}  # fmt: skip
+    c = given.states[2]
+    linear = sp.Matrix([*rates.values()]).jacobian(given.states).subs(c, 0)
+    assert all(rate.subs(c, 0) == 0 for rate in rates.values())
+    assert linear != sp.zeros(3)
+    assert linear**2 == sp.zeros(3)
+    found = small_parameters(given, dimensions=[2], kept=["k1", "k2", "k3"])
+    manifolds = [[e.lhs for e in each.manifold] for each in found if set(each.kept) == {kept, "k1", "k2", "k3"}]
+    assert [c] not in manifolds
+    assert [sorted(str(f) for f in e.free_symbols) for (e,) in manifolds] == [
+        [state, {"H": "k1", "S": "k2"}[state]]
+    ]
+
+
+def test_the_rosenzweig_macarthur_system_is_a_reduction() -> None:
+    found = small_parameters(rosenzweig_macarthur(), dimensions=[2], vanishing=["beta", "eta", "rho"])
+    (only,) = [each for each in found if each.vanishing == ("beta", "eta", "rho")]
+    b, s, _ = only.original.states
+    assert only.manifold == (sp.Eq(H, 0, evaluate=False),)
+    assert only.attracts
+    below = delta + gamma * b
+    wanted = {
+        b: rho * b * (1 - b) - alpha * (eta + beta) * b * s / below,
+        s: -eta * s + gamma * (eta + beta) * b * s / below,
+    }
+    assert {z: sp.simplify(only.reduced[z] - rate) for z, rate in wanted.items()} == {b: 0, s: 0}
+    assert set(only.reduced) == {b, s}
+
+
+@pytest.mark.parametrize("make", [michaelis_menten, rosenzweig_macarthur])
+def test_other_variables_change_no_answer_but_names(make) -> None:
+    given = make()
+    n = len(given.states)
+    matrix = sp.Matrix(n, n, lambda i, j: [[2, 1, 0], [1, 1, 1], [0, 3, 2]][i][j])
+    there = small_parameters(in_other_variables(given, matrix))
+    here = small_parameters(given)
+    assert there.message == here.message
+
+    def counts(found) -> list:
+        return sorted((each.vanishing, each.dimension) for each in found)
+
+    assert counts(there) == counts(here)
+
+
+x, y, z = sp.symbols("x y z")
+a, b, k = sp.symbols("a b k")
+
+
+def test_an_oscillator_has_no_small_parameter() -> None:
+    found = small_parameters(field({x: a * y, y: -b * x}, (a, b)))
+    assert found == ()
+    assert "no parameter of the field may be called small" in str(found)
+
+
+def test_poles_and_functions_are_read_and_parameters_within_functions_stay() -> None:
+    """x' = y/a, y' = exp(-b x) - k y: a inductance, a decay; b cannot vanish, for it stands in a function."""
+    found = small_parameters(field({x: (y - x) / a, y: sp.exp(-b * x) - k * y}, (a, b, k)))
+    assert {each.vanishing for each in found} == {("a",), ("a", "k")}
+    only = found[0]
+    assert only.attracts
+    graph = {x: y} if y in only.reduced else {y: x}
+    (state,) = only.reduced
+    assert only.graph == graph
+    assert sp.simplify(only.reduced[state] - (sp.exp(-b * state) - k * state)) == 0
+    assert sp.limit(only.field.equations[x] * only.epsilon, only.epsilon, 0) == (y - x) / a
+
+
+def test_the_work_is_bounded_and_what_was_found_is_given(monkeypatch) -> None:
+    monkeypatch.setattr(special_values, "BUDGET", 300)
+    found = small_parameters(rosenzweig_macarthur())
+    assert found.status is Status.TOO_MANY_STEPS
+    assert "of 63 choices" in found.message
+    whole = small_parameters(michaelis_menten())
+    assert whole.status is Status.TOO_MANY_STEPS or len(whole) == 15
+
+
+def test_interrupted_it_gives_what_it_has() -> None:
+    shares: list[float] = []
+
+    def stop(share: float) -> None:
+        shares.append(share)
+        if len(shares) == 6:
+            raise KeyboardInterrupt
+
+    found = small_parameters(michaelis_menten(), progress=stop)
+    assert found.status is Status.INTERRUPTED
+    assert found.message.startswith("5 of 15")
+    assert shares == sorted(shares)
+    assert found
+
+
+def test_a_field_with_a_small_parameter_is_sent_to_split() -> None:
+    from gsp.systems.system import VectorField
+
+    with pytest.raises(DeclarationError, match="split"):
+        small_parameters(VectorField({x: -x, y: -y / a}, epsilon=a))
+    with pytest.raises(DeclarationError, match='"e1", which is no parameter'):
+        small_parameters(michaelis_menten(), kept=["e1"])
+    with pytest.raises(DeclarationError, match="in vanishing and in kept"):
+        small_parameters(michaelis_menten(), kept=["e0"], vanishing=["e0"])
+    assert small_parameters(field({x: -a * x}, (a,))) == ()
