@@ -54,7 +54,8 @@ sphinx_gallery_conf = {
     "min_reported_time": 1,
     "within_subsection_order": "FileNameSortKey",
     "subsection_order": [
-        f"../examples/{name}" for name in ("manifolds", "hyperbolicity", "passage", "runs", "scales", "mechanics")
+        f"../examples/{name}"
+        for name in ("manifolds", "hyperbolicity", "passage", "runs", "scales", "mechanics")
     ],
     "thumbnail_size": (480, 300),
 }
