@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
 from gsp.time_scales.critical_piece import CriticalPiece, determinant
 from gsp.time_scales.triangular_sets import (
@@ -64,7 +64,7 @@ def sign_of(polynomial: Polynomial, negative: frozenset[int]) -> int | None:
     return None if len(signs) > 1 else signs.pop() if signs else 0
 
 
-def _sign(element: Element, negative: frozenset[int]) -> int | None:
+def _sign(element: RingElement, negative: frozenset[int]) -> int | None:
     sign = sign_of(element.numerator, negative)
     for i, exponent in enumerate(element.exponents):
         if exponent % 2 and sign is not None:

@@ -15,7 +15,7 @@ from functools import cached_property
 import sympy as sp
 
 from gsp.algebra.polynomials import primitive_multiple
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
 from gsp.time_scales.polynomial_field import Fraction, PolynomialField, Ray
 from gsp.time_scales.triangular_sets import Polynomial, TriangularSet
@@ -42,35 +42,35 @@ class CriticalPiece:
             return False
 
     @cached_property
-    def linear_part(self) -> list[list[Element]]:
+    def linear_part(self) -> list[list[RingElement]]:
         """M = D F_0 (n, n) on the piece, in the variables that are free there."""
         return [[self.on_piece(entry) for entry in row] for row in self.ray.jacobian]
 
-    def on_piece(self, fraction: Fraction) -> Element:
+    def on_piece(self, fraction: Fraction) -> RingElement:
         """The fraction on the piece; raises `HyperbolicityError` where its denominator vanishes there."""
         top, left = self.piece.restricted(fraction[0])
         below, right = self.piece.restricted(fraction[1])
         return self._element(top * right, below * left)
 
-    def _element(self, top: Polynomial, below: Polynomial) -> Element:
+    def _element(self, top: Polynomial, below: Polynomial) -> RingElement:
         ring = self.whole.ring
-        found = Element(ring, top, ())
-        return found.reduced() if below.is_one() else (found * Element(ring, below, ()).inverse()).reduced()
+        found = RingElement(ring, top, ())
+        return found.reduced() if below.is_one() else (found * RingElement(ring, below, ()).inverse()).reduced()
 
-    def sigma(self, k: int) -> Element:
+    def sigma(self, k: int) -> RingElement:
         """The sum of the principal minors of order k of M: up to its sign the characteristic polynomial has it."""
         total = self.whole.ring.zero
         for chosen in itertools.combinations(range(len(self.linear_part)), k):
             total = total + determinant([[self.linear_part[i][j] for j in chosen] for i in chosen])
         return self.again(total)
 
-    def again(self, element: Element) -> Element:
+    def again(self, element: RingElement) -> RingElement:
         """A product of residues, as a residue again where an equation is not linear in its main variable."""
         if self.piece.is_linear:
             return element.reduced()
         top, left = self.piece.restricted(element.numerator)
-        found = Element(self.whole.ring, top, element.exponents)
-        return (found * Element(self.whole.ring, left, ()).inverse()).reduced()
+        found = RingElement(self.whole.ring, top, element.exponents)
+        return (found * RingElement(self.whole.ring, left, ()).inverse()).reduced()
 
     # -- the manifold and the flow on it ------------------------------------------------------------
 
@@ -78,7 +78,7 @@ class CriticalPiece:
     def equations(self) -> tuple[sp.Expr, ...]:
         """What vanishes on the manifold."""
         ring = self.whole.ring
-        return tuple(ring.to_sympy(Element(ring, _primitive(psi), ())) for psi in self.piece.equations)
+        return tuple(ring.to_sympy(RingElement(ring, _primitive(psi), ())) for psi in self.piece.equations)
 
     @cached_property
     def graph(self) -> dict[sp.Symbol, sp.Expr] | None:
@@ -125,8 +125,8 @@ class CriticalPiece:
         return result
 
     def _independent(
-        self, matrix: list[list[Element]], n: int, r: int
-    ) -> tuple[tuple[int, ...], tuple[int, ...], list[list[Element]]]:
+        self, matrix: list[list[RingElement]], n: int, r: int
+    ) -> tuple[tuple[int, ...], tuple[int, ...], list[list[RingElement]]]:
         """Rows R, columns C and R C, which is invertible on the piece."""
         zero = self.whole.ring.zero
         for rows, columns in itertools.product(itertools.combinations(range(n), r), repeat=2):
@@ -138,18 +138,18 @@ class CriticalPiece:
                 return rows, columns, inner
         raise AssertionError("sigma_r is not zero, so M^2 has rank r")
 
-    def _restricted(self, element: Element) -> Element:
+    def _restricted(self, element: RingElement) -> RingElement:
         top, left = self.piece.restricted(element.numerator)
-        found = Element(self.whole.ring, top, element.exponents)
-        return found if left.is_one() else found * Element(self.whole.ring, left, ()).inverse()
+        found = RingElement(self.whole.ring, top, element.exponents)
+        return found if left.is_one() else found * RingElement(self.whole.ring, left, ()).inverse()
 
 
-def determinant(matrix: Sequence[Sequence[Element]]) -> Element:
+def determinant(matrix: Sequence[Sequence[RingElement]]) -> RingElement:
     """By rows, each time along the one with most zeros."""
     if len(matrix) == 1:
         return matrix[0][0]
     i = max(range(len(matrix)), key=lambda k: (sum(e.is_zero for e in matrix[k]), -k))
-    total: Element | None = None
+    total: RingElement | None = None
     for j, entry in enumerate(matrix[i]):
         if entry.is_zero:
             continue
@@ -160,7 +160,7 @@ def determinant(matrix: Sequence[Sequence[Element]]) -> Element:
     return matrix[i][0] if total is None else total.reduced()
 
 
-def _sum(zero: Element, terms) -> Element:
+def _sum(zero: RingElement, terms) -> RingElement:
     for term in terms:
         zero = zero + term
     return zero

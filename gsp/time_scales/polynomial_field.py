@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp.algebra.functions import are_rational, is_rational_node, require_rules
 from gsp.algebra.ring import LocalisedRing, read
-from gsp.algebra.ring_elements import Element
+from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
 from gsp.systems.system import VectorField
 from gsp.time_scales.triangular_sets import Polynomial, Variables
@@ -154,7 +154,7 @@ def _lowest(top: Polynomial, below: Polynomial) -> Fraction:
     return top / common, below / common
 
 
-def _fraction(element: Element) -> Fraction:
+def _fraction(element: RingElement) -> Fraction:
     ring = element.ring
     below = ring.context.constant(1)
     for i, exponent in enumerate(element.exponents):
