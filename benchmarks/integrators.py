@@ -209,7 +209,7 @@ def solvers_of(
     result = {OURS: (ours(problem, None), fine)}
     if not quick:
         methods = [gsp.Method.RADAU9, gsp.Method.RADAU13]
-        methods += [] if problem.is_stiff else [gsp.Method.DOP853, gsp.Method.TAYLOR]
+        methods += [] if problem.is_stiff else [gsp.Method.DOP853]
         result |= {f"{OURS} {method.name}": (ours(problem, method), fine) for method in methods}
     for peer in peers:
         if peer.is_explicit and problem.is_stiff:

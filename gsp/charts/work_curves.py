@@ -86,6 +86,5 @@ def _name(curve: WorkCurve) -> str:
         "radau9": "Radau 9",
         "radau13": "Radau 13",
         "dop853": "DOP853",
-        "taylor": "Taylor",
     }
     return names.get(curve.label, curve.label)

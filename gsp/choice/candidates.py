@@ -12,9 +12,9 @@ import numpy as np
 from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee_surface
 from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError
-from gsp.integration.methods import Method, begins_with_series, choose_method, is_mild, program_of
+from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import Trajectory, trajectory_of
-from gsp.lowering.compiled_flow import compile_flow, parameter_vector
+from gsp.lowering.compiled_flow import compile_flow
 from gsp.scenes.scene import Scene
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.systems.flow import Flow
@@ -217,15 +217,10 @@ def full_candidate(flow: Flow, start, scene: Scene, layer: float, rtol: float) -
     first, last = scene.span
     begun = time.perf_counter()
     compiled = compile_flow(flow)
-    _ = compiled.derivatives_program
     # Over a short piece the default could be another method than over the span, with steps of another kind.
     method = choose_method(compiled, max(rtol, SMALLEST_RTOL))
-    p, y = parameter_vector(flow, scene.epsilon), np.array(flow.initial(start))
-    mild = flow.is_stiff and is_mild(compiled, p, y, first, last)
-    if mild and begins_with_series(compiled, max(rtol, SMALLEST_RTOL)):
-        method = Method.TAYLOR
     # The code of a step is built here, once.
-    program_of(compiled, method, max(rtol, SMALLEST_RTOL))
+    SOLVERS[method].program(compiled)
     preparation = time.perf_counter() - begun
     over = first + min(layer, LARGEST_LAYER * (last - first))
     middle, end = (over + share * PIECE * (last - over) for share in (0.5, 1.0))

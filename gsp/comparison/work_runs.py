@@ -11,7 +11,7 @@ import numpy as np
 
 from gsp.comparison.peers import Peer
 from gsp.errors import GspError, Status, one_line
-from gsp.integration.methods import Method, program_of
+from gsp.integration.methods import SOLVERS, Method
 from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
@@ -141,7 +141,7 @@ def full_tasks(
 
     for method in methods:
         try:
-            program_of(compile_flow(system), method, SOME_RTOL)
+            SOLVERS[method].program(compile_flow(system))
         except GspError as error:
             omitted[method.value] = _reason(error)
             continue

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.loop import Run, advance
+from gsp.integration.loop import Run, run
 from gsp.integration.methods import Method
 from gsp.integration.pieces import Piece
 from gsp.integration.room import Record
@@ -50,9 +50,7 @@ class Stepper:
 
     def between(self, first: float, y: np.ndarray, last: float) -> Record:
         """The run from `y` at `first` to `last`, in one step when its error allows."""
-        return advance(
-            self.run(y, first, np.array([last]), max_steps=1000, first_step=last - first), self.method
-        )
+        return run(self.run(y, first, np.array([last]), max_steps=1000, first_step=last - first))
 
     def run(self, y: np.ndarray, first: float, stops: np.ndarray, *, max_steps: int, **more: Any) -> Run:
         """What is to be run from `y` at `first`, with short records; `more` is the run's own."""
@@ -121,7 +119,7 @@ class Seen(NamedTuple):
 
 
 class Search:
-    """Looks for crossings in the steps of a run as they are made: the `watch` of `advance`.
+    """Looks for crossings in the steps of a run as they are made: the `watch` of a `Run`.
 
     `values(t, states)` gives the watched functions (m, w) at times (m,) and states (m, n), `signs` (w,) the signs at
     the start, 0 where the first sign that comes is to count. Where a function is not a number no sign is known.

@@ -28,13 +28,10 @@ from gsp.integration.loop import (
 from gsp.integration.member import SHOWN_STATES, Member
 from gsp.integration.members import Column, Columns, Members, Starts, members_of
 from gsp.integration.methods import (
-    MILD,
-    MILD_ATTEMPTS,
+    SOLVERS,
     Method,
-    begins_with_series,
     check_method,
     choose_method,
-    solver_of,
 )
 from gsp.integration.parallel import Work, check_threads, share
 from gsp.kernels import ensemble as kernels
@@ -82,7 +79,6 @@ class Ensemble(Drawn, Tabular):
     reached: np.ndarray
     last: np.ndarray
     _counters: np.ndarray = field(repr=False)
-    _explicit: np.ndarray = field(repr=False)
     _explanations: Mapping[int, Explanation] = field(repr=False)
 
     def __len__(self) -> int:
@@ -128,7 +124,7 @@ class Ensemble(Drawn, Tabular):
             t=self.t,
             y=self.y[i],
             stats=Stats(
-                Method.TAYLOR if self._explicit[i] else self.method,
+                self.method,
                 steps,
                 rejected,
                 field_calls,
@@ -259,21 +255,10 @@ def integrate_many(
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)
     m, n = members.starts.shape
     t = np.array([last]) if grid is None else grid
-    solver = solver_of(chosen, rtol)
+    solver = SOLVERS[chosen]
     program = solver.program(compiled)
     # Compiled code does not come back for them in the middle of a member.
     solver.give_loops(program)
-    # As in `integrators.run`: the default tries Taylor series where the start is not stiff.
-    tries = asked is None and flow.is_stiff and begins_with_series(compiled, rtol)
-    tries = tries and kernels.any_begins(
-        compiled.derivatives_program, members.constants.copy(), first, last, members.starts.copy(), MILD
-    )
-    first_solver = solver_of(Method.TAYLOR, rtol) if tries else solver
-    begins = (
-        first_solver.program(compiled),
-        MILD if tries else 0.0,
-        MILD_ATTEMPTS,
-    )
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
     shared = (
@@ -292,28 +277,20 @@ def integrate_many(
         kept[:, 0] = ends
     counters = np.zeros((m, ledger.COUNTERS_SIZE), dtype=np.int64)
     codes = np.full(m, kernels.NOT_FINISHED, dtype=np.int64)
-    explicit = np.zeros(m, dtype=np.bool_)
     arrays = (ends, reached, kept, counters, codes)
 
     def worker() -> Work:
         memory = np.zeros(solver.memory_size(n))
         times, states = np.empty(length + 1), np.empty((length + 1, n))
-
-        def record_of(method: Method, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
-            dense = reads or watched is not None or method is Method.DOP853
-            return times, states, np.empty((length if dense else 0, rows, n))
-
-        record = record_of(chosen, solver.rows)
-        trial_record = record_of(Method.TAYLOR, first_solver.rows) if tries else record
+        # DOP853 computes its dense output, as in `integrate`, since that can fail by itself.
+        dense = reads or watched is not None or chosen is Method.DOP853
+        record = times, states, np.empty((length if dense else 0, solver.rows, n))
         rate = np.zeros(n)
 
         def work(low: int, high: int, halt: np.ndarray) -> None:
             scratch = (rate, memory, record)
             if watched is None:
-                kernels.run_members(
-                    *shared, begins, low, high, halt, *arrays, explicit, *scratch, trial_record
-                )  # fmt: skip
+                kernels.run_members(*shared, low, high, halt, *arrays, *scratch)
             else:
                 watched.run(shared, low, high, halt, arrays, scratch)
 
@@ -336,7 +313,6 @@ def integrate_many(
         reached=frozen(reached),
         last=frozen(ends),
         _counters=frozen(counters[:, : ledger.STIFF + 1].copy()),
-        _explicit=frozen(explicit),
         _explanations=explanations,
     )
 

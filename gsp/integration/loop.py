@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, Status
-from gsp.integration.methods import MILD, MILD_ATTEMPTS, Method, begins_with_series, choose_method
+from gsp.integration.methods import Method, choose_method
 from gsp.integration.room import (
     Record,
     RecordInRoom,
@@ -24,7 +24,7 @@ from gsp.integration.room import (
 )
 from gsp.kernels import ledger
 from gsp.kernels.grid import runs_along
-from gsp.kernels.launch import NOT_BEGUN, OVER_SLOW, Y, begins_mildly, launch, launch_watched
+from gsp.kernels.launch import NOT_BEGUN, OVER_SLOW, Y, launch, launch_watched
 from gsp.lowering.compiled_flow import CompiledFlow
 from gsp.systems.arguments import as_float, check_array, check_number, check_whole, shown
 
@@ -94,49 +94,8 @@ class Run(NamedTuple):
 
 
 def run(asked: Run) -> Record:
-    """`advance` by the run's method, or by default as `choose_method` says, explicitly where the start is not stiff.
-
-    The explicit method has the few steps that such a span takes. If they do not suffice, or it fails, the implicit one
-    goes on from there, and is the method that `stats` names. A watched run keeps to one method: the caller names it.
-    """
-    if asked.method is not None:
-        return advance(asked, asked.method)
-    chosen = choose_method(asked.compiled, asked.rtol)
-    tries = asked.compiled.is_stiff
-    record = advance(asked, chosen, tries)
-    if not tries or record.method is not Method.TAYLOR:
-        return record
-    used = record.attempts
-    if record.status in (Status.SUCCESS, Status.INTERRUPTED) or used >= asked.max_steps:
-        return record
-    t, stops = record.times[-1], np.asarray(asked.stops)
-    ahead = stops[stops > t] if stops[-1] > t else stops[stops < t]
-    left = asked._replace(y=record.states[-1], first=float(t), stops=ahead, max_steps=asked.max_steps - used)
-    return _joined(record, advance(left, chosen))
-
-
-def _joined(one: Record, two: Record) -> Record:
-    """Both runs, the second from the end of the first; a dense output with fewer rows is filled up with zeros."""
-    rows = max(one.dense.shape[1], two.dense.shape[1])
-    dense = [np.pad(record.dense, ((0, 0), (0, rows - record.dense.shape[1]), (0, 0))) for record in (one, two)]
-    counters = [a + b for a, b in zip(one.counters, two.counters)]
-    counters[ledger.STIFF] = max(one.counters[ledger.STIFF], two.counters[ledger.STIFF])
-    return Record(
-        np.concatenate([one.times, two.times[1:]]),
-        np.concatenate([one.states, two.states[1:]]),
-        np.concatenate(dense),
-        two.status,
-        two.method,
-        counters,
-        len(one.times) - 1,
-    )
-
-
-def advance(asked: Run, method: Method, tries: bool = False) -> Record:
-    """The run by `method`.
-
-    If it `tries` and the start is such, Taylor series run in place of `method`, with their attempts.
-    """
+    """The run by its method, or the one that `choose_method` names."""
+    method = asked.method or choose_method(asked.compiled, asked.rtol)
     (
         compiled,
         p,
@@ -160,25 +119,18 @@ def advance(asked: Run, method: Method, tries: bool = False) -> Record:
     watches = 0 if tests is None else tests.count
     length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
     between = length if dense else 0
-    while True:
-        solver, program, enter, constants, memory, before = layout_of(compiled, method, rtol)
-        rows = solver.rows
-        room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
-        # As `kernels.launch` orders them.
-        enter(
-            room, 0,
-            OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between,
-            rows, first, rtol, atol, first_step, *y, *p, stops[0],
-        )  # fmt: skip
-        if many > 1:
-            end = Y + n + constants
-            room[end : end + many] = stops
-        tries = tries and begins_mildly(compiled.derivatives_program, room, MILD)
-        if not tries or not begins_with_series(compiled, rtol):
-            break
-        method, max_steps, tries = Method.TAYLOR, min(MILD_ATTEMPTS, max_steps), False
-        # The system takes longer to give a second large array than such a run does.
-        del room
+    solver, program, enter, constants, memory, before = layout_of(compiled, method)
+    rows = solver.rows
+    room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
+    # As `kernels.launch` orders them.
+    enter(
+        room, 0,
+        OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between,
+        rows, first, rtol, atol, first_step, *y, *p, stops[0],
+    )  # fmt: skip
+    if many > 1:
+        end = Y + n + constants
+        room[end : end + many] = stops
     full: list[np.ndarray] = []
     code = ledger.RECORD_FULL
     status = None

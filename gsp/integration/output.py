@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gsp.integration.loop import Numbers
-from gsp.integration.methods import Method, Solver, solver_of
+from gsp.integration.methods import SOLVERS, Solver
 from gsp.integration.room import Record, RecordInRoom
 from gsp.kernels import grid as kernels
 from gsp.kernels import ledger
@@ -22,13 +22,11 @@ def read(
 ) -> tuple[np.ndarray, int]:
     """The states (reached, n) at the times `grid` (m,) that `record` covers, writable, and how many those are.
 
-    What that costs is added to the record's counters. Its first `series` steps were made by Taylor series, before its
-    method went on.
+    What that costs is added to the record's counters.
     """
-    out = np.empty((len(grid), compiled.size))
+    out, solver = np.empty((len(grid), compiled.size)), SOLVERS[record.method]
     if type(record) is RecordInRoom:
         # In one call, without cutting the record out.
-        solver = solver_of(record.method, rtol)
         if solver.check == kernels.CORRECTS:
             program, doubts = solver.program(compiled), np.empty(len(grid), np.int64)
             reached = read_explicit_room(solver.check, program, record.room, grid, out, doubts)
@@ -39,30 +37,19 @@ def read(
             if looks:
                 _look(solver, compiled, p, record, grid[:reached], out[:reached], rtol, atol)
         return (out if reached == len(grid) else out[:reached]), reached
-    times, states, dense, series = record.times, record.states, record.dense, record.series
-    parts = [(record.method, times, states, dense)]
-    if series:
-        parts = [
-            (Method.TAYLOR, times[: series + 1], states[: series + 1], dense[:series]),
-            (record.method, times[series:], states[series:], dense[series:]),
-        ]
-    reached = 0
-    for method, *part in parts:
-        before = reached
-        solver = solver_of(method, rtol)
-        reached, looks = kernels.read_grid(solver.check, rtol, atol, *part, grid, before, out)
-        if looks:
-            new = slice(before, reached)
-            program, constants = solver.program(compiled), np.array(p, float)
-            doubts, counters = np.empty(reached - before, np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
-            asked = program, constants, rtol, atol, *part, grid[new], 0, reached - before
-            if (
-                correct_grid(*asked, out[new], doubts, counters)
-                if solver.check == kernels.CORRECTS
-                else kernels.doubt_grid(solver.check, *asked, doubts, counters)
-            ):
-                _land(solver, program, constants, part, grid[new], doubts, out[new], counters, rtol, atol)
-            _count(record, counters)
+    part = record.times, record.states, record.dense
+    reached, looks = kernels.read_grid(solver.check, rtol, atol, *part, grid, 0, out)
+    if looks:
+        program, constants = solver.program(compiled), np.array(p, float)
+        doubts, counters = np.empty(reached, np.int64), np.zeros(ledger.COUNTERS_SIZE, np.int64)
+        asked = program, constants, rtol, atol, *part, grid, 0, reached
+        if (
+            correct_grid(*asked, out, doubts, counters)
+            if solver.check == kernels.CORRECTS
+            else kernels.doubt_grid(*asked, doubts, counters)
+        ):
+            _land(solver, program, constants, part, grid[:reached], doubts, out[:reached], counters, rtol, atol)
+        _count(record, counters)
     return (out if reached == len(grid) else out[:reached]), reached
 
 

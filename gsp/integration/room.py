@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gsp.errors import Status
-from gsp.integration.methods import Method, Solver, solver_of, taylor_order
+from gsp.integration.methods import SOLVERS, Method, Solver
 from gsp.kernels import launch as kernels
 from gsp.kernels import ledger
 from gsp.kernels.launch import before_record
 from gsp.lowering.compiled_flow import CompiledFlow
 
 # Entries of a room that is kept for a result that needs a part of it: 512 kB, of which those that were never written
-# take no memory. A Taylor run of three states has 150 kB; to cut it out took a third of a call with `at=`.
+# take no memory: to cut a room out takes half as long as a short run.
 MOST_KEPT = 1 << 16
 
 
@@ -38,13 +38,12 @@ class Layout(NamedTuple):
     """Where the record begins in a room with one stop in which nothing is watched."""
 
 
-def layout_of(compiled: CompiledFlow, method: Method, rtol: float) -> Layout:
-    """The layout for a method at a tolerance."""
+def layout_of(compiled: CompiledFlow, method: Method) -> Layout:
+    """The layout for a method."""
     known = compiled.layouts
-    key = method if method is not Method.TAYLOR else taylor_order(rtol)
-    found = known.get(key)
+    found = known.get(method)
     if found is None:
-        found = known[key] = _laid_out(compiled, solver_of(method, rtol))
+        found = known[method] = _laid_out(compiled, SOLVERS[method])
     return found
 
 
@@ -126,10 +125,8 @@ class Stats:
 class Record:
     """What a run leaves: the ends of its steps with the start in front, `dense` output, status, method and counters.
 
-    `counters` are the ledger's up to STIFF. The first `series` steps were made by Taylor series, before the method.
+    `counters` are the ledger's up to STIFF.
     """
-
-    series = 0
 
     def __init__(
         self,
@@ -139,14 +136,13 @@ class Record:
         status: Status,
         method: Method,
         counters: list[int],
-        series: int = 0,
     ) -> None:
         self.times, self.states, self.dense = times, states, dense
-        self.status, self.method, self.counters, self.series = status, method, counters, series
+        self.status, self.method, self.counters = status, method, counters
 
     def replaced(self, **changes: Any) -> Record:
         """The same but for some attributes."""
-        names = "times", "states", "dense", "status", "method", "counters", "series"
+        names = "times", "states", "dense", "status", "method", "counters"
         return Record(**{name: changes[name] if name in changes else getattr(self, name) for name in names})
 
     def copied(self) -> Record:

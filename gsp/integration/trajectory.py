@@ -28,12 +28,9 @@ from gsp.integration.loop import (
     stops_of,
 )
 from gsp.integration.methods import (
-    MILD_ATTEMPTS,
     Method,
-    begins_with_series,
     check_method,
     choose_method,
-    is_mild,
     trusts,
 )
 from gsp.integration.output import read
@@ -117,8 +114,8 @@ class Trajectory(Drawn, Tabular):
         """State (n,) at a time, or (n, m) at times (m,), as `at=` gives it.
 
         It is read off the dense output or, where the error of that would be above the tolerance, corrected or landed
-        on. The output is of order 7 for DOP853, 4, 6 and 8 for RADAU5, RADAU9 and RADAU13, and 9, 12
-        and 15 for TAYLOR of order 12, 16 and 20; that of RADAU9, RADAU13 and TAYLOR is as good as the steps.
+        on. The output is of order 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13; that of the last two is
+        as good as the steps.
 
         Raises `GspError` outside the interval covered.
         """
@@ -151,7 +148,7 @@ class Trajectory(Drawn, Tabular):
         """Put in `out` (n, m) what `at=` gives at the times (m,), where the dense output alone does not do."""
         record, tolerances = self._record, self._tolerances
         assert tolerances is not None
-        if trusts(record.method, tolerances[0]) or len(record.dense) == 0:
+        if trusts(record.method) or len(record.dense) == 0:
             return
         grid, places = np.unique(t, return_inverse=True)
         if record.times[-1] < record.times[0]:
@@ -257,16 +254,15 @@ def integrate(
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
     dense output or, where its error would be above the tolerance, corrected or landed on; else `t` are the ends
     of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one RADAU9 for rtol from
-    2e-5 up and RADAU13 below; but TAYLOR, unless that proves wrong on the way, where the Jacobian at the start makes
-    the span no more than 200 fast times and the field is smooth. Above 40 states a sparse Jacobian is used as one.
+    2e-5 up and RADAU13 below. Above 40 states a sparse Jacobian is used as one.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
     steps. `events` are zeros to be found along the run, which a terminal one ends; see `Event`. `progress` is called
     now and then with the fraction done.
 
     A reduced flow ends where its reduction does: at a fold, at another loss of normal hyperbolicity, or where its
     series in epsilon stops being asymptotic. A computation that stops early, also by Ctrl-C, returns what it reached,
-    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `UnsupportedFunctionError` for
-    TAYLOR on a field without series, `HyperbolicityError` for a reduced flow started on a loss.
+    with a `status`. Raises `DeclarationError` for arguments that are not well formed, `HyperbolicityError`
+    for a reduced flow started on a loss.
 
     >>> from gsp import VectorField
     >>> x = sp.Symbol("x")
@@ -331,19 +327,6 @@ def trajectory_of(
     # where events are looked for, since a step may pass over a pulse.
     reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
-    tries = asked is not None and chosen is None and flow.is_stiff
-    if (
-        tries
-        and is_mild(compiled, np.array(p), np.array(y), first, last)
-        and begins_with_series(compiled, rtol)
-    ):
-        # A step is gone over again by the method that made it, so that a watched run keeps to one.
-        found = trajectory_of(
-            flow, start=start, span=span, epsilon=epsilon, rtol=rtol, atol=atol, at=at, method=Method.TAYLOR,
-            max_steps=min(MILD_ATTEMPTS, limit), events=events, progress=progress, keeps=keeps, state=y,
-        )  # fmt: skip
-        if found.status in (Status.SUCCESS, Status.EVENT_REACHED, Status.INTERRUPTED):
-            return found
     # By place, at a third of what so many names cost.
     wanted = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
@@ -370,7 +353,7 @@ def trajectory_of(
         # What was not reached is left out.
         told["t"] = frozen(grid if reached == len(grid) else grid[:reached])
         told["y"] = frozen(frozen(states).T)
-    if dense and not trusts(record.method, rtol):
+    if dense and not trusts(record.method):
         told = told or {}
         told["_tolerances"] = rtol, atol
     # The checked float, which prints.

@@ -27,10 +27,9 @@ from gsp.kernels.evaluate import evaluate_many, observe
 from gsp.kernels.grid import read_grid, runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
 from gsp.kernels.landing import land
-from gsp.kernels.launch import begins_mildly, launch, launch_watched, read_explicit_room, read_room
+from gsp.kernels.launch import launch, launch_watched, read_explicit_room, read_room
 from gsp.kernels.radau import radau
 from gsp.kernels.slow_points import to_tolerance
-from gsp.kernels.taylor import taylor
 
 _REAL, _WHOLE = types.float64, types.int64
 _REALS, _ROWS, _LAYERS = (types.Array(_REAL, axes, "C") for axes in (1, 2, 3))
@@ -43,13 +42,11 @@ _POINTS = (_WHOLE, _TAPE, _REALS, _WHOLES, _REAL, _WHOLE, _ROWS, _ROWS)
 IN_ORDER: tuple[tuple[Any, Any], ...] = (
     (evaluate_many, (_WHOLE, _ROWS, _REALS, _ROWS)),
     (runs_along, (_REALS, _REAL, _REAL)),
-    (begins_mildly, (_WHOLES, _REALS, _REAL)),
     (radau, METHOD),
     (launch, (_WHOLES, _REALS)),
     (read_room, (_WHOLE, _REALS, _REALS, _ROWS)),
     (dop853, METHOD),
     (launch_watched, (_WHOLES, _WHOLES, _REALS)),
-    (taylor, METHOD),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
     (flow_jet_with_tangents, JET),
     (to_tolerance, (*_POINTS, _REAL, _WHOLE, _WHOLES, _REALS, _WHOLES)),

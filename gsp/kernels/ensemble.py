@@ -10,9 +10,8 @@ from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
 from gsp.kernels.corrections import correct_grid
-from gsp.kernels.grid import CORRECTS, TRUSTS, doubt_grid, read_grid
+from gsp.kernels.grid import CORRECTS, doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
-from gsp.kernels.step_control import largest_rate
 
 # Codes beside the ledger's: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
 NOT_FINISHED = ledger.RECORD_FULL
@@ -72,57 +71,21 @@ def run_piece(program, p, stops, control, y, rate, memory, counters, record):
 
 
 @kernel
-def _run_member(
-    check, program, p, stops, grid, before, control, halt, y, kept, counters, rate, memory, spare, record
-):  # fmt: skip
-    """One member to the last stop or a failure, from where `memory`, `y` and `counters` stand."""
-    code = ledger.RECORD_FULL
-    while code == ledger.RECORD_FULL and halt[0] == 0:
-        code, new = run_piece(program, p, stops, control, y, rate, memory, counters, record)
-        before = keep(check, program, p, control, record, new, stops[-1], grid, before, kept, counters, spare)
-    return code, before
-
-
-@kernel
-def _begins(program, p, first, last, y, border):
-    """Whether a member's start has so few fast times before it that the trial is made."""
-    rate = border / abs(last - first)
-    return largest_rate(program, first, y, p, rate) <= rate
-
-
-@kernel
-def any_begins(program, constants, first, last, starts, border):
-    """Whether the trial is made for any member."""
-    for i in range(starts.shape[0]):  # noqa: SIM110 - a generator does not compile
-        if _begins(program, constants[i], first, last, starts[i], border):
-            return True
-    return False
-
-
-@kernel
 def run_members(
-    check, program, constants, first, stops, grid, control, trial, low, high, halt,
-    ends, reached, kept, counters, codes, explicit, rate, memory, record, trial_record,
+    check, program, constants, first, stops, grid, control, low, high, halt,
+    ends, reached, kept, counters, codes, rate, memory, record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
-    Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached`, `codes` and `explicit` (members,) is
-    member i's: p, its state (the start, then what was reached), the ledger's counters, the time reached, the code,
-    and whether the trial went all the way. `kept` (members, m, n) receives the states at `grid` (m,), of which `check`
-    says what `read_grid` does. `program` has its loops. `control` is (rtol, atol, max_steps). `trial` is (program,
-    border, attempts): where |J| times the span is at most the border at the start, that program has so many attempts
-    first, as in `loop.run`.
-    `rate` (n,), `memory` and the records (times, states, dense), with a row for the start, are scratch of this call. No
-    step is begun with a fresh record once `halt` (1,) is not 0.
+    Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached` and `codes` (members,) is member i's:
+    p, its state (the start, then what was reached), the ledger's counters, the time reached and the code. `kept`
+    (members, m, n) receives the states at `grid` (m,), of which `check` says what `read_grid` does. `program` has its
+    loops. `control` is (rtol, atol, max_steps). `rate` (n,), `memory` and `record` (times, states, dense), with a row
+    for the start, are scratch of this call. No step is begun with a fresh record once `halt` (1,) is not 0.
     """
-    rtol, atol, max_steps = control
-    first_program, border, attempts = trial
-    program, first_program = borrowed(program), borrowed(first_program)
-    stops, grid = borrowed(stops), borrowed(grid)
+    program, stops, grid = borrowed(program), borrowed(stops), borrowed(grid)
     constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
-    rate, memory = borrowed(rate), borrowed(memory)
-    record, trial_record = borrowed_record(record), borrowed_record(trial_record)
-    spent = np.zeros(ledger.COUNTERS_SIZE, np.int64)
+    rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
     spare = np.empty_like(memory)
     for i in range(low, high):
         if halt[0] != 0:
@@ -130,40 +93,16 @@ def run_members(
         memory[:] = 0.0
         memory[ledger.TIME] = first
         rate[:] = 0.0
-        spent[:] = 0
         code = ledger.RECORD_FULL
         before = 0
-        explicit[i] = False
-        if border > 0.0:
-            begins = _begins(program, constants[i], first, stops[-1], ends[i], border)
-            if begins:
-                limited = (rtol, atol, min(attempts, max_steps))
-                code, before = _run_member(
-                    TRUSTS, first_program, constants[i], stops, grid, before, limited, halt,
-                    ends[i], kept[i], counters[i], rate, memory, spare, trial_record,
-                )  # fmt: skip
-                used = counters[i, ledger.STEPS] + counters[i, ledger.REJECTED]
-                explicit[i] = code == ledger.FINISHED or halt[0] != 0 or used >= max_steps
-                if not explicit[i]:
-                    # The implicit method goes on from here, as one that begins.
-                    # Loops: an array in place of another takes long to compile.
-                    for k in range(ledger.COUNTERS_SIZE):
-                        spent[k] = counters[i, k]
-                        counters[i, k] = 0
-                    counters[i, ledger.NEXT_STOP] = spent[ledger.NEXT_STOP]
-                    here = memory[ledger.TIME]
-                    memory[:] = 0.0
-                    memory[ledger.TIME] = here
-                    rate[:] = 0.0
-        if not explicit[i]:
-            left = (rtol, atol, max_steps - spent[ledger.STEPS] - spent[ledger.REJECTED])
-            code, before = _run_member(
-                check, program, constants[i], stops, grid, before, left, halt,
-                ends[i], kept[i], counters[i], rate, memory, spare, record,
+        while code == ledger.RECORD_FULL and halt[0] == 0:
+            code, new = run_piece(
+                program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
+            )
+            before = keep(
+                check, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
+                spare,
             )  # fmt: skip
-            for k in range(ledger.STIFF):
-                counters[i, k] += spent[k]
-            counters[i, ledger.STIFF] = max(counters[i, ledger.STIFF], spent[ledger.STIFF])
         reached[i] = memory[ledger.TIME]
         codes[i] = code
 

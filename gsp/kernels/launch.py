@@ -30,7 +30,6 @@ from gsp.kernels.corrections import correct_grid
 from gsp.kernels.grid import doubt_grid, read_grid
 from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
-from gsp.kernels.step_control import largest_rate
 
 # Whole numbers: whether the run is begun, or y holds slow variables over which it is to begin; the bound on its
 # attempted steps; how many states, entries of p, stops, entries of the integrator's memory, functions that are watched,
@@ -60,17 +59,6 @@ def _record(head):
     times = _before_record(head[STATES], head[CONSTANTS], head[STOPS], head[MEMORY], head[WATCHES])
     states = times + head[LENGTH] + 1
     return times, states, states + (head[LENGTH] + 1) * head[STATES]
-
-
-@kernel
-def begins_mildly(derivatives, room, border):
-    """Whether the start has so few fast times before it, |J| (t1 - t0), where the run is to begin."""
-    head = room[:HEAD].view(np.int64)
-    p = Y + head[STATES]
-    stops = p + head[CONSTANTS]
-    span = abs(room[stops + head[STOPS] - 1] - room[FIRST])
-    rate = border / span
-    return largest_rate(derivatives, room[FIRST], room[Y:p], room[p:stops], rate) <= rate
 
 
 @kernel

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
-from gsp.kernels.sparse_systems import entries_of, pattern_of, places
 
 # 10 units in the last place of t: below this t + c h no longer tells the stages apart.
 SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
@@ -17,10 +14,6 @@ SMALLEST_RELATIVE_STEP = 10 * 2.0**-52
 SMALLEST_STEP = 1e-290
 # Hairer stretches a step by 1 % to reach the end (DOP853, RODAS) rather than leave a crumb.
 STRETCH = 1.01
-# Rounds at most in which the units of states are balanced for a bound of the rates, and what the quotient of a row of
-# zeros counts as in them, so that units stay positive.
-BALANCING = 12
-SMALLEST_QUOTIENT = 1e-30
 
 
 @kernel
@@ -168,59 +161,3 @@ def reject(step, factor, memory, counters):
     counters[ledger.REJECTED] += 1
     counters[ledger.JUST_REJECTED] = 1
     return abs(h) > smallest_step(memory[ledger.TIME])
-
-
-@kernel
-def _multiply(pattern, entries, x, out):
-    """|J| `x` in `out` (n,), for the `entries` of J; with the largest entry of J's diagonal."""
-    n = x.shape[0]
-    diagonal = 0.0
-    if pattern.shape[0] == 0:
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += abs(entries[i * n + j]) * x[j]
-            out[i] = total
-            diagonal = max(diagonal, abs(entries[i * n + i]))
-        return diagonal
-    _, _, column, _, place, row = places(pattern, n)
-    for i in range(n):
-        out[i] = 0.0
-    for e in range(entries.shape[0]):
-        i, j = pattern[row + e], pattern[column + pattern[place + e]]
-        out[i] += abs(entries[e]) * x[j]
-        if i == j:
-            diagonal = max(diagonal, abs(entries[e]))
-    return diagonal
-
-
-@kernel
-def largest_rate(program, t, y, p, border):
-    """A bound for the spectral radius of the Jacobian J at `y`, or NaN; as sharp as tells its side of `border`.
-
-    Collatz, Wielandt: max |J_ii| <= rho(|J|) <= max_i (|J| x)_i / x_i for each positive x, and rho(J) <= rho(|J|). For
-    ones that is the maximum norm. x goes towards the vector for which all quotients are the same: it stands for units
-    of the states, on which a bound must not depend.
-    """
-    n = y.shape[0]
-    pattern = pattern_of(program)
-    entries = np.empty(entries_of(pattern, n))
-    call(program[ledger.JACOBIAN], t, y, p, entries)
-    x = np.ones(n)
-    quotients = np.empty(n)
-    bound = math.inf
-    for _ in range(BALANCING):
-        diagonal = _multiply(pattern, entries, x, quotients)
-        largest = 0.0
-        for i in range(n):
-            quotients[i] /= x[i]
-            # Written so that what is not a number stays.
-            if not (quotients[i] <= largest or math.isnan(largest)):
-                largest = quotients[i]
-        if not border < largest < math.inf or diagonal > border:
-            return largest
-        bound = min(bound, largest)
-        for i in range(n):
-            # The root, with which two states that drive each other are balanced at once, not to and fro.
-            x[i] *= math.sqrt(max(quotients[i] / largest, SMALLEST_QUOTIENT))
-    return bound

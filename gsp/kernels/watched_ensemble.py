@@ -24,7 +24,7 @@ def run_watched_members(
     check, program, constants, first, stops, grid, control, tests, low, high, halt,
     ends, reached, kept, counters, codes, ordinary, rate, memory, record,
 ):  # fmt: skip
-    """`ensemble.run_members` without its trial, each record of steps looked at by `clear_of_zero` as it is full.
+    """`ensemble.run_members`, each record of steps looked at by `clear_of_zero` as it is full.
 
     `tests` are (functions, signs (members, w)) for `clear_of_zero`. A member whose entry of `ordinary` (members,) is
     False is not begun; the entry becomes False, and the member is left where it is, when a look does not find its steps

@@ -19,7 +19,6 @@ from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
-from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, compile_function, exact
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import Collocation
@@ -27,7 +26,6 @@ from gsp.lowering.steps.emission import LIBRARY, nearest_double
 from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
 from gsp.lowering.steps.sparse_pattern import write_pattern
-from gsp.lowering.steps.taylor import TaylorCode, has_parts, stride
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
 
 Loops = tuple[Callable[..., Any], Any]
@@ -134,49 +132,6 @@ class CompiledFlow:
     def _collocations(self) -> dict[int, CompiledStep | None]:
         return {}
 
-    def has_series(self, order: int, *, products: int, parts: int) -> bool:
-        """Whether there is a Taylor series at all, of so many products and parts of expressions at most."""
-        known = self._known_series.get((order, products, parts))
-        if known is not None:
-            return known
-        with MAKING:
-            found = has_parts(self.expressions, at_most=parts) and (
-                self._series is not None and self._series.products(order) <= products
-            )
-            self._known_series[order, products, parts] = found
-        return found
-
-    @_made_once
-    def _known_series(self) -> dict[tuple[int, int, int], bool]:
-        return {}
-
-    @_made_once
-    def _series(self) -> TaylorCode | None:
-        try:
-            return TaylorCode(self.expressions)
-        except UnsupportedFunctionError:
-            return None
-
-    def taylor_program(self, order: int) -> np.ndarray:
-        """What the kernel of Taylor series takes for an order; see `kernels.taylor`.
-
-        Raises `UnsupportedFunctionError` where a function has no series, `GspError` where the code would be too long.
-        """
-        known = self._taylor_programs.get(order)
-        if known is not None:
-            return known[0]
-        with MAKING:
-            if order not in self._taylor_programs:
-                step = _taylor(self.expressions, order)
-                # The step is kept for its machine code.
-                head = self.field, 0, address_of(taylor, addresses.METHOD), 0
-                self._taylor_programs[order] = np.array([*head, *step.program]), step
-            return self._taylor_programs[order][0]
-
-    @_made_once
-    def _taylor_programs(self) -> dict[int, tuple[np.ndarray, CompiledStep]]:
-        return {}
-
     @_made_once
     def is_written(self) -> bool:
         """Whether code for this flow alone is better than loops for any."""
@@ -193,11 +148,6 @@ class CompiledFlow:
     def explicit(self) -> CompiledStep | None:
         """A step of DOP853 for flows of this size, or None where loops are as good."""
         return _explicit(self.size) if self.size <= MOST_STATES else None
-
-    @_made_once
-    def derivatives_program(self) -> np.ndarray:
-        """What a kernel takes that asks for the field and its Jacobian, and runs nothing."""
-        return self._with_derivatives(0, 0)
 
     def collocation_program(self, stages: int) -> np.ndarray:
         """What the kernel of the Radau methods takes for the method of so many stages."""
@@ -216,13 +166,10 @@ class CompiledFlow:
         # The loops stand behind a code as well, but next to no run comes to them.
         run = address_of(method, addresses.METHOD)
         if code is None:
-            return self._with_derivatives(run, address_of(*loops))
+            # With the whole Jacobian, or its entries and their pattern.
+            derivatives = self.entries.address if self.is_sparse else self.jacobian
+            return np.array([self.field, derivatives, run, address_of(*loops), 0, *self._pattern])
         return np.array([self.field, self.jacobian, run, 0, *code.program])
-
-    def _with_derivatives(self, method: int, loops: int) -> np.ndarray:
-        """A program without code: with the whole Jacobian, or its entries and their pattern."""
-        derivatives = self.entries.address if self.is_sparse else self.jacobian
-        return np.array([self.field, derivatives, method, loops, 0, *self._pattern])
 
     @_made_once
     def observables(self) -> CompiledFunction:
@@ -318,12 +265,6 @@ def _explicit(n: int) -> CompiledStep:
 def _collocation(code: FlowCode, stages: int) -> CompiledStep:
     written = Collocation(code, stages)
     return _step(written.text(), written.NAMES, written.size)
-
-
-@lru_cache(maxsize=MOST_KEPT // 3)
-def _taylor(code: FlowCode, order: int) -> CompiledStep:
-    written = TaylorCode(code)
-    return _step(written.write(order), written.NAMES, order, stride(len(code.states)))
 
 
 def _step(text: str, names: Sequence[str], *numbers: int) -> CompiledStep:

@@ -1,5 +1,4 @@
-"""Expressions as straight-line instructions, for Taylor series: by `gsp.kernels.jets` and
-`gsp.lowering.steps.taylor`.
+"""Expressions as straight-line instructions, for the Taylor coefficients of `gsp.kernels.jets`.
 
 An instruction is (operation, a, b, c), as `gsp.kernels.jets` says. Whatever does not depend on the states is an
 expression of its own, a constant.
@@ -7,7 +6,7 @@ expression of its own, a constant.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -229,15 +228,6 @@ class _Writer:
             if exponent:
                 square = square * square
         return result
-
-
-def every_part(expression: sp.Expr) -> Iterator[sp.Basic]:
-    """The expression and all its parts, as often as they occur, nested however deep."""
-    stack: list[sp.Basic] = [expression]
-    while stack:
-        part = stack.pop()
-        yield part
-        stack.extend(part.args)
 
 
 def landings(*expressions: sp.Expr) -> list[sp.Expr]:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gsp.integration import loop
-from gsp.integration.methods import Method, program_of, solver_of
+from gsp.integration.methods import SOLVERS, Method
 from gsp.kernels import dop853_tableau, ledger, radau_tableau
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
@@ -20,13 +20,11 @@ from gsp.kernels.landing import LANDING_RECORD, land
 from gsp.kernels.linear_algebra import factorise, solve
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
-from gsp.kernels.taylor import taylor
 from gsp.lowering.compiled_flow import CompiledFlow, compile_flow
 from gsp.systems.system import VectorField
 
 METHODS = {
     "dop853": (dop853, dop853_tableau.DENSE_ROWS),
-    "taylor": (taylor, 0),
     "radau5": (radau, 3),
     "radau9": (radau, 5),
     "radau13": (radau, 7),
@@ -52,7 +50,7 @@ class Run:
         capacity=10_000,
         loops=False,
     ):
-        solver = solver_of(Method(method), rtol)
+        solver = SOLVERS[Method(method)]
         self.kernel, self.rows = solver.kernel, solver.rows
         self.compiled = compiled
         self.stops = np.array(stops[1:], dtype=float)
@@ -66,7 +64,7 @@ class Run:
         self.counters = np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
         self.capacity = capacity
         self.keeps_dense = True
-        self.program = program_of(compiled, Method(method), rtol).copy()
+        self.program = solver.program(compiled).copy()
         solver.give_loops(self.program)
         if loops:
             self.program = np.array([*self.program[: ledger.CODE], 0])
@@ -392,14 +390,14 @@ def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
     known.force_step(stops[0])
     assert known.advance() == ledger.FINISHED
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
-    program = program_of(compiled, Method(method), 1e-3)
+    program = SOLVERS[Method(method)].program(compiled)
     assert program[ledger.CODE] != 0
     assert program[ledger.LOOPS] == 0
     asked = loop.Run(
         compiled, NO_PARAMETERS, start, 0.0, stops, Method(method), rtol=1e-3, atol=known.tolerances[1],
         max_steps=1000, first_step=stops[0],
     )  # fmt: skip
-    record = loop.advance(asked, Method(method))
+    record = loop.run(asked)
     assert program[ledger.LOOPS] != 0
     # Bit for bit, and what was tried before the loops were there is not counted.
     assert np.array_equal(record.times, np.concatenate(known.times))
@@ -412,8 +410,8 @@ def test_loops_are_compiled_into_a_run_once_a_step_wants_them(method):
 def test_a_landing_that_wants_the_loops_leaves_all_as_it_was(method):
     gamma = 1.0 / radau_tableau.EIGENVALUES[(STAGES[method] - 3) // 2, 0].real
     compiled = compile_flow(VectorField({x: x + y, y: -x}, epsilon=None))
-    solver = solver_of(Method(method), 1.0)
-    program = program_of(compiled, Method(method), 1.0).copy()
+    solver = SOLVERS[Method(method)]
+    program = solver.program(compiled).copy()
     program[ledger.LOOPS] = 0
     times, states = np.array([0.0, 3.0 / gamma]), np.array([[1.0, 0.5], [0.0, 0.0]])
     grid, doubts = np.array([0.5, 1.0]) / gamma, np.array([READ, 0])
@@ -498,10 +496,6 @@ def test_the_counters_add_up(method, swing):
         rounds, others = divmod(counters[ledger.FIELD_CALLS] - steps - 2, STAGES[method])
         assert steps + rejected <= rounds <= 8 * (steps + rejected)
         assert others <= rejected
-    elif method == "taylor":
-        assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
-        # One expansion a step, of order 16, and the field at the end of each attempt.
-        assert counters[ledger.FIELD_CALLS] == 2 + 16 * steps + steps + rejected
     else:
         assert counters[ledger.JACOBIAN_CALLS] == counters[ledger.DECOMPOSITIONS] == 0
         assert counters[ledger.FIELD_CALLS] == 2 + 15 * steps + 12 * rejected

@@ -22,7 +22,7 @@ from gsp.integration.crossings import (
     Stepper,
     Watched,
 )
-from gsp.integration.loop import advance, standing
+from gsp.integration.loop import run, standing
 from gsp.integration.methods import Method
 from gsp.integration.pieces import Piece
 from gsp.integration.reduced_flow import ReducedFlow
@@ -294,7 +294,7 @@ class Ending:
                 y, t, np.append(self._between(t, fold.t), fold.t), max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), first_step=fold.t - t,
             )  # fmt: skip
-            record = advance(asked, stepper.method)
+            record = run(asked)
         if record is None:
             return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
         times, states, dense = record.times, record.states, record.dense

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from gsp.integration.crossings import Search, Settled, Stepper, Watched, settle_event
-from gsp.integration.loop import advance
+from gsp.integration.loop import run
 from gsp.integration.methods import Method
 from gsp.integration.pieces import Piece
 from gsp.integration.reduced_flow import ReducedFlow
@@ -106,7 +106,7 @@ def loss_ahead(
     watched = [Watched("det g_y", 0, 1, settle_event), Watched("rest of det g_y", 0, 1, settle_tended)]
     search = Search(above, watched, np.ones(2), inner, 0.0, begun)
     asked = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
-    record = search.cut(advance(asked, inner.method))
+    record = search.cut(run(asked))
     if search.end is None:
         return None
     end = search.end.y

@@ -10,7 +10,7 @@ import sympy as sp
 from llvmlite import ir
 
 from gsp.errors import GspError, Status
-from gsp.integration.methods import Method, choose_method, program_of
+from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import integrate
 from gsp.kernels import dop853_tableau, ledger
 from gsp.kernels.compilation import address_of
@@ -131,7 +131,7 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
     start = np.cos(np.arange(n))
     records = []
     for program in (
-        program_of(compiled, Method.RADAU9, 1e-8),
+        SOLVERS[Method.RADAU9].program(compiled),
         np.array([compiled.field, compiled.jacobian, 0, address_of(*COLLOCATION_LOOPS), 0]),
     ):
         y, rate = start.copy(), compiled.rates(start, p)
@@ -153,7 +153,7 @@ def test_an_explicit_step_written_for_so_many_states_is_that_of_the_loops(n):
     compiled = compile_flow(random_field(n, 0.4, n))
     p = np.array([1.0, 1.0 / 3.0])
     start = np.cos(np.arange(n))
-    program = program_of(compiled, Method.DOP853, 1e-8)
+    program = SOLVERS[Method.DOP853].program(compiled)
     assert program[ledger.CODE] != 0
     records = []
     for one in (program, np.array([*program[: ledger.LOOPS], address_of(*EXPLICIT_LOOPS), 0])):
@@ -173,7 +173,7 @@ def test_one_explicit_code_serves_all_flows_of_a_size_and_loops_the_large_ones()
     small, other, large = (compile_flow(random_field(n, 0.3, seed)) for n, seed in ((2, 1), (2, 2), (13, 3)))
     assert small.explicit is other.explicit
     assert large.explicit is None
-    program = program_of(large, Method.DOP853, 1e-8)
+    program = SOLVERS[Method.DOP853].program(large)
     assert (program[ledger.LOOPS] != 0, program[ledger.CODE]) == (True, 0)
 
 
