@@ -188,11 +188,11 @@ def test_the_cost_of_a_reduced_run_over_part_of_the_span_is_that_of_the_whole(mo
         tells=lambda order, times: True,
         crossing=lambda order: float("inf"),
     )
-    outlook = SimpleNamespace(
+    forecast = SimpleNamespace(
         prediction=prediction, flows={0: None, AHEAD: None}, starts={0: None}, layer=0.0,
         errors=lambda order, times: np.zeros(len(times)), preparation={0: 7.0},
     )  # fmt: skip
-    trial = candidates.reduced_candidate(outlook, 0, scene, 1e-6)  # pyright: ignore[reportArgumentType]
+    trial = candidates.reduced_candidate(forecast, 0, scene, 1e-6)  # pyright: ignore[reportArgumentType]
     found = trial.candidate
     assert (found.steps, found.field_calls, found.preparation) == (40.0, 120.0, 7.0)
     assert trial.cost(2.0) == 8.0

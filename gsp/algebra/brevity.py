@@ -17,10 +17,10 @@ def brief(expression: sp.Expr) -> str:
     text = str(expression)
     if len(text) <= SHOWN:
         return text
-    cut = text[:SHOWN].rfind(" ")
+    last_space = text[:SHOWN].rfind(" ")
     terms = len(sp.Add.make_args(expression))
     size = f"{terms} terms" if terms > 1 else f"{len(text)} characters"
-    return f"{text[: cut if cut > 0 else SHOWN]} ... ({size})"
+    return f"{text[: last_space if last_space > 0 else SHOWN]} ... ({size})"
 
 
 def listed(texts: Iterable[str]) -> str:

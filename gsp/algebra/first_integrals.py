@@ -35,24 +35,24 @@ ELEMENTARY = (
 )
 
 
-def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, wanted: int) -> list[sp.Expr]:
-    """Up to `wanted` functionally independent first integrals of z' = `layer`, simplest first.
+def first_integrals(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol], *, count: int) -> list[sp.Expr]:
+    """Up to `count` functionally independent first integrals of z' = `layer`, simplest first.
 
     Returns fewer when the searches find no more.
     """
     direction = _without_common_factor(layer, states)
     found = _linear(direction, states)
     for degree in range(2, MAX_DEGREE + 1):
-        if len(found) >= wanted:
+        if len(found) >= count:
             break
         for candidate in _polynomial(direction, states, degree):
-            if len(found) < wanted and _is_independent(found, candidate, states):
+            if len(found) < count and _is_independent(found, candidate, states):
                 found.append(candidate)
-    if len(found) < wanted:
+    if len(found) < count:
         for candidate in _quadratures(direction, states):
-            if len(found) < wanted and _is_independent(found, candidate, states):
+            if len(found) < count and _is_independent(found, candidate, states):
                 found.append(candidate)
-    return found[:wanted]
+    return found[:count]
 
 
 def _without_common_factor(layer: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[sp.Expr]:

@@ -8,7 +8,7 @@ import flint
 import numpy as np
 import sympy as sp
 
-import gsp.algebra.transport  # noqa: F401 - who has a polynomial may send it
+import gsp.algebra.pickling  # noqa: F401 - who has a polynomial may send it
 
 # Powers of one generator that are nested in one another.
 LONGEST = 64

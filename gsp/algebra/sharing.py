@@ -197,18 +197,18 @@ def named_parts(
                 stack.append((inner, False))
     plain: dict[Expr, Expr] = {}
     depth: dict[Expr, int] = {}
-    named: list[tuple[sp.Symbol, Expr]] = []
+    definitions: list[tuple[sp.Symbol, Expr]] = []
     for part in order:
         kind = next((kind.__mro__[2] for kind in _KINDS.values() if isinstance(part, kind)), part.func)
         written = kind(*(plain.get(inner, rule.get(inner, inner)) for inner in part.args), evaluate=False)
         deep = 1 + max(depth.get(inner, 0) for inner in part.args)
         if uses[part] > 1 or deep >= DEEP:
             symbol = next(names)
-            named.append((symbol, written))
+            definitions.append((symbol, written))
             plain[part] = symbol
         else:
             plain[part], depth[part] = written, deep
-    return named, [plain.get(output, rule.get(output, output)) for output in outputs]
+    return definitions, [plain.get(output, rule.get(output, output)) for output in outputs]
 
 
 def size(expression: Expr) -> Expr:

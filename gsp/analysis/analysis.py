@@ -135,7 +135,7 @@ class Analysis(Drawn):
     @property
     def cut(self) -> str:
         """Why the highest orders are not there or not run, as sentences; empty where all of them are."""
-        return " ".join(dict.fromkeys(filter(None, (self.study.cut(self.series.order), self.ending))))
+        return " ".join(dict.fromkeys(filter(None, (self.study.why_shorter(self.series.order), self.ending))))
 
     def __repr__(self) -> str:
         found = "no comparison" if "comparison" in self.lost else repr(self.comparison)
@@ -228,7 +228,9 @@ def analyse(
         base_reason=base_reason,
         failures=failures,
         failures_reason=failures_reason,
-        ending="" if isinstance(series, Missing) or series.order == order else study.reach(order)[1],
+        ending=""
+        if isinstance(series, Missing) or series.order == order
+        else study.series_within_budget(order)[1],
         timings=MappingProxyType(timings),
         versions=MappingProxyType(_versions()),
         **parts,
@@ -240,7 +242,7 @@ def _series(study: Study, order: int) -> SeriesManifold:
     try:
         return study.series(order)
     except BudgetError:
-        return study.reach(order)[0]
+        return study.series_within_budget(order)[0]
 
 
 def _short(study: Study, orders: Sequence[int]) -> tuple[int, ...]:

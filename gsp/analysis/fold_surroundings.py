@@ -39,7 +39,7 @@ SMOOTH = (sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoldOutlook:
+class FoldBeyond:
     """A fold: its `point` by name and the `passage` through it, or None for the `reason`.
 
     Where the slow flow does not cross it, `canard` is the canard value of the system's parameter when there is just
@@ -69,7 +69,7 @@ class Boundary:
     """
 
     surroundings: CriticalCurve | CriticalSheet | None
-    folds: tuple[FoldOutlook, ...] = ()
+    folds: tuple[FoldBeyond, ...] = ()
     folded: tuple[FoldedSingularity, ...] = ()
     folded_reason: Reason = NO_REASON
     orbit: SingularOrbit | None = None
@@ -104,7 +104,7 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
     found = Boundary(around)
     if isinstance(around, CriticalCurve):
         places = [point.point for point in around.special if point.kind is SpecialKind.FOLD]
-        found = Boundary(around, folds=tuple(_outlook(study, place) for place in places))
+        found = Boundary(around, folds=tuple(_beyond(study, place) for place in places))
     if not found.has_folds:
         return found
     folded, folded_reason = _folded(study, box)
@@ -184,11 +184,11 @@ def _box(study: Study) -> dict[str, Interval]:
     }
 
 
-def _outlook(study: Study, fold: Mapping[str, float]) -> FoldOutlook:
+def _beyond(study: Study, fold: Mapping[str, float]) -> FoldBeyond:
     try:
-        return FoldOutlook(fold, fold_passage(study.system, fold), None, NO_REASON)
+        return FoldBeyond(fold, fold_passage(study.system, fold), None, NO_REASON)
     except PassageError as error:
-        return FoldOutlook(fold, None, _canard(study, fold), error.reason)
+        return FoldBeyond(fold, None, _canard(study, fold), error.reason)
 
 
 def _canard(study: Study, fold: Mapping[str, float]) -> CanardValue | None:

@@ -97,7 +97,7 @@ def landing_runs(
         for y in study.system.y:
             low, high = study.region.get(y.name, (on[y.name] - 1.0, on[y.name] + 1.0))
             for offset in offsets:
-                room = (high if offset > 0 else low) - on[y.name]
-                start = {**on, y.name: on[y.name] + abs(offset) * room}
+                distance = (high if offset > 0 else low) - on[y.name]
+                start = {**on, y.name: on[y.name] + abs(offset) * distance}
                 runs.append(_picture(study, study.system, start, end))
     return tuple(run for run in runs if run.status.ok and np.isfinite(run.y).all())

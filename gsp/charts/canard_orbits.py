@@ -57,9 +57,9 @@ def canard_section(orbits: CanardOrbits, axes: Axes, *, shown: int = LABELLED) -
             ha="center", va="center", fontsize=10,
         )  # fmt: skip
     low, high = drawn.min(axis=0), drawn.max(axis=0)
-    room = 0.22 * np.maximum(high - low, [orbits.frame.depth, orbits.frame.width])
-    axes.set_xlim(low[0] - room[0], high[0] + room[0])
-    axes.set_ylim(low[1] - room[1], high[1] + room[1])
+    margin = 0.22 * np.maximum(high - low, [orbits.frame.depth, orbits.frame.width])
+    axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
+    axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
     name_axes(axes, *names)
     legend(axes, columns=4)
 

@@ -183,5 +183,5 @@ def _ends(values: np.ndarray, motion: Motion) -> tuple[float, float]:
     low, high = margins(values, 0.06)
     if motion.body is None:
         return low, high
-    reach = max(float(np.abs(points).max()) for points, _ in motion.body.parts)
-    return low - reach, high + reach
+    extent = max(float(np.abs(points).max()) for points, _ in motion.body.parts)
+    return low - extent, high + extent

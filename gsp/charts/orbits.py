@@ -135,8 +135,8 @@ def _all_sheets(analysis: Analysis, box: np.ndarray) -> np.ndarray:
     branch = analysis.study.branch
     width = box[0, 1] - box[0, 0]
     slow = np.array([box[0, 0] - 0.3 * width, box[0, 1] + 0.1 * width])
-    middle, reach = box[1].mean(), 5.0 * (box[1, 1] - box[1, 0])
-    bounds = {analysis.study.system.y[0].name: (middle - reach, middle + reach)}
+    middle, half_height = box[1].mean(), 5.0 * (box[1, 1] - box[1, 0])
+    bounds = {analysis.study.system.y[0].name: (middle - half_height, middle + half_height)}
     places = np.linspace(slow[0], slow[1], 15)
     found = [root for x in places for root in branch.roots(np.array([x]), bounds=bounds).ravel()]
     fast = np.array([min([box[1, 0], *found]), max([box[1, 1], *found])])

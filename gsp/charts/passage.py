@@ -92,9 +92,9 @@ def fold_passage(passage: FoldPassage, axes: Axes, *, exits: Sequence[FoldExit])
 def _frame(passage, exits, across: str, up: str, value: float) -> tuple[float, float, float, float]:
     """Limits that hold the fold, the section, the landing point and the longest passage."""
     x0, y0 = passage.point[across], passage.point[up]
-    reach = max(abs(found.point[across] - x0) for found in exits) or 1.0
+    extent = max(abs(found.point[across] - x0) for found in exits) or 1.0
     towards = np.sign(passage.slow_rate[0]) or 1.0
-    ends = sorted((x0 - 3.0 * towards * reach, x0 + 1.6 * towards * reach))
+    ends = sorted((x0 - 3.0 * towards * extent, x0 + 1.6 * towards * extent))
     far = passage.drop.point[up] if passage.drop.lands else value
     height = abs(far - y0)
     back = y0 - np.sign(far - y0) * 0.55 * height
@@ -138,11 +138,11 @@ def _scaling(passage: FoldPassage, axes: Axes, ladder: Sequence[FoldExit], acros
     if covered:
         # Room on the side that orbits come from.
         low, high = axes.get_ylim()
-        room = 0.32 * (high - low)
+        margin = 0.32 * (high - low)
         upwards = (
             passage.y0[[s.name for s in passage.system.y].index(ladder[0].section[0])] < ladder[0].section[1]
         )
-        axes.set_ylim(low - room * upwards, high + room * (not upwards))
+        axes.set_ylim(low - margin * upwards, high + margin * (not upwards))
         corner, _ = _emptiest(axes)
     inset = axes.inset_axes(corner)
     epsilons = np.array([found.epsilon for found in ladder])

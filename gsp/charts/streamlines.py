@@ -88,8 +88,8 @@ def _free(points: np.ndarray, close: np.ndarray) -> np.ndarray:
 
 def _disc(radius: float) -> np.ndarray:
     """Offsets (m, 2) of the cells within a radius."""
-    reach = int(radius * CELLS) + 1
-    offsets = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
+    cells_around = int(radius * CELLS) + 1
+    offsets = np.stack(np.meshgrid(*[np.arange(-cells_around, cells_around + 1)] * 2), axis=-1).reshape(-1, 2)
     return offsets[np.linalg.norm(offsets, axis=1) <= radius * CELLS]
 
 

@@ -85,9 +85,9 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
                     # What a notebook shows of an object that is the value of a cell.
                     axes._repr_png_ = partial(png, axes)  # pyright: ignore[reportAttributeAccessIssue]
                 elif solid(result) != (axes.name == "3d"):
-                    wanted = "three-dimensional" if solid(result) else "plane"
+                    dimension = "three-dimensional" if solid(result) else "plane"
                     raise DeclarationError(
-                        f"{draw.__name__} draws on {wanted} Axes for this result.",
+                        f"{draw.__name__} draws on {dimension} Axes for this result.",
                         "Leave out `axes` to have them made.",
                         got=f"{axes.name} Axes",
                         value=axes.name,
@@ -103,15 +103,15 @@ def chart(*, height: float = HEIGHT, solid: Callable[[Any], bool] = lambda resul
 
 def add_units(axes: Axes, units: Mapping[str, str]) -> None:
     """Units behind the variables that axes are labelled by, and behind the slow time."""
-    told = {mathematics(name): unit for name, unit in units.items()}
+    unit_of = {mathematics(name): unit for name, unit in units.items()}
     if "t" in units:
-        told["slow time $t$"] = units["t"]
+        unit_of["slow time $t$"] = units["t"]
     for axis in "xyz":
         label = getattr(axes, f"get_{axis}label", lambda: "")()
-        if label in told:
+        if label in unit_of:
             # With its unit a label is too long to stand upright.
             turned = {"rotation": 90, "labelpad": 4.0} if axis == "y" and axes.name != "3d" else {}
-            getattr(axes, f"set_{axis}label")(f"{label} ({plain(told[label])})", **turned)
+            getattr(axes, f"set_{axis}label")(f"{label} ({plain(unit_of[label])})", **turned)
 
 
 # Without a time stamp and a version, so that equal figures are equal files.
@@ -211,8 +211,8 @@ def orbit(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str, *, 
     axes.plot(
         x[:1], y[:1], "o", color=colour, mec="white", mew=0.8, ms=6.5, zorder=6, label="start", clip_on=False
     )
-    reach = max(np.ptp(x), np.ptp(y))
-    if reach <= 1e-9 * (1.0 + max(np.abs(x).max(), np.abs(y).max())):
+    extent = max(np.ptp(x), np.ptp(y))
+    if extent <= 1e-9 * (1.0 + max(np.abs(x).max(), np.abs(y).max())):
         # A run at rest moves by rounding only, and that has no direction.
         return
     size = np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
@@ -236,10 +236,10 @@ def darts(axes: Axes, x: np.ndarray, y: np.ndarray, angles: np.ndarray, label: s
 def bounded(axes: Axes, trusted: list[np.ndarray], others: list[np.ndarray], *, headroom: float = 0.05) -> None:
     """Vertical limits that hold `trusted`, and `others` unless they leave it far behind, as a run may."""
     low, high = min(map(np.min, trusted)), max(map(np.max, trusted))
-    reach = 2.0 * ((high - low) or 1.0)
+    extent = 2.0 * ((high - low) or 1.0)
     for values in others:
-        low = min(low, max(float(values.min()), low - reach))
-        high = max(high, min(float(values.max()), high + reach))
+        low = min(low, max(float(values.min()), low - extent))
+        high = max(high, min(float(values.max()), high + extent))
     height = (high - low) or 1.0
     axes.set_ylim(low - 0.05 * height, high + headroom * height)
 

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee_surface
+from gsp.choice.forecast import Forecast, SurfaceForecast, surface_forecast_of
 from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction
 from gsp.errors import GspError
 from gsp.integration.methods import SOLVERS, Method, choose_method
@@ -89,27 +89,27 @@ class Trial:
     cost: Callable[..., float] = float
 
 
-def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -> Trial:
+def reduced_candidate(forecast: Forecast, order: int, scene: Scene, rtol: float) -> Trial:
     """The reduced flow of `order`, predicted."""
-    prediction = outlook.prediction
+    prediction = forecast.prediction
     first, last = scene.span
     if order not in prediction.runs:
         why = f"not looked at: the series is run through order {max(prediction.runs)} only"
         return Trial(Candidate(ModelKind.REDUCED, order, holds_until=first, why_not=why))
-    after = first + outlook.layer
+    after = first + forecast.layer
     limit = (1.0 - INTEGRATION) * scene.tolerance
     predicted, holds, why = float("inf"), first, ""
     failure: Failure | None = None
-    if outlook.layer > LARGEST_LAYER * (last - first):
+    if forecast.layer > LARGEST_LAYER * (last - first):
         length = last - first
-        part = "the whole span" if outlook.layer >= length else "more than half of the span"
-        why = f"the initial layer takes {part}: {outlook.layer:.3g} of {length:.3g}"
+        part = "the whole span" if forecast.layer >= length else "more than half of the span"
+        why = f"the initial layer takes {part}: {forecast.layer:.3g} of {length:.3g}"
     else:
         holds, failure = prediction.holds_until(order, limit, after=after, last=last)
         # Infinite where a run has ended; then the reason says more.
-        predicted = float(outlook.errors(order, np.linspace(after, last, GRID_POINTS)).max())
-        told = prediction.tells(order, np.linspace(after, last, GRID_POINTS))
-        if failure in (None, Failure.ERROR) and not told:
+        predicted = float(forecast.errors(order, np.linspace(after, last, GRID_POINTS)).max())
+        is_estimated = prediction.tells(order, np.linspace(after, last, GRID_POINTS))
+        if failure in (None, Failure.ERROR) and not is_estimated:
             failure = Failure.UNTOLD
             why = f"{failure}: {_untold(prediction, order)}"
         elif failure is Failure.END:
@@ -120,7 +120,7 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
         elif predicted > limit:
             failure = Failure.ERROR
             why = f"{failure}"
-        if not told:
+        if not is_estimated:
             predicted, holds = float("nan"), first
         elif prediction.crossing(order) < last:
             predicted = float("nan")
@@ -132,16 +132,16 @@ def reduced_candidate(outlook: Outlook, order: int, scene: Scene, rtol: float) -
         return Trial(
             Candidate(
                 ModelKind.REDUCED, order, predicted, holds,
-                preparation=outlook.preparation[order], why_not=why, failure=failure,
+                preparation=forecast.preparation[order], why_not=why, failure=failure,
             )
         )  # fmt: skip
 
     def again() -> Trajectory:
-        return run_model(outlook.flows[order], outlook.starts[order], scene, (first, end), rtol)
+        return run_model(forecast.flows[order], forecast.starts[order], scene, (first, end), rtol)
 
     share, run = (end - first) / (last - first), again()
     candidate = Candidate(
-        ModelKind.REDUCED, order, predicted, holds, (), outlook.preparation[order],
+        ModelKind.REDUCED, order, predicted, holds, (), forecast.preparation[order],
         run.stats.steps / share, run.stats.field_calls / share, not why, why, failure,
     )  # fmt: skip
     return Trial(candidate, (again,), lambda seconds: seconds / share)
@@ -156,8 +156,8 @@ def _untold(prediction: Prediction, order: int) -> str:
 
 
 def solved_candidate(
-    outlook: Outlook, reduced: Sequence[Candidate], scene: Scene, rtol: float
-) -> tuple[Trial, SurfaceOutlook | None]:
+    forecast: Forecast, reduced: Sequence[Candidate], scene: Scene, rtol: float
+) -> tuple[Trial, SurfaceForecast | None]:
     """The flow on the solved manifold: tried when no reduced flow is exact enough, for it takes seconds to solve."""
 
     def left_out(why: str) -> tuple[Trial, None]:
@@ -173,10 +173,10 @@ def solved_candidate(
     ):
         return left_out("not solved: no reduced flow shows where, to the end of the span")
     try:
-        surface = foresee_surface(scene, outlook)
+        surface = surface_forecast_of(scene, forecast)
     except GspError as error:
         return left_out(error.reason)
-    after, last = scene.span[0] + outlook.layer, scene.span[1]
+    after, last = scene.span[0] + forecast.layer, scene.span[1]
     times = np.linspace(after, last, GRID_POINTS)
     predicted = float(surface.errors(times).max())
 
@@ -197,7 +197,7 @@ def solved_candidate(
         failure = Failure.ERROR
         why = f"{failure}"
     holds = _held(surface, times, (1.0 - INTEGRATION) * scene.tolerance) if why else last
-    preparation = outlook.shared + surface.preparation
+    preparation = forecast.shared + surface.preparation
     candidate = Candidate(
         ModelKind.SOLVED, None, predicted, holds, (), preparation,
         float(run.stats.steps), float(run.stats.field_calls), not why, why, failure,
@@ -205,7 +205,7 @@ def solved_candidate(
     return Trial(candidate, (again,)), surface
 
 
-def _held(surface: SurfaceOutlook, times: np.ndarray, limit: float) -> float:
+def _held(surface: SurfaceForecast, times: np.ndarray, limit: float) -> float:
     """The last of `times` up to which the run on the solved manifold is inside and its error is within `limit`."""
     alive = times[times <= surface.run.t[-1]]
     good = surface.inside(alive) & surface.within_region(alive) & (surface.errors(alive) <= limit)

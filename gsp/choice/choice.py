@@ -25,9 +25,9 @@ from gsp.choice.candidates import (
     solved_candidate,
 )
 from gsp.choice.costs import Cost, cost_beside, timed
-from gsp.choice.forecast import Outlook, SurfaceOutlook, foresee
+from gsp.choice.forecast import Forecast, SurfaceForecast, forecast_of
 from gsp.choice.prediction import CLEARER, SMALLEST_RTOL
-from gsp.choice.verdict import Evidence, Verdict, judge, named, seconds_shown, serving_of
+from gsp.choice.verdict import Evidence, Verdict, in_words, judge, seconds_shown, serving_of
 from gsp.errors import NO_REASON, DeclarationError, GspError
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.results.card import Card
@@ -125,7 +125,7 @@ class Choice(Card, Tabular):
     def __str__(self) -> str:
         lines = [
             str(self.verdict),
-            f"  run: {named(self.model)}",
+            f"  run: {in_words(self.model)}",
             f"  epsilon = {self.epsilon:g}, tolerance {self.tolerance:g} on {', '.join(self.names)}, "
             f"layer over after {self.layer:.3g}",
             f"  {'':2}{'model':<10} {'predicted':>9}  {'run':>9}  {'steps':>7}  {'prepare':>8}",
@@ -177,38 +177,38 @@ def choose(
     scene = study.scene
     check_flag(fast, what="fast")
     check_flag(solve, what="solve")
-    wanted = tuple(sorted(set(check_orders(orders))))
+    valid_orders = tuple(sorted(set(check_orders(orders))))
     _check_start(scene)
     rtol = INTEGRATION * scene.tolerance
     try:
-        outlook: Outlook | None = foresee(study, wanted, fast=fast)
+        forecast: Forecast | None = forecast_of(study, valid_orders, fast=fast)
         obstacle = NO_REASON
     except GspError as error:
-        outlook, obstacle = None, error.reason
+        forecast, obstacle = None, error.reason
     flow, start = (
-        (scene.system, scene.start) if outlook is None else (outlook.study.system, outlook.study.start)
+        (scene.system, scene.start) if forecast is None else (forecast.study.system, forecast.study.start)
     )
-    layer = outlook.layer if outlook else 0.0
-    fast_time = scene.epsilon / outlook.inner.gap if outlook else 0.0
+    layer = forecast.layer if forecast else 0.0
+    fast_time = scene.epsilon / forecast.inner.gap if forecast else 0.0
     gone = max(layer, fast_time * np.log(1.0 / rtol))
     whole, piece = full_candidate(flow, start, scene, gone, rtol)
-    trials = [reduced_candidate(outlook, n, scene, rtol) for n in wanted] if outlook else []
+    trials = [reduced_candidate(forecast, n, scene, rtol) for n in valid_orders] if forecast else []
     surface = None
-    if outlook and solve:
-        solved, surface = solved_candidate(outlook, [trial.candidate for trial in trials], scene, rtol)
+    if forecast and solve:
+        solved, surface = solved_candidate(forecast, [trial.candidate for trial in trials], scene, rtol)
         trials.append(solved)
     *reduced, full = timed([*trials, whole])
     ending = ""
-    if outlook and max(outlook.prediction.runs) <= max(wanted):
-        ending = f"{outlook.astray}." if outlook.astray else study.cut(max(wanted) + 1)
+    if forecast and max(forecast.prediction.runs) <= max(valid_orders):
+        ending = f"{forecast.astray}." if forecast.astray else study.why_shorter(max(valid_orders) + 1)
     model, partial = select(full, reduced, scene.span)
-    names = outlook.prediction.names if outlook else tuple(s.name for s in scene.system.states)
+    names = forecast.prediction.names if forecast else tuple(s.name for s in scene.system.states)
     serving = serving_of(model, reduced)
-    fast_error, layer_error = _fast_errors(serving, outlook, surface)
+    fast_error, layer_error = _fast_errors(serving, forecast, surface)
     fast_measured = None
-    if outlook and serving and serving.order is not None and np.isfinite(layer_error) and np.isnan(fast_error):
+    if forecast and serving and serving.order is not None and np.isfinite(layer_error) and np.isnan(fast_error):
         fast_measured = _behind(gone, piece)
-        fast_error = _fast_measured(outlook, serving.order, scene, fast_measured, rtol)
+        fast_error = _fast_measured(forecast, serving.order, scene, fast_measured, rtol)
     verdict = judge(
         Evidence(
             scene=scene,
@@ -218,14 +218,14 @@ def choose(
             layer=layer,
             obstacle=obstacle,
             ending=ending,
-            place=_end_of(partial, outlook),
+            place=_end_of(partial, forecast),
             names=names,
             fast_error=fast_error,
             layer_error=layer_error,
             fast_measured=fast_measured,
         )
     )
-    expected, measured = _measured(model, outlook, surface, flow, start, scene, names, layer, piece, rtol)
+    expected, measured = _measured(model, forecast, surface, flow, start, scene, names, layer, piece, rtol)
     return Choice(
         study=study,
         epsilon=scene.epsilon,
@@ -266,28 +266,28 @@ def select(full: Candidate, reduced: Sequence[Candidate], span: Interval) -> tup
 
 
 def _fast_errors(
-    serving: Candidate | None, outlook: Outlook | None, surface: SurfaceOutlook | None
+    serving: Candidate | None, forecast: Forecast | None, surface: SurfaceForecast | None
 ) -> tuple[float, float]:
     """(behind the initial layer, in it): predicted errors of fast variables that are not among those asked for."""
-    if serving is None or outlook is None or len(outlook.prediction.names) > len(outlook.study.system.x):
+    if serving is None or forecast is None or len(forecast.prediction.names) > len(forecast.study.system.x):
         return float("nan"), float("nan")
-    first, last = outlook.study.scene.span
-    times = np.linspace(first + outlook.layer, last, GRID_POINTS)
+    first, last = forecast.study.scene.span
+    times = np.linspace(first + forecast.layer, last, GRID_POINTS)
     if serving.order is not None:
-        return outlook.fast_errors(serving.order, times)
+        return forecast.fast_errors(serving.order, times)
     assert surface is not None
     return surface.fast_errors(times)
 
 
-def _fast_measured(outlook: Outlook, order: int, scene: Scene, times: Interval, rtol: float) -> float:
+def _fast_measured(forecast: Forecast, order: int, scene: Scene, times: Interval, rtol: float) -> float:
     """The largest relative error of the fast variables of a reduced flow at `times`, against a full run."""
     grid, span = np.linspace(*times, PIECE_POINTS), (scene.span[0], times[1])
     exact = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
-    reference = run_model(outlook.study.system, outlook.study.start, scene, span, exact, at=grid)
-    own = run_model(outlook.flows[order], outlook.starts[order], scene, span, rtol, at=grid)
+    reference = run_model(forecast.study.system, forecast.study.start, scene, span, exact, at=grid)
+    own = run_model(forecast.flows[order], forecast.starts[order], scene, span, rtol, at=grid)
     if not (own.status.ok and reference.status.ok):
         return float("nan")
-    return max(float(np.abs(own[n] - reference[n]).max()) / size for n, size in outlook.fast.scale.items())
+    return max(float(np.abs(own[n] - reference[n]).max()) / size for n, size in forecast.fast.scale.items())
 
 
 def _behind(layer: float, piece: Interval) -> Interval:
@@ -296,19 +296,19 @@ def _behind(layer: float, piece: Interval) -> Interval:
     return piece[0] + min(layer, (1.0 - PIECE) * (piece[1] - piece[0])), piece[1]
 
 
-def _end_of(partial: Candidate | None, outlook: Outlook | None) -> dict[str, float]:
+def _end_of(partial: Candidate | None, forecast: Forecast | None) -> dict[str, float]:
     """Where in the slow variables the partial model holds last."""
-    if partial is None or outlook is None or partial.order is None:
+    if partial is None or forecast is None or partial.order is None:
         return {}
-    run = outlook.prediction.runs[partial.order]
+    run = forecast.prediction.runs[partial.order]
     last = run.sample(min(partial.holds_until, float(run.t[-1])))
-    return {s.name: float(last[s.name][0]) for s in outlook.study.system.x}
+    return {s.name: float(last[s.name][0]) for s in forecast.study.system.x}
 
 
 def _measured(
     model: Candidate,
-    outlook: Outlook | None,
-    surface: SurfaceOutlook | None,
+    forecast: Forecast | None,
+    surface: SurfaceForecast | None,
     flow: Flow,
     start,
     scene: Scene,
@@ -320,7 +320,7 @@ def _measured(
     """(predicted, measured) error of the model on the piece, the layer left out."""
     grid = np.linspace(*_behind(layer, piece), PIECE_POINTS)
     reference = run_model(flow, start, scene, piece, max(CLEARER * scene.tolerance, SMALLEST_RTOL), at=grid)
-    if model.kind is ModelKind.FULL or outlook is None:
+    if model.kind is ModelKind.FULL or forecast is None:
         own = run_model(flow, start, scene, piece, rtol, at=grid)
         predicted = rtol
         # A run that ends early may have no row on the piece; nothing is measured then.
@@ -329,13 +329,13 @@ def _measured(
         assert surface is not None
         own = run_model(surface.flow, surface.start, scene, piece, rtol, at=grid)
         predicted = float(surface.errors(grid).max())
-        scale = outlook.prediction.scale
+        scale = forecast.prediction.scale
     else:
         order = model.order
         assert order is not None
-        own = run_model(outlook.flows[order], outlook.starts[order], scene, piece, rtol, at=grid)
-        predicted = float(outlook.errors(order, grid).max())
-        scale = outlook.prediction.scale
+        own = run_model(forecast.flows[order], forecast.starts[order], scene, piece, rtol, at=grid)
+        predicted = float(forecast.errors(order, grid).max())
+        scale = forecast.prediction.scale
     if not (own.status.ok and reference.status.ok):
         return predicted, float("nan")
     measured = max(float(np.abs(own[name] - reference[name]).max()) / scale[name] for name in names)

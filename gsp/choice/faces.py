@@ -28,13 +28,13 @@ def _table_of_choice(found: Choice) -> Table:
         "epsilon": Column((), np.array(found.epsilon)),
         "tolerance": Column((), np.array(found.tolerance)),
     }
-    told = {
+    attributes = {
         "scene": found.scene.name, "answer": str(found.verdict.answer), "reason": found.reason,
         "quantities": ", ".join(found.names), "layer": found.layer, "piece_begins": found.piece[0],
         "piece_ends": found.piece[1], "predicted_on_piece": found.predicted_on_piece, "measured": found.measured,
         "speed_up": found.speed_up, "ending": found.ending,
     }  # fmt: skip
-    return Table("Choice", coordinates, variables, told, over)
+    return Table("Choice", coordinates, variables, attributes, over)
 
 
 @tables.of(Simulation)
@@ -49,11 +49,11 @@ def _table_of_simulation(run: Simulation) -> Table:
     variables = {name: Column((time,), run[name]) for name in quantities}
     variables[names("model")] = Column((time,), texts(run.model_at(run.t)))
     coordinates = {time: Column((time,), run.t), **scalars(constants_of(flow, run.choice.epsilon))}
-    told = {
+    attributes = {
         "status": run.status.name, "message": run.message, "layer": run.layer, "steps": run.steps,
         "field_calls": run.field_calls, "reduced_share": run.reduced_share,
     }  # fmt: skip
-    return Table("Simulation", coordinates, variables, told, (time,))
+    return Table("Simulation", coordinates, variables, attributes, (time,))
 
 
 @charts.late

@@ -38,7 +38,7 @@ READYING = ("splitting", "critical", "branch", "numeric series", "inner")
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class Forecast:
     """A scene seen ahead: the series, where each order starts, how long the layer lasts, and the prediction.
 
     `astray` says where the initial layer carries the start of the first order that begins beyond the sheet; that order
@@ -78,7 +78,7 @@ class Outlook:
         return self.prediction.errors(order, times) + left
 
 
-def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) -> Outlook:
+def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) -> Forecast:
     """The prediction for a scene, and what it rests on; raises `GspError` where the scene cannot be reduced.
 
     It is for those of `orders` whose series is there and short enough to run; that of the next two, as far as they are
@@ -127,7 +127,7 @@ def foresee(scene: Scene | Study, orders: Sequence[int], *, fast: bool = False) 
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)
     felt = np.flatnonzero(left > LAYER_LEFT * scene.tolerance)
     layer = 0.0 if not felt.size else scene.epsilon * float(tau[min(felt[-1] + 1, len(tau) - 1)])
-    return Outlook(study, series, inner, flows, starts, layer, prediction, shared, preparation, astray)
+    return Forecast(study, series, inner, flows, starts, layer, prediction, shared, preparation, astray)
 
 
 def _start(study: Study, inner: InnerExpansion, epsilon: float, order: int) -> dict[str, float]:
@@ -174,7 +174,7 @@ def layer_left(
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceOutlook:
+class SurfaceForecast:
     """The flow on a solved manifold, its start, and two runs that tell its error.
 
     `shifted` has every fast variable off by the manifold's estimated error, and starts off by the base point's: a bound
@@ -186,28 +186,28 @@ class SurfaceOutlook:
     start: BasePoint
     run: Trajectory
     shifted: Trajectory
-    outlook: Outlook
+    forecast: Forecast
     preparation: float
 
     def fast_errors(self, times: np.ndarray) -> tuple[float, float]:
-        """As those of an `Outlook`."""
-        prediction = self.outlook.prediction
-        scale = self.outlook.fast.scale
-        begun = layer_left(self.outlook.inner, np.zeros(1), prediction.epsilon, scale)
+        """As those of an `Forecast`."""
+        prediction = self.forecast.prediction
+        scale = self.forecast.fast.scale
+        begun = layer_left(self.forecast.inner, np.zeros(1), prediction.epsilon, scale)
         return float(self._errors(times, scale).max()), float(begun[0])
 
     def errors(self, times: np.ndarray) -> np.ndarray:
         """Predicted relative error (m,) at `times` (m,), infinite where a run has ended."""
-        return self._errors(times, self.outlook.prediction.scale)
+        return self._errors(times, self.forecast.prediction.scale)
 
     def _errors(self, times: np.ndarray, scale: Mapping[str, float]) -> np.ndarray:
-        outlook = self.outlook
-        first, epsilon = outlook.prediction.first, self.manifold.epsilon
+        forecast = self.forecast
+        first, epsilon = forecast.prediction.first, self.manifold.epsilon
         result = np.full(len(times), np.inf)
         alive = times <= min(float(self.run.t[-1]), float(self.shifted.t[-1]))
         own, other = self.run.sample(times[alive]), self.shifted.sample(times[alive])
         result[alive] = np.max([np.abs(own[n] - other[n]) / size for n, size in scale.items()], axis=0)
-        return result + layer_left(outlook.inner, (times - first) / epsilon, epsilon, scale)
+        return result + layer_left(forecast.inner, (times - first) / epsilon, epsilon, scale)
 
     def inside(self, times: np.ndarray) -> np.ndarray:
         """Where (m,) the run is on the solved piece."""
@@ -217,8 +217,8 @@ class SurfaceOutlook:
 
     def within_region(self, times: np.ndarray) -> np.ndarray:
         """Where (m,) the run is in the scene's region, fast variables and all, as it is asked of reduced flows."""
-        run, prediction = self.run.sample(times), self.outlook.prediction
-        states = np.stack([run[s.name] for s in self.outlook.study.system.states], axis=1)
+        run, prediction = self.run.sample(times), self.forecast.prediction
+        states = np.stack([run[s.name] for s in self.forecast.study.system.states], axis=1)
         return prediction.inside(self.run, states)
 
 
@@ -228,10 +228,10 @@ def _between(times: np.ndarray) -> np.ndarray:
     return np.interp(finer, np.arange(len(times)), times)
 
 
-def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
+def surface_forecast_of(scene: Scene, forecast: Forecast) -> SurfaceForecast:
     """The same for the solved manifold under the reduced run; raises `GspError` where it cannot be solved."""
     begun = time.perf_counter()
-    branch, prediction = outlook.study.branch, outlook.prediction
+    branch, prediction = forecast.study.branch, forecast.prediction
     # The start's fibre is over the box too. A series of high order may end early, or err by more than the margin: all
     # runs that come furthest are covered.
     furthest = max(map(prediction.covered, prediction.runs))
@@ -239,8 +239,8 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
         run.sample(_between(run.t)) for k, run in prediction.runs.items() if prediction.covered(k) == furthest
     ]
     region = {}
-    for s in outlook.study.system.x:
-        places = np.concatenate([[outlook.study.start[s.name]], *(run[s.name] for run in guides)])
+    for s in forecast.study.system.x:
+        places = np.concatenate([[forecast.study.start[s.name]], *(run[s.name] for run in guides)])
         low, high = float(places.min()), float(places.max())
         margin = MARGIN * ((high - low) or 1.0)
         region[s.name] = (low - margin, high + margin)
@@ -258,7 +258,7 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
         raise HyperbolicityError(manifold.message)
     flow = flow_on(manifold)
     _ = compile_flow(flow).field
-    start = project(manifold, outlook.study.start, epsilon=scene.epsilon, numeric=True)
+    start = project(manifold, forecast.study.start, epsilon=scene.epsilon, numeric=True)
     preparation = time.perf_counter() - begun
     rtol = max(CLEARER * scene.tolerance, SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, scene.region, scene.start)
@@ -267,4 +267,4 @@ def foresee_surface(scene: Scene, outlook: Outlook) -> SurfaceOutlook:
         trajectory_of(f, start=begin, span=scene.span, rtol=rtol, atol=atol)
         for f, begin in ((flow, start), (flow_on(manifold, shift=manifold.error_estimate), off))
     )
-    return SurfaceOutlook(manifold, flow, start, run, shifted, outlook, preparation)
+    return SurfaceForecast(manifold, flow, start, run, shifted, forecast, preparation)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
-from gsp.choice.forecast import base_start, foresee
+from gsp.choice.forecast import base_start, forecast_of
 from gsp.choice.hybrid_run import HybridRun
 from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure, Prediction, predict
 from gsp.critical.branch import Branch
@@ -144,12 +144,12 @@ class _Switcher:
     def _first(self, layer: float) -> tuple[float, dict[str, float], float, str]:
         """The reduced piece from the scene's start, if there is one to speak of."""
         t = self.scene.span[0]
-        outlook = foresee(self.study, (self.order,))
-        self.fast_time = self.epsilon / outlook.inner.gap
+        forecast = forecast_of(self.study, (self.order,))
+        self.fast_time = self.epsilon / forecast.inner.gap
         sheet = next(s for s in self.sheets if s.branch.equations == self.study.branch.equations)
         starts = {
-            k: {**start, **base_start(outlook.inner, self.epsilon, k, names=self._driven)}
-            for k, start in outlook.starts.items()
+            k: {**start, **base_start(forecast.inner, self.epsilon, k, names=self._driven)}
+            for k, start in forecast.starts.items()
         }
         # Without this piece the full system begins where the scene does.
         return self._reduce(sheet, starts, t, self.record.start, t + layer, "")

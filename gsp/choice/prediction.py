@@ -103,8 +103,8 @@ class Prediction:
             max(float(np.abs(own[name] - other[name]).max()) / self.scale[name] for name in self.names)
             for own, other in pairwise(self.runs[k].sample(times) for k in orders)
         ]
-        told = [move for move in (1.0, *moves) if move > VANISHED * self.rtol]
-        return told == sorted(told, reverse=True)
+        moves_seen = [move for move in (1.0, *moves) if move > VANISHED * self.rtol]
+        return moves_seen == sorted(moves_seen, reverse=True)
 
     def covered(self, order: int) -> float:
         """The time that the run of this order reaches."""

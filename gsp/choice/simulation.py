@@ -149,13 +149,13 @@ def simulate(scene: Scene | Study, *, choice: Choice | None = None) -> Simulatio
             got=shown(choice),
             value=choice,
         )
-    asked = study.scene
-    if replace(choice.scene, epsilon=asked.epsilon, tolerance=asked.tolerance) != asked:
+    scene_run = study.scene
+    if replace(choice.scene, epsilon=scene_run.epsilon, tolerance=scene_run.tolerance) != scene_run:
         raise DeclarationError(
             f"the choice was made for {choice.scene!r}.",
             "Call choose() with this scene.",
-            got=f"{asked!r}",
-            value=asked,
+            got=f"{scene_run!r}",
+            value=scene_run,
         )
     study, span = choice.study, choice.scene.span
     run = HybridRun(study, _is_reducible(study))

@@ -97,7 +97,7 @@ def judge(evidence: Evidence) -> Verdict:
         cost = cost_beside(shown, full) if full.valid else Cost.LESS
         return Verdict(
             _ALLOWED[cost],
-            f"{named(shown)} keeps to {wanted}; {_off(shown, evidence)}",
+            f"{in_words(shown)} keeps to {wanted}; {_off(shown, evidence)}",
             _speed(shown, full, cost),
             "" if cost is Cost.LESS else "Reduce for the formula; to compute a run take the full system.",
         )
@@ -107,15 +107,15 @@ def judge(evidence: Evidence) -> Verdict:
     nearest = _nearest(reduced)
     if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
         nearest = partial
-    accuracy = f"no reduced model keeps to {wanted}: {named(nearest)} comes nearest, but {nearest.why_not}."
+    accuracy = f"no reduced model keeps to {wanted}: {in_words(nearest)} comes nearest, but {nearest.why_not}."
     if nearest.failure is Failure.UNTOLD:
-        accuracy = f"no reduced model is known to keep to {wanted}: of {named(nearest)} {nearest.why_not}."
+        accuracy = f"no reduced model is known to keep to {wanted}: of {in_words(nearest)} {nearest.why_not}."
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))
     place = ", ".join(f"{name} = {value:.4g}" for name, value in evidence.place.items())
     until = f"t = {partial.holds_until:.4g}" + (f", {place}" if place else "")
-    subject = "It" if nearest is partial else f"T{named(partial)[1:]}"
+    subject = "It" if nearest is partial else f"T{in_words(partial)[1:]}"
     accuracy = f"{accuracy} {subject} serves until {until}."
     return Verdict(
         Answer.IN_PART,
@@ -153,7 +153,7 @@ def _off_behind(evidence: Evidence) -> str:
     )
 
 
-def named(candidate: Candidate) -> str:
+def in_words(candidate: Candidate) -> str:
     """A candidate in a sentence."""
     if candidate.kind is ModelKind.SOLVED:
         return "the flow on the solved manifold"

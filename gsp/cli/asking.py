@@ -76,8 +76,8 @@ def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
             **others: Any,
         ) -> Any:
             with compiled_by_two() if by_two else nullcontext():
-                scene = asked(load_scene(model), settings, None, intervals, start)
-                scene = asked(taken(scene, small, fast), (), epsilon, ())
+                scene = scene_with_options(load_scene(model), settings, None, intervals, start)
+                scene = scene_with_options(taken(scene, small, fast), (), epsilon, ())
                 with compiling_told():
                     return function(scene=scene, **others)
 
@@ -106,7 +106,7 @@ def taken(scene: Scene, small: str | None, fast: str | None) -> Scene:
     return made
 
 
-def asked(
+def scene_with_options(
     scene: Scene,
     settings: tuple[str, ...],
     epsilon: str | None,

@@ -64,7 +64,7 @@ def expand(scene: Scene, order: int | None, raw: bool, values: bool, as_json: bo
 
     study = study_of(scene)
     if order is None:
-        whole, ending = study.reach(USUAL, symbolic=not values)
+        whole, ending = study.series_within_budget(USUAL, symbolic=not values)
     else:
         whole, ending = study.series(order, symbolic=not values), ""
     if ending and study.system.parameters and not values:
@@ -163,5 +163,5 @@ def folds(scene: Scene, as_json: bool) -> None:
             }
         )
         return
-    texts = [curve.told(study.region) for curve in curves]
+    texts = [curve.described(study.region) for curve in curves]
     click.echo("\n".join(texts if isinstance(found, CriticalCurve) else [found.message, *texts]))

@@ -40,7 +40,7 @@ def run(scene: Scene, order: int | None, output: Path | None, as_json: bool) -> 
     atol = absolute_tolerance(RTOL, scene.region, scene.full_start)
     with progress_bar("run") as show:
         if order is None:
-            flow, start, span, epsilon = scene.asked(None, None, None)
+            flow, start, span, epsilon = scene.setting(None, None, None)
             found = trajectory_of(flow, start, span, epsilon, rtol=RTOL, atol=atol, progress=show)
         else:
             from gsp.scenes.study import study_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gsp.cli.asking import OPTIONS, asked, asks, json_option, load_scene, output_option, taken
+from gsp.cli.asking import OPTIONS, asks, json_option, load_scene, output_option, scene_with_options, taken
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, compiling_told, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
@@ -95,8 +95,8 @@ def demo(
             )
         _list_demos(stories(), as_json)
         return
-    scene = taken(asked(load_scene(model), settings, None, ()), small, fast)
-    scene = asked(scene, (), epsilon, ())
+    scene = taken(scene_with_options(load_scene(model), settings, None, ()), small, fast)
+    scene = scene_with_options(scene, (), epsilon, ())
     target = output or Path(f"gsp-demo-{scene.name or 'scene'}.html")
     if not target.absolute().parent.is_dir():
         raise GspError(f"there is no folder {target.absolute().parent}.", "Make it, or give another path.")
@@ -118,17 +118,17 @@ def _show(page: Path, opened: bool, as_json: bool) -> None:
         click.echo("No browser was found here; open the file in one.")
 
 
-def _list_demos(told: tuple[str, ...], as_json: bool) -> None:
+def _list_demos(with_story: tuple[str, ...], as_json: bool) -> None:
     """Scenes with a story first, then the others."""
     from gsp.models import summary
 
-    rows = sorted(summary(), key=lambda row: row[0] not in told)
+    rows = sorted(summary(), key=lambda row: row[0] not in with_story)
     if as_json:
-        print_json([{"name": name, "title": title, "told": name in told} for name, title in rows])
+        print_json([{"name": name, "title": title, "told": name in with_story} for name, title in rows])
         return
     width = max(len(name) for name, _ in rows)
     for name, title in rows:
-        click.echo(f"{name:{width}}  {'told in steps' if name in told else '':13}  {title}")
+        click.echo(f"{name:{width}}  {'told in steps' if name in with_story else '':13}  {title}")
 
 
 @cli.command()

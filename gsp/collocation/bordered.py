@@ -42,7 +42,7 @@ class OrbitChange:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Linearised conditions on an orbit: `left` dz_0 + `right` dz_N + `across` dq = `wanted`, row by row.
+    """Linearised conditions on an orbit: `left` dz_0 + `right` dz_N + `across` dq = `target`, row by row.
 
     The last rows also count `inner` (k, N + 1, n) at the ends of the elements in between, or `inside` (k, N, s, n) at
     the stages, when these are given.
@@ -51,7 +51,7 @@ class Conditions:
     left: np.ndarray
     right: np.ndarray
     across: np.ndarray
-    wanted: np.ndarray
+    target: np.ndarray
     inner: np.ndarray | None = None
     inside: np.ndarray | None = None
 
@@ -82,11 +82,11 @@ class Linearisation:
         free = width - n - 1
         stages = self.columns.shape[2] // n
         cases = 1 if tangents is None else 1 + tangents.shape[1]
-        wanted = np.empty((n + free, cases))
-        wanted[:, 0], shares = conditions.wanted, np.zeros(cases)
+        target = np.empty((n + free, cases))
+        target[:, 0], shares = conditions.target, np.zeros(cases)
         shares[0] = 1.0
         if tangents is not None:
-            wanted[:, 1:] = tangents
+            target[:, 1:] = tangents
         left, right, across = (
             np.array(part) for part in (conditions.left, conditions.right, conditions.across)
         )
@@ -97,7 +97,7 @@ class Linearisation:
             through = np.einsum("bjr,jcr->bjc", conditions.inside.reshape(k, N, stages * n), self.columns)
             inner = np.concatenate([through[:, :, :n], np.zeros((k, 1, n))], axis=1)
             across[-k:] += through[:, :, n : n + free].sum(axis=1)
-            wanted[-k:, 0] -= through[:, :, -1].sum(axis=1)
+            target[-k:, 0] -= through[:, :, -1].sum(axis=1)
         if len(inner):
             left[-len(inner) :] += inner[:, 0]
             if N:
@@ -114,7 +114,7 @@ class Linearisation:
             )
         dz, dq = np.empty((cases, N + 1, n)), np.empty((cases, free))
         dstages = np.empty((cases, N, stages, n))
-        arrays = map(np.ascontiguousarray, (relations, columns, left, right, across, inner, wanted))
+        arrays = map(np.ascontiguousarray, (relations, columns, left, right, across, inner, target))
         if not border(*arrays, shares, dz, dstages, dq) or not (
             np.isfinite(dz).all() and np.isfinite(dq).all()
         ):

@@ -140,26 +140,26 @@ def compare(
     """
     study = study_of(scene, verb="compare")
     scene = study.scene
-    asked = tuple(dict.fromkeys(check_orders(orders)))
+    valid_orders = tuple(dict.fromkeys(check_orders(orders)))
     ladder = scene.epsilons if epsilons is None else tuple(sorted(check_epsilons(epsilons), reverse=True))
     if not ladder:
         raise DeclarationError("epsilons has no value.", "Give one or more, such as (0.02, 0.01).")
     if correction is not None:
         check_order(correction, what="correction")
     check_progress(progress)
-    reached, ending = study.reach(max(asked))
-    wanted = tuple(n for n in asked if n <= reached.order)
-    if not wanted:
+    reached, ending = study.series_within_budget(max(valid_orders))
+    reached_orders = tuple(n for n in valid_orders if n <= reached.order)
+    if not reached_orders:
         # Says which order was reached, and what helps.
-        study.series(min(asked), symbolic=False)
+        study.series(min(valid_orders), symbolic=False)
     # One order more than compared: an error in the start of the fast variable is felt one order later still.
-    series = study.short_series(max(wanted) + 1, at_least=max(wanted))
-    flows = {n: study.reduced(n, reconstructed=False) for n in wanted}
+    series = study.short_series(max(reached_orders) + 1, at_least=max(reached_orders))
+    flows = {n: study.reduced(n, reconstructed=False) for n in reached_orders}
     rivals = _rivals(scene, study)
     inner = None if correction is None else _inner(study, correction)
     direction = sense(study)
-    errors: dict[int, list[float]] = {n: [] for n in wanted}
-    statuses: dict[int, list[Status]] = {n: [] for n in wanted}
+    errors: dict[int, list[float]] = {n: [] for n in reached_orders}
+    statuses: dict[int, list[Status]] = {n: [] for n in reached_orders}
     claimed: dict[str, list[float]] = {name: [] for name in rivals}
     floor: list[float] = []
     for i, epsilon in enumerate(ladder):
@@ -170,7 +170,7 @@ def compare(
         else:
             start = study.start
             slow_start = {n: sum(float(c) * epsilon**k for k, c in enumerate(b)) for n, b in inner.base.items()}
-            first = scene.span[0] + layer_time(inner, scene, epsilon, max(wanted))
+            first = scene.span[0] + layer_time(inner, scene, epsilon, max(reached_orders))
             last = scene.span[1]
         grid = np.linspace(first, last, GRID_POINTS)
         reference = _run(study.system, start, scene, epsilon, grid)
@@ -188,9 +188,9 @@ def compare(
             claimed[name].append(_error(run, reference, names))
         if progress is not None:
             progress((i + 1) / len(ladder))
-    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in wanted}
-    if wanted:
-        floor = with_rounding(ladder, errors[max(wanted)], floor, power=expected[max(wanted)])
+    expected = {n: 1 + (n if correction is None else min(n, correction)) for n in reached_orders}
+    if reached_orders:
+        floor = with_rounding(ladder, errors[max(reached_orders)], floor, power=expected[max(reached_orders)])
     return Comparison(
         scene=scene,
         epsilons=ladder,

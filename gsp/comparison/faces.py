@@ -39,8 +39,8 @@ def _table_of_comparison(found: Comparison) -> Table:
         errors = np.array([found.claims[name] for name in claims])
         variables["claim_error"] = Column(("claim", "epsilon"), errors)
         variables["claim_slope"] = Column(("claim",), np.array([found.claim_slopes[name] for name in claims]))
-    told = {"scene": found.scene.name, "correction": found.correction, "ending": found.ending}
-    return Table("Comparison", coordinates, variables, told, both)
+    attributes = {"scene": found.scene.name, "correction": found.correction, "ending": found.ending}
+    return Table("Comparison", coordinates, variables, attributes, both)
 
 
 @tables.of(FailureMap)
@@ -55,13 +55,13 @@ def _table_of_failure_map(found: FailureMap) -> Table:
     for name, column, claims in (("place", "position", found.places), ("demand", "tolerance", found.demands)):
         coordinates[f"{name}_method"] = Column((f"{name}_method",), texts(claims))
         variables |= _claimed(name, (f"{name}_method", "epsilon", column), claims)
-    told = {
+    attributes = {
         "scene": found.scene.name,
         "axis": found.axis,
         "place_tolerance": found.tolerance,
         "runs": found.runs,
     }
-    return Table("FailureMap", coordinates, variables, told, records=found.as_rows())
+    return Table("FailureMap", coordinates, variables, attributes, records=found.as_rows())
 
 
 @tables.of(MethodTable)
@@ -84,12 +84,12 @@ def _table_of_method_table(found: MethodTable) -> Table:
         "reference": Column(along, texts(found.references)),
         "points": Column(("point", "slow"), found.points),
     }
-    told = {
+    attributes = {
         "scene": found.scene.name,
         "omitted": "; ".join(f"{name}: {reason}" for name, reason in found.omitted.items()),
         "endings": "; ".join(f"{name} at epsilon = {e:g}: {how}" for (name, e), how in found.endings.items()),
     }
-    return Table("MethodTable", coordinates, variables, told, records=found.as_rows())
+    return Table("MethodTable", coordinates, variables, attributes, records=found.as_rows())
 
 
 @tables.of(WorkPrecision)
@@ -114,8 +114,8 @@ def _table_of_work_precision(found: WorkPrecision) -> Table:
         "rtol": Column(("rtol",), np.array(rtols)),
         "epsilon": Column((), np.array(found.epsilon)),
     }
-    told = {"scene": found.scene.name, "start": found.start, "reference_error": found.reference_error}
-    return Table("WorkPrecision", coordinates, variables, told, records=found.as_rows())
+    attributes = {"scene": found.scene.name, "start": found.start, "reference_error": found.reference_error}
+    return Table("WorkPrecision", coordinates, variables, attributes, records=found.as_rows())
 
 
 def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]) -> dict[str, Column]:

@@ -185,35 +185,39 @@ def failure_map(
     """
     study = study_of(scene, verb="failure_map")
     scene = study.scene
-    wanted = tuple(sorted(set(check_orders(orders))))
+    valid_orders = tuple(sorted(set(check_orders(orders))))
     check_progress(progress)
     allowed = scene.tolerance if tolerance is None else check_epsilon(tolerance, what="tolerance")
     ladder = _epsilons(scene, epsilons)
-    asked = _tolerances(tolerances)
+    checked_tolerances = _tolerances(tolerances)
     name = _axis(study, axis)
     along = _positions(study, name, positions)
-    series = study.short_series(max(wanted) + 1, at_least=max(wanted))
-    survey = Survey(study, series, name, along, ladder, wanted, allowed)
+    series = study.short_series(max(valid_orders) + 1, at_least=max(valid_orders))
+    survey = Survey(study, series, name, along, ladder, valid_orders, allowed)
     show = (lambda share: None) if progress is None else progress
     along_positions = 0.8
     for i in range(ladder.size):
         survey.visit(i)
         show(along_positions * (i + 1) / ladder.size)
     demands = demands_of(
-        study, ladder, asked, wanted, lambda share: show(along_positions + (1.0 - along_positions) * share)
+        study,
+        ladder,
+        checked_tolerances,
+        valid_orders,
+        lambda share: show(along_positions + (1.0 - along_positions) * share),
     )
     return FailureMap(
         scene=scene,
         axis=name,
         epsilons=ladder,
         positions=along,
-        tolerances=asked,
+        tolerances=checked_tolerances,
         tolerance=allowed,
-        orders=wanted,
+        orders=valid_orders,
         places=Named(survey.claims()),
         demands=Named({claim.method: claim for claim in demands}),
         best_order=survey.best_order,
-        runs=survey.runs + ladder.size * (2 * asked.size + len(wanted) + 2),
+        runs=survey.runs + ladder.size * (2 * checked_tolerances.size + len(valid_orders) + 2),
     )
 
 

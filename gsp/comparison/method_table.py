@@ -224,8 +224,8 @@ def _endings(
     solved: Mapping[float, _SolvedMethod], iterated: Mapping[float, _Iterated]
 ) -> dict[tuple[str, float], str]:
     """What fell short of its tolerance, by method and epsilon, and how."""
-    told = f"{MOST_NODES} points do not resolve the iterates, from which the slopes are taken"
-    rough = {("Fraser-Roussel", e): told for e, made in iterated.items() if not made.found.resolved}
+    unresolved = f"{MOST_NODES} points do not resolve the iterates, from which the slopes are taken"
+    rough = {("Fraser-Roussel", e): unresolved for e, made in iterated.items() if not made.found.resolved}
     short = {("solved", e): s.manifold for e, s in solved.items() if not s.manifold.status.ok}
     return rough | {key: manifold.message for key, manifold in short.items()}
 
@@ -308,8 +308,10 @@ def _methods(
         yield _Method("zero-derivative", m, m + 1, lambda epsilon, m=m: _zero_derivative(branch, epsilon, m))
     for n in orders:
         if series is not None and n <= series.order:
-            cut, spent = series.at_order(n), sum(study.spent("numeric series", k) for k in range(n + 1))
-            yield _Method("series", n, n + 1, lambda epsilon, cut=cut: _series(cut, epsilon), spent)
+            truncated, spent = series.at_order(n), sum(study.spent("numeric series", k) for k in range(n + 1))
+            yield _Method(
+                "series", n, n + 1, lambda epsilon, truncated=truncated: _series(truncated, epsilon), spent
+            )
     if solved:
         last = solved[min(solved)].seconds
         yield _Method("solved", None, None, lambda epsilon: solved[epsilon].evaluate, last)

@@ -84,7 +84,7 @@ class ScipyPeer(Peer):
         times = np.array(grid, dtype=float)
         span = (first, float(times[-1]))
         # The end alone needs no dense output.
-        wanted = times if times.size > 1 else None
+        t_eval_times = times if times.size > 1 else None
 
         def rates(t: float, z: np.ndarray) -> np.ndarray:
             out = np.empty(n)
@@ -100,9 +100,16 @@ class ScipyPeer(Peer):
             # The object keeps `compiled`, and with it the addresses, alive.
             assert compiled.field == field
             found = solve_ivp(
-                rates, span, states, method=self.method, t_eval=wanted, rtol=rtol, atol=atol, jac=derivatives
+                rates,
+                span,
+                states,
+                method=self.method,
+                t_eval=t_eval_times,
+                rtol=rtol,
+                atol=atol,
+                jac=derivatives,
             )
-            if wanted is None:
+            if t_eval_times is None:
                 if not found.success:
                     raise ArithmeticError(found.message)
                 return PeerRun(found.y[:, -1:], len(found.t) - 1, int(found.nfev))

@@ -159,7 +159,7 @@ class Survey:
     def _runs(self, i: int, j: int, y: np.ndarray, epsilon: float) -> None:
         start = dict(zip(self.slow, map(float, self.x[j])))
         full, explicit = (
-            self._run(self.system, {**start, **_named(self.system.y, y)}, epsilon, method=method)
+            self._run(self.system, {**start, **_values_by_name(self.system.y, y)}, epsilon, method=method)
             for method in RIVALS
         )
         if full is None or not full.status.ok:
@@ -209,17 +209,17 @@ class Survey:
 
     def claims(self) -> dict[str, Claim]:
         """The measures with what is asked of them."""
-        asked = {
+        read_off = {
             NEWTON: ("distance from the sheet of what Newton's method finds from the scene's start", 1e-8),
             MANIFOLD: ("distance of a full run from the slow manifold it began on", self.tolerance),
             EXPLICIT: ("field calls of DOP853 to those of Radau IIA, order 9", WASTE),
             IMPLICIT: ("rejected steps to accepted ones, where the run reached its end", np.inf),
         }
-        asked |= {
+        read_off |= {
             series_name(n): ("distance of the series from the slow manifold", self.tolerance)
             for n in self.orders
         }
-        asked |= {
+        read_off |= {
             reduced_name(n): (
                 "difference of the slow variables from the full run, over the axis' length",
                 self.tolerance,
@@ -227,7 +227,8 @@ class Survey:
             for n in self.orders
         }
         return {
-            name: Claim(name, asked[name][0], values, asked[name][1]) for name, values in self.measures.items()
+            name: Claim(name, read_off[name][0], values, read_off[name][1])
+            for name, values in self.measures.items()
         }
 
 
@@ -304,5 +305,5 @@ def demands_of(
     yield Claim(EXPLICIT, "field calls of DOP853 to those of Radau IIA, order 9", ratios, WASTE)
 
 
-def _named(symbols, values) -> dict[str, float]:
+def _values_by_name(symbols, values) -> dict[str, float]:
     return {s.name: float(v) for s, v in zip(symbols, values)}

@@ -158,10 +158,10 @@ def work_precision(
     rivals = PEERS if peers is None else _peers(peers)
     check_progress(progress)
     check_positive(limit, what="limit", remedy="It is in seconds.")
-    wanted = tuple(dict.fromkeys(check_orders(orders, empty=True)))
-    series = study.series(max(wanted, default=0) + 1, symbolic=False)
+    valid_orders = tuple(dict.fromkeys(check_orders(orders, empty=True)))
+    series = study.series(max(valid_orders, default=0) + 1, symbolic=False)
     expanded = study.spent("numeric series")
-    start, slow_start, first, origin = _start(study, series, value, max(wanted, default=0))
+    start, slow_start, first, origin = _start(study, series, value, max(valid_orders, default=0))
     direction = sense(study)
     last = scene.span[0] + direction * (scene.span[1] - scene.span[0])
     grid = np.linspace(first, last, GRID_POINTS + 1)[1:]
@@ -170,7 +170,7 @@ def work_precision(
     tasks = [
         *full_tasks(study, start, value, grid, tried, omitted),
         *peer_tasks(study, start, value, grid, rivals, omitted),
-        *reduced_tasks(series, slow_start, value, grid, scene.span[0], wanted, expanded),
+        *reduced_tasks(series, slow_start, value, grid, scene.span[0], valid_orders, expanded),
     ]
     curves = measure(tasks, ladder, reference, limit, progress)
     return WorkPrecision(

@@ -34,8 +34,8 @@ def _table_of_curve(found: CriticalCurve | FoldCurve) -> Table:
         point: Column(over, np.arange(len(found))),
         names("arclength"): Column(over, found.arclength),
     }
-    told = {"status": found.status.name, "message": found.message, "free": ", ".join(found.free)}
-    return Table(type(found).__name__, coordinates, variables, told, over)
+    attributes = {"status": found.status.name, "message": found.message, "free": ", ".join(found.free)}
+    return Table(type(found).__name__, coordinates, variables, attributes, over)
 
 
 @tables.of(CriticalSheet)
@@ -52,8 +52,8 @@ def _table_of_sheet(found: CriticalSheet) -> Table:
     variables[names("triangles")] = Column((triangle, corner), found.triangles)
     variables[names("triangle_unstable")] = Column((triangle,), found.triangle_unstable)
     coordinates = {point: Column(over, np.arange(len(found.points)))}
-    told = {"status": found.status.name, "message": found.message, "residual": found.residual}
-    return Table("CriticalSheet", coordinates, variables, told, over)
+    attributes = {"status": found.status.name, "message": found.message, "residual": found.residual}
+    return Table("CriticalSheet", coordinates, variables, attributes, over)
 
 
 @equations.of(CriticalManifold)

@@ -21,7 +21,7 @@ from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.systems.arguments import shown
-from gsp.systems.flow import Point, check_given, named
+from gsp.systems.flow import Point, check_given, values_by_name
 from gsp.systems.region import Interval, check_interval
 from gsp.systems.system import SlowFastSystem
 
@@ -137,10 +137,10 @@ class LayerProblem:
 
 
 def find_symbol(
-    system: SlowFastSystem, wanted: sp.Symbol | str, among: Sequence[sp.Symbol], what: str
+    system: SlowFastSystem, variable: sp.Symbol | str, among: Sequence[sp.Symbol], what: str
 ) -> sp.Symbol:
-    """The symbol of `among` that is `wanted`, by itself or by name; raises `DeclarationError` otherwise."""
-    name = wanted.name if isinstance(wanted, sp.Symbol) else wanted
+    """The symbol of `among` that is `variable`, by itself or by name; raises `DeclarationError` otherwise."""
+    name = variable.name if isinstance(variable, sp.Symbol) else variable
     for symbol in among:
         if isinstance(name, str) and symbol.name == name:
             return symbol
@@ -162,7 +162,7 @@ def layer_problem(
 
     `start` names every state, and free parameters if they are not to start from the system's values.
     """
-    values = named(start, what="start")
+    values = values_by_name(start, what="start")
     parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
     allowed = [s.name for s in system.states] + [s.name for s in free if s in parameters]
     for name in values:

@@ -74,17 +74,17 @@ class SheetContinuation:
         for _ in range(TRIALS):
             if len(active) == 0 or (allowance is not None and not allowance.take(len(active))):
                 break
-            here, reach = share[active], np.minimum(length[active], 1.0 - share[active])
+            here, share_tried = share[active], np.minimum(length[active], 1.0 - share[active])
             start = x0[active] + here[:, None] * way[active]
-            tried, good = self.continued(start, y[active], reach[:, None] * way[active])
-            end = x0[active] + (here + reach)[:, None] * way[active]
+            tried, good = self.continued(start, y[active], share_tried[:, None] * way[active])
+            end = x0[active] + (here + share_tried)[:, None] * way[active]
             good &= self.orientation(end, tried) == orientation[active]
             moved = active[good]
             y[moved] = tried[good]
             # The last step ends on the target exactly.
-            share[moved] = np.where(reach[good] < length[moved], 1.0, share[moved] + reach[good])
+            share[moved] = np.where(share_tried[good] < length[moved], 1.0, share[moved] + share_tried[good])
             length[moved] *= 2.0
-            length[active[~good]] = 0.5 * reach[~good]
+            length[active[~good]] = 0.5 * share_tried[~good]
             active = active[(share[active] < 1.0) & (length[active] > END_TOLERANCE)]
         return y, share
 

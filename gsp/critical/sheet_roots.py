@@ -63,8 +63,8 @@ def roots_about(
     box = np.array([bounds[name] for name in names]) if all(name in bounds for name in names) else None
     size = 1.0 if box is None else size_of(box)
 
-    def within_reach(reach: float) -> np.ndarray:
-        return scattered_roots(newton, np.column_stack([y - reach, y + reach]), size=size)
+    def within_reach(distance: float) -> np.ndarray:
+        return scattered_roots(newton, np.column_stack([y - distance, y + distance]), size=size)
 
     found = newton(y[None, :], size)
     if len(y) > SCATTERED:
@@ -76,8 +76,8 @@ def roots_about(
         if len(found):
             break
     # A root that is nearer than the nearest known lies in the box which that one spans about the point.
-    reach = np.inf
-    while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < NEARER * reach:
-        reach = nearest
-        found = np.vstack([found, within_reach(reach)])
+    distance = np.inf
+    while len(found) and (nearest := float(np.linalg.norm(found - y, axis=1).min())) < NEARER * distance:
+        distance = nearest
+        found = np.vstack([found, within_reach(distance)])
     return distinct(found, size=size)

@@ -82,9 +82,9 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
     study = scene if isinstance(scene, Study) else Study(scene)
     scene = study.scene
     program = program_of(study)
-    told = _story(scene)
+    story = _story(scene)
     quantities = program.parts["quantities"]
-    axes = told.get("axes") or _asked(scene, quantities) or _axes(program.parts)
+    axes = story.get("axes") or _first_plane(scene, quantities) or _axes(program.parts)
     data = {
         "title": scene.title,
         "description": printable(scene.description),
@@ -93,31 +93,31 @@ def _demo(scene: Scene | Study, *, verb: str) -> Demo:
         "start": list(scene.full_start.values()),
         "span": list(scene.span),
         "axes": axes,
-        "trace": told.get("trace") or axes[1],
+        "trace": story.get("trace") or axes[1],
         "units": {name: printable(unit) for name, unit in scene.units.items()},
         "path": None if scene.path is None else list(scene.path),
-        "body": told.get("body"),
-        "frame": told.get("frame", {}),
-        "window": told.get("window", {}),
-        "logarithmic": told.get("logarithmic", []),
-        "work": told.get("work", False),
-        "compared": told.get("compared", True),
-        "ranges": told.get("ranges", {}),
-        "story": told.get("steps", []),
+        "body": story.get("body"),
+        "frame": story.get("frame", {}),
+        "window": story.get("window", {}),
+        "logarithmic": story.get("logarithmic", []),
+        "work": story.get("work", False),
+        "compared": story.get("compared", True),
+        "ranges": story.get("ranges", {}),
+        "story": story.get("steps", []),
         "folds": _folds(study, program.parts),
         "views": [{"names": list(view.names), "ranges": dict(view.ranges)} for view in scene.views.values()],
-        **_space(study, program.parts, told.get("space", True)),
+        **_space(study, program.parts, story.get("space", True)),
     }
     title = scene.title or scene.name or scene.system.name or "A slow-fast system"
     return Demo(scene, *render(program, data, title=title))
 
 
-def _asked(scene: Scene, quantities: Collection[str]) -> list[str] | None:
+def _first_plane(scene: Scene, quantities: Collection[str]) -> list[str] | None:
     """The plane of the first view whose quantities the demo has."""
-    wanted = (
+    in_space = (
         view for view in scene.views.values() if len(view.names) == 2 and set(view.names) <= {*quantities}
     )
-    return next((list(view.names) for view in wanted), None)
+    return next((list(view.names) for view in in_space), None)
 
 
 def _axes(parts: Mapping[str, Any]) -> list[str]:
@@ -129,10 +129,10 @@ def _axes(parts: Mapping[str, Any]) -> list[str]:
     return names[:2]
 
 
-def _space(study: Study, parts: Mapping[str, Any], wanted: bool) -> dict[str, Any]:
+def _space(study: Study, parts: Mapping[str, Any], in_space: bool) -> dict[str, Any]:
     """The three quantities of the picture in space, where M0 is a surface, and the box in which it is drawn."""
     reduction = parts["reduction"]
-    if not wanted or reduction["reason"] or len(reduction["slow"]) != 2:
+    if not in_space or reduction["reason"] or len(reduction["slow"]) != 2:
         return {"space": None, "box": {}}
     box = {
         n: (low - WIDER * (high - low), high + WIDER * (high - low)) for n, (low, high) in study.region.items()
@@ -144,7 +144,7 @@ def _story(scene: Scene) -> dict[str, Any]:
     """The story of a built-in scene, as data; empty for any other scene, and for one that was changed."""
     if scene.name not in stories() or scene != models.load(scene.name):
         return {}
-    return _told(scene.name)
+    return _read_story(scene.name)
 
 
 def body_of(scene: Scene) -> dict[str, Any] | None:
@@ -154,10 +154,10 @@ def body_of(scene: Scene) -> dict[str, Any] | None:
     known = models.load(scene.name)
     if scene.path != known.path or scene.system.states != known.system.states:
         return None
-    return _told(scene.name).get("body")
+    return _read_story(scene.name).get("body")
 
 
-def _told(name: str) -> dict[str, Any]:
+def _read_story(name: str) -> dict[str, Any]:
     return tomllib.loads(files("gsp.demos").joinpath("stories", f"{name}.toml").read_text(encoding="utf-8"))
 
 

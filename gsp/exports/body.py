@@ -41,10 +41,10 @@ def bodies_of(
 ) -> tuple[tuple[FunctionBody, str], tuple[FunctionBody, str]]:
     """The bodies of the two functions of a text, rates and slow manifold, with what a comment says of each."""
     return (
-        (body_of(language, model, model.rates, names, reserved), named("The rates of", model.states, names)),
+        (body_of(language, model, model.rates, names, reserved), heading("The rates of", model.states, names)),
         (
             body_of(language, model, model.manifold, names, reserved),
-            named("The slow manifold:", model.observed, names),
+            heading("The slow manifold:", model.observed, names),
         ),
     )
 
@@ -64,7 +64,7 @@ def nearest(value: sp.Expr) -> float:
     return int(value.p) / int(value.q) if isinstance(value, sp.Rational) else float(value)
 
 
-def named(what: str, symbols: Iterable[sp.Symbol], names: Mapping[sp.Symbol, str]) -> str:
+def heading(what: str, symbols: Iterable[sp.Symbol], names: Mapping[sp.Symbol, str]) -> str:
     return f"{what} {', '.join(names[s] for s in symbols)}."
 
 

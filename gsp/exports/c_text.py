@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from gsp.exports.body import FunctionBody, bodies_of, commented, named, starts_of, values_of
+from gsp.exports.body import FunctionBody, bodies_of, commented, heading, starts_of, values_of
 from gsp.exports.languages import C_WORDS, C
 from gsp.exports.names import renamed
 from gsp.exports.reduced_model import ReducedModel
@@ -33,7 +33,7 @@ def c_text(model: ReducedModel) -> str:
         prelude += "static double sign(double u)\n{\n    return u > 0.0 ? 1.0 : u < 0.0 ? -1.0 : u;\n}\n\n"
     prelude += f"/* Default values of the parameters: {places}. */\n"
     prelude += f"const double reduced_parameters[{max(len(parameters), 1)}] = {{{listed}}};\n"
-    prelude += f"/* {named('A start of', model.states, names)} */\n"
+    prelude += f"/* {heading('A start of', model.states, names)} */\n"
     prelude += f"const double reduced_start[{len(model.states)}] = {{{starts_of(model)}}};\n"
     return f"{commented(model, names, '/* ', ' */')}\n{prelude}\n{text}"
 

@@ -8,7 +8,7 @@ import sympy as sp
 
 from gsp.algebra.sharing import is_shared
 from gsp.errors import BudgetError
-from gsp.exports.body import bodies_of, body_of, commented, named, starts_of, values_of
+from gsp.exports.body import bodies_of, body_of, commented, heading, starts_of, values_of
 from gsp.exports.c_text import c_text
 from gsp.exports.languages import (
     JAVASCRIPT,
@@ -63,7 +63,7 @@ def julia_text(model: ReducedModel) -> str:
             f"function {name}(state, {names[model.epsilon]} = {model.value!r}{'; ' + values if values else ''})"
         )
         functions.append(f"# {says}\n{head}\n" + "".join(f"    {line}\n" for line in lines) + "end\n")
-    begin = f"# {named('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
+    begin = f"# {heading('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
     return "\n".join([commented(model, names, "# "), begin, *functions])
 
 

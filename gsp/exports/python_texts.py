@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsp.exports.body import bodies_of, commented, named, starts_of, values_of
+from gsp.exports.body import bodies_of, commented, heading, starts_of, values_of
 from gsp.exports.languages import CASADI, JAX, PYTHON, PYTHON_WORDS
 from gsp.exports.names import renamed
 from gsp.exports.printing import Language
@@ -51,5 +51,5 @@ def _functions(model: ReducedModel, language: Language, end: str) -> str:
 
 def _joined(model: ReducedModel, imports: str, text: str) -> str:
     names = renamed(model.symbols, reserved=PYTHON_WORDS)
-    start = f"# {named('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
+    start = f"# {heading('A start of', model.states, names)}\nstart = [{starts_of(model)}]\n"
     return f"{commented(model, names, '# ')}\n{imports}\n{start}\n\n{text}"

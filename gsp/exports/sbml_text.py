@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import sympy as sp
 
 from gsp.algebra.doubles import nearest_double
-from gsp.exports.body import body_of, named, values_of
+from gsp.exports.body import body_of, heading, values_of
 from gsp.exports.names import renamed
 from gsp.exports.printing import Language, Printer
 from gsp.exports.reduced_model import ReducedModel, inert
@@ -115,8 +115,8 @@ def sbml_text(model: ReducedModel) -> str:
 def _facts(model: ReducedModel, names: Mapping[sp.Symbol, str]) -> list[str]:
     return [
         *map(inert, model.said(names)),
-        named("The rate rules are those of", model.states, names),
-        named("The slow manifold is given by assignment rules:", model.observed, names),
+        heading("The rate rules are those of", model.states, names),
+        heading("The slow manifold is given by assignment rules:", model.observed, names),
     ]
 
 

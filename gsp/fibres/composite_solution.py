@@ -163,7 +163,7 @@ def composite(
     value = check_epsilon(epsilon)
     check_order(order)
     first, last = check_span(span)
-    asked = None if at is None else check_grid(at, first, last)
+    grid = None if at is None else check_grid(at, first, last)
     branch = manifold if isinstance(manifold, Branch) else manifold.branch
     reconstruction = reconstruction_of(branch.system, reconstruction)
     series = manifold if isinstance(manifold, SeriesManifold) else expand(branch, order=order)
@@ -177,7 +177,7 @@ def composite(
     base = {n: sum(float(c) * value**k for k, c in enumerate(terms)) for n, terms in inner.base.items()}
     outer = trajectory_of(flow, start=base, span=span, epsilon=value, rtol=RTOL, atol=ATOL)
     names = (*(s.name for s in branch.system.states), *(s.name for s in reconstruction or {}))
-    times = _times(outer, value / inner.gap) if asked is None else asked
+    times = _times(outer, value / inner.gap) if grid is None else grid
     return CompositeSolution(inner, outer, value, order, names, times)
 
 

@@ -16,5 +16,5 @@ def _table_of_composite_solution(found: CompositeSolution) -> Table:
     time = names("t")
     variables = {name: Column((time,), found[name]) for name in quantities}
     coordinates = {time: Column((time,), found.t), **scalars(constants_of(system, found.epsilon))}
-    told = {"status": found.status.name, "order": found.order, "layer_time": found.layer_time}
-    return Table("CompositeSolution", coordinates, variables, told, (time,))
+    attributes = {"status": found.status.name, "order": found.order, "layer_time": found.layer_time}
+    return Table("CompositeSolution", coordinates, variables, attributes, (time,))

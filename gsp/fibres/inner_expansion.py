@@ -31,7 +31,7 @@ from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, HyperbolicityError
 from gsp.fibres.layer_orbit import REFINEMENTS, Landing, land
 from gsp.systems.declaration import exact
-from gsp.systems.flow import Point, check_epsilon, check_given, named
+from gsp.systems.flow import Point, check_epsilon, check_given, values_by_name
 from gsp.systems.system import SlowFastSystem
 
 # The exact route multiplies exponential polynomials out; beyond this order their number of terms costs more
@@ -170,7 +170,7 @@ class Problem:
         if not isinstance(branch, Branch):
             raise DeclarationError("a Branch is needed here.", got=type(branch).__name__)
         system = branch.system
-        given = named(start, what="start")
+        given = values_by_name(start, what="start")
         states = [s.name for s in system.states]
         extra = [s.name for s in reconstruction]
         for name in given:

@@ -188,7 +188,7 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
     span = PATIENCE / scale
     for _ in range(SEARCH_DOUBLINGS):
         atol = 1e-10 * min(1.0, float(np.abs(y).max()) or 1.0)
-        run = trajectory_of(layer.flow(), start=_named(branch, y), span=(0.0, span), rtol=1e-8, atol=atol)
+        run = trajectory_of(layer.flow(), start=_fast_values(branch, y), span=(0.0, span), rtol=1e-8, atol=atol)
         if not run.status.ok:
             break
         found, good = branch.follow(layer.x[None, :], start=(layer.x, run.y[:, -1]))
@@ -196,7 +196,7 @@ def _point(branch: Branch, layer: _Layer, y: np.ndarray) -> np.ndarray:
             return branch.points(layer.x[None, :], near=run.y[:, -1])[0]
         span *= 2.0
     raise BranchError(
-        f"the branch {branch} has several sheets and the layer from {_named(branch, y)} settles on none of "
+        f"the branch {branch} has several sheets and the layer from {_fast_values(branch, y)} settles on none of "
         f"them ({run.message}).",
         "Fix the sheet with branch.through({...}).",
     )
@@ -234,7 +234,7 @@ def _followed(branch, layer: _Layer, y, point, limit, eigenvalues) -> tuple[Pane
 def _nonlinear(branch, layer: _Layer, y, point, gap, scale, longest) -> tuple[list[float], list[np.ndarray]]:
     """Panels and samples of Y_0 - point down to where the layer is linear."""
     span = PATIENCE / gap
-    names = _named(branch, y)
+    names = _fast_values(branch, y)
     run = None
     for _ in range(DOUBLINGS):
         run = trajectory_of(
@@ -321,5 +321,5 @@ def _elsewhere(branch: Branch, layer: _Layer, start, point, run) -> str:
     )
 
 
-def _named(branch: Branch, y: np.ndarray) -> dict[str, float]:
+def _fast_values(branch: Branch, y: np.ndarray) -> dict[str, float]:
     return {s.name: float(value) for s, value in zip(branch.system.y, y)}

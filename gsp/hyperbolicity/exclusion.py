@@ -164,8 +164,8 @@ class _ExclusionSearch:
             x = middle_of(part.box)
             piece = part.piece
             if piece is not None and found and piece.spectrum is not None and piece.spectrum.counts == usual:
-                room = piece.tube.radius + BESIDE * self.sizes
-                if (np.abs(here - piece.tube.centre) <= room).all():
+                margin = piece.tube.radius + BESIDE * self.sizes
+                if (np.abs(here - piece.tube.centre) <= margin).all():
                     self._look(x[None, :], start)
                     continue
             self.left.append(part.box)
@@ -231,12 +231,13 @@ class _ExclusionSearch:
     def _is_exact(self, points: np.ndarray) -> np.ndarray:
         """At which points the fast Jacobian in doubles is what it is in balls, to rounding."""
         matrices = self.sampler.fast_jacobian(points).reshape(len(points), -1)
-        room = ROUNDED * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
+        margin = ROUNDED * float(np.abs(matrices[np.isfinite(matrices)]).max(initial=0.0))
         exact = np.array(np.isfinite(matrices).all(axis=1))
         for i in np.flatnonzero(exact):
             place = [balls.exact(float(v)) for v in points[i]]
             entries = self.equations.derivative(place[: self.nx], place[self.nx :])
             exact[i] = all(
-                balls.magnitude(entry - balls.exact(float(v))) <= room for entry, v in zip(entries, matrices[i])
+                balls.magnitude(entry - balls.exact(float(v))) <= margin
+                for entry, v in zip(entries, matrices[i])
             )
         return exact

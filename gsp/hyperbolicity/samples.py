@@ -74,10 +74,10 @@ def off_removable_zeros(sampler: Sampler, x: np.ndarray, box: Mapping[str, Inter
     inward = np.where(x[lost] < (low + high) / 2, 1.0, -1.0) * ASIDE * (high - low)
     moved, further, across = (x[lost] + k * inward for k in (1, 2, -1))
     here = values(moved)
-    room = SMOOTH * (1.0 + np.abs(here))
-    smooth = (np.abs(values(further) - here) <= room).all(axis=1)
+    margin = SMOOTH * (1.0 + np.abs(here))
+    smooth = (np.abs(values(further) - here) <= margin).all(axis=1)
     outside = ((across < low) | (across > high)).any(axis=1)
-    smooth &= outside | (np.abs(values(across) - here) <= room).all(axis=1)
+    smooth &= outside | (np.abs(values(across) - here) <= margin).all(axis=1)
     result = x.copy()
     result[lost[smooth]] = moved[smooth]
     return result

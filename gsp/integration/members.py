@@ -14,7 +14,7 @@ from gsp.errors import DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.systems.arguments import check_array, shown
 from gsp.systems.declaration import updated_parameters
-from gsp.systems.flow import Flow, Point, as_points, check_epsilon, named
+from gsp.systems.flow import Flow, Point, as_points, check_epsilon, values_by_name
 
 Column = ArrayLike
 """A number for all members, or one for each, (m,)."""
@@ -150,7 +150,7 @@ def _length(sources: Mapping[str, np.ndarray]) -> int:
 
 def _gathered(starts: Sequence[Any]) -> dict[str, np.ndarray]:
     """Columns from a mapping for each member, which all name the same."""
-    rows = [named(start, what=f"starts[{i}]") for i, start in enumerate(starts)]
+    rows = [values_by_name(start, what=f"starts[{i}]") for i, start in enumerate(starts)]
     names = list(rows[0])
     for i, row in enumerate(rows):
         if row.keys() != rows[0].keys():

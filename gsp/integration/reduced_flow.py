@@ -17,7 +17,7 @@ from gsp.kernels.compilation import address_of
 from gsp.kernels.sheets import reach_sheet
 from gsp.results.card import Card
 from gsp.slow.series import SeriesManifold
-from gsp.systems.flow import Flow, Point, Values, named, plain
+from gsp.systems.flow import Flow, Point, Values, plain, values_by_name
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ class ReducedFlow(Flow, Card):
                 point = (*known, *over(np.array(known)).tolist())
                 known = [point[place] for place in places]
             return (*known, *rest)
-        given = named(start, what="start")
+        given = values_by_name(start, what="start")
         slow, allowed, own, driven = self._names
         if not allowed.issuperset(given) or not given.keys() >= slow.keys():
             unknown = sorted(set(given) - allowed)

@@ -273,7 +273,7 @@ def integrate(
     if not isinstance(flow, Flow):
         if isinstance(flow, Question):
             # A scene says all of it; what the call says as well stands in its place.
-            flow, start, span, epsilon = flow.asked(start, span, epsilon)
+            flow, start, span, epsilon = flow.setting(start, span, epsilon)
         check_noun(flow, Flow, verb="integrate")
     if start is None or span is None:
         missing = "start" if start is None else "span"

@@ -89,8 +89,8 @@ class ConstrainedSystem:
         carried = algebra.derive(residual, 0)
         columns = [list(column) for column in zip(*A)]
         mobility = algebra.inverse(algebra.multiply(A, algebra.multiply(inverse, columns)))
-        wanted = [-(x + y) for x, y in zip(algebra.apply(A, free), carried)]
-        multipliers = algebra.apply(mobility, wanted)
+        right_side = [-(x + y) for x, y in zip(algebra.apply(A, free), carried)]
+        multipliers = algebra.apply(mobility, right_side)
         kicks = algebra.apply(inverse, algebra.apply(columns, multipliers))
         return algebra, [(f + k).reduced() for f, k in zip(free, kicks)], multipliers
 

@@ -54,7 +54,7 @@ def moving_frame(
         taken = fixed | {v.name for v in system.velocities} | {s.name for s in across if s is not None}
         along, rows = _built(system, constraints, taken)
     else:
-        along, rows = _named(system, constraints, frame, across)
+        along, rows = _quasi_velocities(system, constraints, frame, across)
     used = fixed | {s.name for s in along} | {s.name for s in across if s is not None}
     used |= {v.name for v in system.velocities}
     fresh = _fresh(sum(s is None for s in across), ("w", "s", "slip"), used)
@@ -84,7 +84,7 @@ def moving_frame(
     return result
 
 
-def _named(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
+def _quasi_velocities(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.Symbol, ...], list]:
     if not isinstance(frame, Mapping):
         raise DeclarationError("frame maps symbols to velocities.", got=type(frame).__name__)
     along, rows = [], []
@@ -105,13 +105,13 @@ def _named(system, constraints: VelocityForms, frame, across) -> tuple[tuple[sp.
                 )
             along.append(symbol)
             rows.append(coefficients)
-    wanted = len(system.velocities) - constraints.count
-    if len(along) != wanted:
+    dimension = len(system.velocities) - constraints.count
+    if len(along) != dimension:
         raise DeclarationError(
             f"the frame names {len(along)} quasi-velocities along the constraints.",
             got=(
                 f"{', '.join(map(str, along)) or 'none'}; {len(system.velocities)} velocities with "
-                f"{constraints.count} constraints need {wanted}"
+                f"{constraints.count} constraints need {dimension}"
             ),
         )
     return tuple(along), rows

@@ -12,7 +12,7 @@ from gsp.mechanics.algebra import numbers
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.splitting.splitting import Splitting
-from gsp.systems.flow import Point, Values, check_given, named
+from gsp.systems.flow import Point, Values, check_given, values_by_name
 from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
 
@@ -31,7 +31,7 @@ def frame_values(
 
     Raises `DeclarationError` for unknown names, and unless all raw or all quasi-velocities are given.
     """
-    given = named(start, what="start")
+    given = values_by_name(start, what="start")
     raw = [v.name for v in system.velocities]
     quasi = [s.name for s in frame.quasi_velocities]
     places = [s.name for s in (*system.coordinates, *system.clock)]

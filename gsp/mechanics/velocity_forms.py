@@ -136,8 +136,8 @@ def _dependence(
             f"constraint {i + 1}, {forms.expressions[i]}, is inconsistent with the others: it is {listed} "
             f"+ {gap}, and both cannot vanish. Correct it or leave it out."
         )
-    named = ", ".join(f"constraint {r + 1} is {forms.expressions[r]}" for share, r in terms if share != 0)
-    return f"{fact}: it is {listed}, where {named}. Leave it out."
+    dependent = ", ".join(f"constraint {r + 1} is {forms.expressions[r]}" for share, r in terms if share != 0)
+    return f"{fact}: it is {listed}, where {dependent}. Leave it out."
 
 
 def _combination(algebra: Algebra, shares, elements):

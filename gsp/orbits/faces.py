@@ -37,11 +37,11 @@ def _table_of_canard_orbits(found: CanardOrbits) -> Table:
     coordinates = {canard: Column(over, texts(c.name for c in canards))}
     coordinates |= scalars(constants_of(found.system, found.epsilon))
     section, value = found.section
-    told = {
+    attributes = {
         "status": found.status.name, "message": found.message, "section": section, "section_value": value,
         "expected": found.expected, "unresolved": found.unresolved,
     }  # fmt: skip
-    return Table("CanardOrbits", coordinates, variables, told, over)
+    return Table("CanardOrbits", coordinates, variables, attributes, over)
 
 
 @tables.of(PeriodicOrbit)
@@ -57,11 +57,11 @@ def _table_of_periodic_orbit(orbit: PeriodicOrbit) -> Table:
     }
     variables = {name: Column((phase,), orbit[name]) for name in quantities_of(orbit.flow)}
     variables |= complexes(which, (which,), orbit.multipliers)
-    told = {
+    attributes = {
         "status": orbit.status.name, "period": orbit.period, "divergence": orbit.divergence, "error": orbit.error,
         "period_error": orbit.period_error, "residual": orbit.residual,
     }  # fmt: skip
-    return Table("PeriodicOrbit", coordinates, variables, told, (phase,))
+    return Table("PeriodicOrbit", coordinates, variables, attributes, (phase,))
 
 
 @tables.of(OrbitFamily)
@@ -84,8 +84,8 @@ def _table_of_orbit_family(family: OrbitFamily) -> Table:
     kinds = {special.row: str(special.kind) for special in family.special}
     variables[names("special")] = Column(over, texts(kinds.get(row, "") for row in range(len(family))))
     variables |= complexes(which, (orbit, which), np.array([o.multipliers for o in family.orbits]))
-    told = {"status": family.status.name, "message": family.message, "parameter": family.parameter}
-    return Table("OrbitFamily", coordinates, variables, told, (orbit,))
+    attributes = {"status": family.status.name, "message": family.message, "parameter": family.parameter}
+    return Table("OrbitFamily", coordinates, variables, attributes, (orbit,))
 
 
 @charts.late

@@ -262,9 +262,9 @@ def _undefined(problem: _Problem, covering: Covering) -> str:
     )
     for part in left[:SUSPECTS]:
         share = max((high - low) / (last - first or 1.0) for (low, high), (first, last) in zip(part.box, whole))
-        room = share * (1.0 + np.abs(part.near))
+        margin = share * (1.0 + np.abs(part.near))
         x = [balls.hull(low, high) for low, high in part.box]
-        y = [balls.hull(float(v - r), float(v + r)) for v, r in zip(part.near, room)]
+        y = [balls.hull(float(v - r), float(v + r)) for v, r in zip(part.near, margin)]
         found = undefined_within(equations.equations, equations.arguments, [*x, *y]) or (
             undefined_within(problem.graph, equations.x, x) if problem.graph else None
         )

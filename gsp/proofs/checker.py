@@ -226,7 +226,7 @@ class _Proof:
         inverse = [ia.of(v) for v in tube.inverse]
         off = [ia.subtract(p, q) for p, q in zip(x, c)]
         line = [dot(slope[i * n : i * n + n], off, b[i]) for i in range(m)]
-        room = [ia.of(r) for r in tube.radius]
+        radii = [ia.of(r) for r in tube.radius]
         residual = self.program.values(c + b)
         # Over a point, a glue's, nothing is left of the slopes.
         if any(step != ia.ZERO for step in off):
@@ -237,7 +237,7 @@ class _Proof:
                     for j in range(m):
                         rate = ia.add(rate, ia.multiply(along[i][n + j], slope[j * n + k]))
                     residual[i] = ia.add(residual[i], ia.multiply(rate, off[k]))
-        ball = [(-r[1], r[1]) for r in room]
+        ball = [(-r[1], r[1]) for r in radii]
         y = [ia.add(p, r) for p, r in zip(line, ball)]
         derivative = self.program.derivatives(x + y, n)
         for i in range(m):
@@ -246,7 +246,7 @@ class _Proof:
                 product = dot(inverse[i * m : i * m + m], [row[k] for row in derivative])
                 factor = ia.subtract(ia.UNIT if i == k else ia.ZERO, product)
                 image = ia.add(image, ia.multiply(factor, ball[k]))
-            if not (image[1] < room[i][0] and image[0] > -room[i][0]):
+            if not (image[1] < radii[i][0] and image[0] > -radii[i][0]):
                 raise Rejected(f"Krawczyk's condition fails in part {here}")
         return derivative
 

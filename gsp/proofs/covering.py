@@ -163,7 +163,7 @@ def cover(
             axis, part.suspect = _axis(equations, part.box, region, centre)
             if axis is None:
                 continue
-            halves = _cut(equations, part, axis, centre)
+            halves = _halves(equations, part, axis, centre)
             for half in halves:
                 heapq.heappush(waiting, (-share_of(half.box, region), next(order), half))
     except KeyboardInterrupt:
@@ -171,8 +171,8 @@ def cover(
     return covering
 
 
-def refine(equations: EnclosedEquations, part: Part, *, room: float) -> bool:
-    """Cut a part that is proved across its most telling side and prove both halves, in tubes with `room`; whether
+def refine(equations: EnclosedEquations, part: Part, *, margin: float) -> bool:
+    """Cut a part that is proved across its most telling side and prove both halves, in tubes with `margin`; whether
     that went well.
     """
     assert part.piece is not None
@@ -181,8 +181,8 @@ def refine(equations: EnclosedEquations, part: Part, *, room: float) -> bool:
     if axis is None:
         return False
     trial = Part(part.box, near)
-    for half in _cut(equations, trial, axis, near):
-        tube = enclose(equations, half.box, near, room=room)
+    for half in _halves(equations, trial, axis, near):
+        tube = enclose(equations, half.box, near, margin=margin)
         spectrum = None if tube is None else spectrum_at(equations, tube)
         if tube is None or spectrum is None:
             return False
@@ -196,7 +196,7 @@ def spectrum_at(equations: EnclosedEquations, tube: RootTube) -> Spectrum | None
     return spectrum_of(tube.derivative, equations.nearby(tube.middle[None], tube.centre[None])[0][0])
 
 
-def _cut(equations: EnclosedEquations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
+def _halves(equations: EnclosedEquations, part: Part, axis: int, near: np.ndarray) -> tuple[Part, Part]:
     """Both halves, each with the branch followed to its middle, or `near` where it cannot be."""
     low, high = part.box[axis]
     at = low + 0.5 * (high - low)

@@ -58,7 +58,7 @@ def _accepted(certificate: Certificate) -> dict:
     """
     covering, equations = certificate._covering, certificate._equations
     with precision(balls.PRECISION):
-        for share, room in zip(SHARES, ROOMS):
+        for share, margin in zip(SHARES, ROOMS):
             written = as_json(certificate, share)
             try:
                 places = checker.refused(written)
@@ -69,7 +69,7 @@ def _accepted(certificate: Certificate) -> dict:
             if not places:
                 return written
             parts = list(covering.root.nodes())
-            if not all(refine(equations, parts[place], room=room) for place in places) or glue(
+            if not all(refine(equations, parts[place], margin=margin) for place in places) or glue(
                 equations, covering
             ):
                 break

@@ -271,8 +271,8 @@ def _joins(line: LineSegment, anchor: list[arb], fold: np.ndarray, arc: float, y
         sp.Rational(float(a)) * (s - sp.Rational(float(c))) for s, a, c in zip(on.y, direction, centre)
     )
     curve = EnclosedEquations((sigma,), (*on.y, line.t), (*on.equations, section - sigma))
-    room = 1e-3 * abs(arc)
-    low, high = sorted((-room if arc > 0 else room, arc))
+    overlap = 1e-3 * abs(arc)
+    low, high = sorted((-overlap if arc > 0 else overlap, arc))
     covering = cover(curve, ((low, high),), fold[: m + 1], most_boxes=LINE_BOXES, spectral=False)
     if covering.undecided or glue(curve, covering):
         return False

@@ -339,7 +339,7 @@ class _TubeProof:
                 q[n + i] = 2 if sign == side else -1
             if sign == side:
                 decays.append(decay(normal, block, sign))
-        cut = ia.multiply(ia.of(2 * collar), (0, small[1]))[1]
+        cut_off = ia.multiply(ia.of(2 * collar), (0, small[1]))[1]
         # Any tau is a proof: between twice the slow rate and twice the fast one.
         slowest = 0
         for i in range(n):
@@ -349,7 +349,7 @@ class _TubeProof:
                 if j != i:
                     rate += ia.magnitude(ia.add(w[i][j], w[j][i]))
             slowest = max(slowest, rate)
-        tau = (slowest + cut) // 2 + min(decays)
+        tau = (slowest + cut_off) // 2 + min(decays)
         if not tau > 0:
             return False
         still = [[ia.ZERO] * (n + m) for _ in range(n)] + w[n:]
@@ -357,7 +357,7 @@ class _TubeProof:
             form = [[_form(version, q, side, i, j) for j in range(n + m)] for i in range(n + m)]
             for i in range(n + m):
                 # Q has halves: the entries of q are twice those of Q, and those of the form twice the theorem's.
-                less = tau * q[i] + (2 * cut if i < n else 0)
+                less = tau * q[i] + (2 * cut_off if i < n else 0)
                 form[i][i] = form[i][i][0] - less, form[i][i][1] - less
             if not is_positive(form):
                 return False

@@ -74,11 +74,11 @@ def middle_of(box: Box) -> np.ndarray:
 
 
 def enclose(
-    equations: EnclosedEquations, box: Box, near: np.ndarray, *, room: float = FIRST_ROOM
+    equations: EnclosedEquations, box: Box, near: np.ndarray, *, margin: float = FIRST_ROOM
 ) -> RootTube | None:
     """The tube about the root over `box` that Newton's method finds from `near` (m,); None where it is not proved.
 
-    Its first radius is `room` times what the residual asks for.
+    Its first radius is `margin` times what the residual asks for.
     """
     middle = middle_of(box)
     centre = equations.root(middle, near)
@@ -91,7 +91,7 @@ def enclose(
         return None
     if not np.isfinite(slope).all():
         return None
-    return krawczyk(equations, box, middle, centre, slope, room=room)
+    return krawczyk(equations, box, middle, centre, slope, margin=margin)
 
 
 def krawczyk(
@@ -101,7 +101,7 @@ def krawczyk(
     centre: np.ndarray,
     slope: np.ndarray,
     *,
-    room: float = FIRST_ROOM,
+    margin: float = FIRST_ROOM,
 ) -> RootTube | None:
     """The tube with these data if Krawczyk's condition is met for some radius, else None."""
     n, m = equations.n, equations.m
@@ -130,7 +130,7 @@ def krawczyk(
     defect = [_total(approximate[i][k] * residual[k] for k in range(m)) for i in range(m)]
     # A tube over one point has to fit into tubes over boxes.
     least = AT_A_POINT if all(low == high for low, high in box) else OVER_A_BOX
-    radius = [room * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
+    radius = [margin * balls.magnitude(d) + least * (1.0 + abs(float(v))) for d, v in zip(defect, centre)]
     far = FAR * (1.0 + max(balls.magnitude(y) for y in line))
     for _ in range(ROUNDS):
         # A radius that is not a number fails here as well.

@@ -267,17 +267,17 @@ class _Parser:
     def defined(self, token: Token, follows: bool) -> ExpressionNode:
         """The definition that `token` names, written out: its text is read with the arguments in their places."""
         definition = self.definitions[token.text]
-        wanted = definition.arguments
-        given = self.given(token) if follows and wanted else []
-        if len(given) != len(wanted) or (follows and not wanted):
+        expected = definition.arguments
+        given = self.given(token) if follows and expected else []
+        if len(given) != len(expected) or (follows and not expected):
             self.fail(
                 f"{token.text} is defined as {definition.head}",
                 token.position,
-                f"Give it {len(wanted)} argument{'' if len(wanted) == 1 else 's'}."
-                if wanted
+                f"Give it {len(expected)} argument{'' if len(expected) == 1 else 's'}."
+                if expected
                 else "Leave out (.",
             )
-        places = dict(zip(wanted, given))
+        places = dict(zip(expected, given))
         used = [word.text for word in definition.tokens if word.kind == "name"]
         self.written += len(definition.tokens)
         for name, node in places.items():

@@ -139,24 +139,24 @@ def fresh_name(name: str, taken: set[str]) -> str:
 
 
 def _small(
-    model: ForeignModel, wanted: str | None, read: Callable[[str], Scene]
+    model: ForeignModel, small_name: str | None, read: Callable[[str], Scene]
 ) -> tuple[str | None, list[str]]:
     """The small parameter, None where nothing says which, and why others with its name are ordinary ones."""
     if model.small is not None:
-        if wanted is not None:
+        if small_name is not None:
             raise ModelFileError(
                 f"fast reactions have a small parameter of their own, {model.small}.",
                 "Leave it out, or take the reactions' attribute away.",
-                got=f"--small {wanted[:64]}",
+                got=f"--small {small_name[:64]}",
             )
         return model.small, []
-    if wanted is not None:
-        if wanted not in model.parameters:
+    if small_name is not None:
+        if small_name not in model.parameters:
             raise ModelFileError(
-                f"there is no parameter {wanted[:64]!r} to be the small one."
-                + nearest(wanted[:64], model.parameters)
+                f"there is no parameter {small_name[:64]!r} to be the small one."
+                + nearest(small_name[:64], model.parameters)
             )
-        return wanted, []
+        return small_name, []
     called = [name for name in SMALL if name in model.parameters]
     ordinary: list[str] = []
     for name in called:

@@ -313,7 +313,7 @@ class _SbmlReader(Quantities):
         names = {name for law in laws for name in (law.species, *law.others)}
         weights = {name: float(self.weight(name)[1]) for name in names}
         values = {name: float(self.state_value(name)) for name in names}
-        room = {
+        capacity = {
             # Of what is all there a sum of doubles may come out a little less.
             name: max(amount / weights[name], values[name])
             for name, amount in most_of(laws, {name: weights[name] * values[name] for name in names}).items()
@@ -322,9 +322,11 @@ class _SbmlReader(Quantities):
         starts = {s: number_in(self.result.starts[self.state_word(s)], self.state_word(s)) for s in kept}
         most = max((value for value in starts.values() if value > 0), default=1.0)
         self.result.windows |= {
-            self.state_word(s): (0.0, room.get(s, value + most)) for s, value in starts.items() if value >= 0
+            self.state_word(s): (0.0, capacity.get(s, value + most))
+            for s, value in starts.items()
+            if value >= 0
         }
-        if not room.keys().isdisjoint(starts):
+        if not capacity.keys().isdisjoint(starts):
             self.result.notes.append("region: what a conserved sum holds goes from 0 to all of it")
 
     def take_notes(self, laws: list[Law]) -> None:

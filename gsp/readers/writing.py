@@ -44,10 +44,10 @@ def as_toml(scene: Scene) -> str:
         back = read_model(text, name=scene.name)
     except (ModelFileError, DeclarationError) as error:
         raise DeclarationError(f"the scene cannot be kept in a model file: {error}") from None
-    for told, found in zip(_content(scene), _content(back), strict=True):
-        if told != found and not _agree(told, found):
+    for saved, found in zip(_content(scene), _content(back), strict=True):
+        if saved != found and not _agree(saved, found):
             raise DeclarationError(
-                f"the scene cannot be kept in a model file: {shown(told)} is read back as {shown(found)}."
+                f"the scene cannot be kept in a model file: {shown(saved)} is read back as {shown(found)}."
             )
     return text
 
@@ -77,11 +77,11 @@ def _content(scene: Scene) -> Iterator[object]:
             yield expression
 
 
-def _agree(told: object, found: object) -> bool:
+def _agree(saved: object, found: object) -> bool:
     """Whether two expressions have the same values, where SymPy has multiplied a number into a sum of one of them."""
-    if not isinstance(told, sp.Expr) or not isinstance(found, sp.Expr):
+    if not isinstance(saved, sp.Expr) or not isinstance(found, sp.Expr):
         return False
-    plain = [_by_name(told), _by_name(found)]
+    plain = [_by_name(saved), _by_name(found)]
     if plain[0].free_symbols != plain[1].free_symbols:
         return False
     names = sorted(plain[0].free_symbols, key=str)

@@ -71,7 +71,7 @@ class _File:
     left_out: list[str] = field(default_factory=list)
     missing: dict[str, tuple[int, str]] = field(default_factory=dict)
     passed_over: list[str] = field(default_factory=list)
-    cut: list[str] = field(default_factory=list)
+    shortened: list[str] = field(default_factory=list)
 
 
 def read_ode(text: str) -> ForeignModel:
@@ -92,9 +92,9 @@ def read_ode(text: str) -> ForeignModel:
     model.starts = {name: file.starts.get(name, "0") for name in file.states}
 
     live = _live(file)
-    for name, (number, told) in file.missing.items():
+    for name, (number, reason) in file.missing.items():
         if name in live:
-            fail(number, told, "Remove it.")
+            fail(number, reason, "Remove it.")
         file.left_out.append(f"{name} (line {number})")
     helpers = _Helpers(model.definitions, taken)
     order = tuple(file.states)
@@ -213,7 +213,7 @@ def _take(file: _File, number: int, statement: Statement) -> None:
         case LineKind.START:
             file.starts[name] = found = start_at(text)
             if found != text.strip():
-                file.cut.append(f"{name}(0) = {found} of {text[:40]!r} (line {number})")
+                file.shortened.append(f"{name}(0) = {found} of {text[:40]!r} (line {number})")
         case LineKind.AUXILIARY:
             file.observables[_plain(name, file.observables)] = number, text
         case LineKind.RATE if name in file.states:
@@ -226,8 +226,8 @@ def _take(file: _File, number: int, statement: Statement) -> None:
         case LineKind.SET if found := _SET.fullmatch(text):
             file.sets[found[1]] = number, found[2]
         case LineKind.MISSING:
-            told = number, f"{name} is {MISSING['ta' if name[0] == 't' else 'w']}, which no model here has"
-            file.missing |= dict.fromkeys(text.split(), told)
+            reason = number, f"{name} is {MISSING['ta' if name[0] == 't' else 'w']}, which no model here has"
+            file.missing |= dict.fromkeys(text.split(), reason)
         case LineKind.SET | LineKind.LEFT_OUT:
             file.left_out.append(f"{name} (line {number})")
         case _ if text[0] != "%":
@@ -266,7 +266,7 @@ def _assign(file: _File, table: dict[str, str], text: str, number: int, what: st
         if table is file.parameters and name in table:
             fail(number, f"the parameter {name} is given twice", "Keep one.")
         if found != given and value:
-            file.cut.append(f"{name} = {found} of {given[:40]!r} (line {number})")
+            file.shortened.append(f"{name} = {found} of {given[:40]!r} (line {number})")
         table[name] = found
 
 
@@ -378,15 +378,15 @@ def _take_notes(file: _File, model: ForeignModel, late: Mapping[str, str]) -> No
         "region: the plotted window where the file has one, else a guess, a box around a slow one's start"
     )
     if late:
-        told = ", ".join(
+        reason = ", ".join(
             f"{name} (line {file.definitions[name][0]}) uses {other}" for name, other in late.items()
         )
         model.notes.append(
-            f"quantities above one that they use: {told[:300]}; XPPAUT takes its value of the step before, and here "
+            f"quantities above one that they use: {reason[:300]}; XPPAUT takes its value of the step before, and here "
             "both are of one time, which XPPAUT's runs tend to as its steps get small"
         )
-    if file.cut:
-        model.notes.append("values that XPPAUT does not take as they stand: " + "; ".join(file.cut)[:300])
+    if file.shortened:
+        model.notes.append("values that XPPAUT does not take as they stand: " + "; ".join(file.shortened)[:300])
     if file.passed_over:
         model.notes.append("lines that XPPAUT passes over: " + ", ".join(file.passed_over)[:300])
     model.left_out = file.left_out

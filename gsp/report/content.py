@@ -10,7 +10,7 @@ import sympy as sp
 
 from gsp import charts
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.fold_surroundings import FoldOutlook
+from gsp.analysis.fold_surroundings import FoldBeyond
 from gsp.choice.choice import Choice
 from gsp.comparison.survey import Claim
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity
@@ -236,7 +236,7 @@ def _boundary(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _fold(fold: FoldOutlook, epsilon: float) -> dict[str, Any]:
+def _fold(fold: FoldBeyond, epsilon: float) -> dict[str, Any]:
     passage, canard = fold.passage, fold.canard
     return {
         "point": fold.point,

@@ -60,14 +60,14 @@ def write_report(
     check_noun(analysis, Analysis, verb="write_report")
     check_progress(progress)
     target = check_folder(folder)
-    told = progress or (lambda share: None)
-    told(0.0)
+    show_progress = progress or (lambda share: None)
+    show_progress(0.0)
     begun = time.perf_counter()
     drawn = charts.applicable(analysis)
     pictures: dict[str, bytes | Missing] = {}
     for i, (name, draw) in enumerate(drawn.items()):
         pictures[name] = attempt(f"the figure {name}", lambda draw=draw: charts.png(draw(analysis)))
-        told(0.9 * (i + 1) / len(drawn))
+        show_progress(0.9 * (i + 1) / len(drawn))
     made = {name: picture for name, picture in pictures.items() if not isinstance(picture, Missing)}
     content = as_json(analysis)
     content["figures"] = [f"{name}.png" for name in made]
@@ -95,12 +95,12 @@ def write_report(
         timings=timings,
         model=None if isinstance(model, Missing) else MODEL,
     ).encode()
-    told(0.95)
+    show_progress(0.95)
     try:
         # All or nothing: what Ctrl-C would stop from here on is done in milliseconds.
         with undisturbed():
             _install(files, target)
-            told(1.0)
+            show_progress(1.0)
     except OSError as error:
         raise _unwritable(target, error) from error
     return target / HTML

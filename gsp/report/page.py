@@ -77,11 +77,11 @@ def _figures(
 ) -> dict[str, dict[str, Any]]:
     result: dict[str, dict[str, Any]] = {}
     number = 0
-    told: dict[str, str] = {}
+    first_named: dict[str, str] = {}
     for name, picture in pictures.items():
         if isinstance(picture, Missing):
             # A long reason that many pictures share is read once.
-            first = told.setdefault(picture.reason, name)
+            first = first_named.setdefault(picture.reason, name)
             same = Markup('<a href="#{}">the same reason as above</a>').format(first)
             result[name] = {"reason": words(picture.reason) if first == name else same}
             continue

@@ -9,7 +9,7 @@ import sympy as sp
 from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
-from gsp.analysis.fold_surroundings import FoldOutlook
+from gsp.analysis.fold_surroundings import FoldBeyond
 from gsp.comparison.failure_map import FailureMap
 from gsp.comparison.survey import HORIZON
 from gsp.report.wording import number, words
@@ -83,7 +83,7 @@ def _place(point: Mapping[str, Any], setter: Typesetter) -> Markup:
     )
 
 
-def _fold(fold: FoldOutlook, analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
+def _fold(fold: FoldBeyond, analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """A row: the fold, and its passage at the scene's epsilon or the reason why there is none."""
     small, system = analysis.scene.epsilon, analysis.study.system
     row: dict[str, Any] = {

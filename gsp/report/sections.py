@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts import has_constant_eigenvalues
-from gsp.choice.verdict import named
+from gsp.choice.verdict import in_words
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.report.claims import claims_of
 from gsp.report.reach import failures, reach
@@ -185,8 +185,8 @@ class Page:
             "errors": self.measured,
             "slopes": self._slopes,
         }
-        told = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
-        return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in told.items()]
+        made = {term: attempt(f"the line {term}", make) for term, make in facts.items()}
+        return [(t, words(f.reason) if isinstance(f, Missing) else f) for t, f in made.items()]
 
     def gap(self) -> Markup:
         """The least |Re lambda| that is proved, else that at the samples."""
@@ -352,7 +352,7 @@ class Page:
         found = self.analysis.choice
         names = [c.label for c in found.candidates]
         return {
-            "model": named(found.model),
+            "model": in_words(found.model),
             "rows": [
                 {
                     "name": name,

@@ -16,7 +16,7 @@ from gsp.results.card import Card
 from gsp.scenes.view import View, checked_views
 from gsp.systems.arguments import check_noun, check_number, check_text, shown
 from gsp.systems.declaration import reconstruction_of
-from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, check_given, named
+from gsp.systems.flow import Question, Values, check_epsilon, check_epsilons, check_given, values_by_name
 from gsp.systems.region import Interval, check_interval, check_region, shown_region
 from gsp.systems.system import SlowFastSystem, VectorField
 
@@ -246,7 +246,7 @@ def check_words(text: str, *, what: str) -> None:
 def _start(
     start: Mapping, extra: Mapping, states: list[str], drivers: list[str]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    given = named(extra, what="reconstruction_start")
+    given = values_by_name(extra, what="reconstruction_start")
     for name in given:
         if name not in drivers:
             raise DeclarationError.none_of(
@@ -255,7 +255,7 @@ def _start(
                 f'reconstruction_start names "{name}", which is no reconstruction variable.',
                 "There are",
             )
-    given |= named(start, what="start")
+    given |= values_by_name(start, what="start")
     for name in given:
         if name not in states and name not in drivers:
             known = ", ".join(states) + (f"; reconstruction variables {', '.join(drivers)}" if drivers else "")
@@ -278,7 +278,7 @@ def _starts(starts: Mapping, known: list[str]) -> dict[str, Mapping[str, float]]
             raise DeclarationError(
                 "the name of a start is a plain word.", "Use letters and digits.", got=shown(name), value=name
             )
-        given = named(start, what=f"the start {name}")
+        given = values_by_name(start, what=f"the start {name}")
         for state in given:
             if state not in known:
                 raise DeclarationError.none_of(

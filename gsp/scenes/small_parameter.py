@@ -26,10 +26,10 @@ RTOL = 1e-6
 BOOKKEEPING = 1.0
 
 
-def no_small_parameter(scene: Scene, wanted: str) -> SplittingError:
-    """The error for what needs a small parameter; `wanted` says what that is, as in "check needs one"."""
+def no_small_parameter(scene: Scene, purpose: str) -> SplittingError:
+    """The error for what needs a small parameter; `purpose` says what that is, as in "check needs one"."""
     return SplittingError(
-        f"{scene.name or 'the scene'} has no small parameter, and {wanted}.",
+        f"{scene.name or 'the scene'} has no small parameter, and {purpose}.",
         "Name the parameter that is small, --small NAME, or the variables that are fast, --fast NAME,...; in Python "
         "take_small(scene, parameter=NAME) and take_fast(scene, variables=[NAME, ...]).",
     )
@@ -217,7 +217,7 @@ def _bounds(scene: Scene, fast: Iterable[str]) -> dict[str, Interval]:
     missing = [name for name in free if name not in scene.region]
     region = dict(scene.region)
     if missing:
-        flow, start, span, _ = scene.asked(None, None, None)
+        flow, start, span, _ = scene.setting(None, None, None)
         run = trajectory_of(
             flow,
             start=start,

@@ -140,7 +140,7 @@ class Study(Card):
 
         return self._once((kind, order), lambda: series_of(expansion(), order))
 
-    def reach(self, order: int, *, symbolic: bool = False) -> tuple[SeriesManifold, str]:
+    def series_within_budget(self, order: int, *, symbolic: bool = False) -> tuple[SeriesManifold, str]:
         """The series through `order` or as far as the budget of the exact algebra goes, the parameters' values put in
         unless `symbolic`, and why no further, as a sentence; empty where it is all there.
 
@@ -154,12 +154,12 @@ class Study(Card):
                 raise
             return self.series(last, symbolic=symbolic), f"The series ends at order {last}: {why}."
 
-    def cut(self, order: int) -> str:
+    def why_shorter(self, order: int) -> str:
         """Why the series is not run through `order`, as a sentence; empty where it is."""
         short = self.short_series(order).order
         if short == order:
             return ""
-        longer, ending = self.reach(short + 1)
+        longer, ending = self.series_within_budget(short + 1)
         return ending or (
             f"The series is run through order {short} only: at order {short + 1} it has coefficients of "
             f"{max(longer.sizes)} terms, more than {LONGEST}."
@@ -246,12 +246,12 @@ class Study(Card):
         scene = self.scene
         if epsilon is None and tolerance is None:
             return self
-        asked = replace(
+        scene_with_settings = replace(
             scene,
             epsilon=scene.epsilon if epsilon is None else epsilon,
             tolerance=scene.tolerance if tolerance is None else tolerance,
         )
-        return replace(self, scene=asked)
+        return replace(self, scene=scene_with_settings)
 
     def __repr__(self) -> str:
         return f"Study({self.scene.name or self.scene.system.name or 'unnamed'}: {self._made()})"

@@ -45,10 +45,10 @@ def _table_of_singular_orbit(orbit: SingularOrbit) -> Table:
         variables[names(f"fold_{name}")] = _values(each, places, name)
         places = ({} if f is None else {**f.point, **f.drop.point} for f in folds)
         variables[names(f"landing_{name}")] = _values(each, places, name)
-    told = {"message": orbit.message, "period_pieces": orbit.period_pieces}
+    attributes = {"message": orbit.message, "period_pieces": orbit.period_pieces}
     if orbit.coefficients is not None:
-        told |= {f"T_{k}": value for k, value in enumerate(orbit.coefficients)}
-    return Table("SingularOrbit", coordinates, variables, told, over)
+        attributes |= {f"T_{k}": value for k, value in enumerate(orbit.coefficients)}
+    return Table("SingularOrbit", coordinates, variables, attributes, over)
 
 
 @tables.of(MixedMode)
@@ -57,11 +57,11 @@ def _table_of_mixed_mode(mode: MixedMode) -> Table:
     over = ("swing",)
     coordinates = {"swing": Column(over, np.arange(mode.sizes.size)), "t": Column(over, mode.times)}
     variables = {"size": Column(over, mode.sizes), "is_large": Column(over, mode.is_large)}
-    told = {
+    attributes = {
         "name": mode.name, "signature": mode.signature, "repeats": mode.repeats, "status": mode.run.status.name,
         "message": mode.run.message,
     }  # fmt: skip
-    return Table("MixedMode", coordinates, variables, told, over)
+    return Table("MixedMode", coordinates, variables, attributes, over)
 
 
 @tables.of(FoldPassage)
@@ -84,8 +84,14 @@ def _table_of_fold_passage(passage: FoldPassage) -> Table:
         "left": Column(fast, passage.left),
         "landing": Column(fast, np.array(landing, dtype=float)),
     }
-    told = {"a": passage.a, "b": passage.b, "c": passage.c, "d": passage.d, "drop": passage.drop.kind.name}
-    return Table("FoldPassage", coordinates, variables, told, slow)
+    attributes = {
+        "a": passage.a,
+        "b": passage.b,
+        "c": passage.c,
+        "d": passage.d,
+        "drop": passage.drop.kind.name,
+    }
+    return Table("FoldPassage", coordinates, variables, attributes, slow)
 
 
 def _values(each: tuple[str, ...], places: Iterable[Mapping[str, float]], name: str) -> Column:

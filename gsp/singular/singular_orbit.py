@@ -35,7 +35,7 @@ from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import FoldPassage, fold_passage, omega0
 from gsp.slow.series import expand
 from gsp.systems.arguments import check_noun, check_progress, check_whole
-from gsp.systems.flow import Point, check_epsilon, complete, named
+from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
 
 # Slow pieces are followed at this tolerance, each for at most so much slow time.
 RTOL, ATOL = 1e-11, 1e-13
@@ -179,7 +179,7 @@ def singular_orbit(
 def _require_attracting(branch: Branch, start: Point) -> None:
     """The start's sheet attracts over the start: orbits next to any other leave it before a slow time has passed."""
     system = branch.system
-    given = named(start, what="start")
+    given = values_by_name(start, what="start")
     x = np.array([[given[s.name] for s in system.x]])
     point = np.concatenate([x, branch.through(start).points(x)], axis=1)
     values = np.linalg.eigvals(Sampler(branch).fast_jacobian(point)[0])
@@ -211,7 +211,7 @@ def _follow(branch: Branch, point: Point) -> tuple[SlowPiece, Reason]:
 
 def _landed_on(branch: Branch, point: Point) -> Branch:
     """`branch` when the point of M0 lies on it, otherwise the branch of M0 that it lies on."""
-    given = named(point, what="point")
+    given = values_by_name(point, what="point")
     x, y = (np.array([given[s.name] for s in states]) for states in (branch.system.x, branch.system.y))
     try:
         distance = np.abs(branch.through(point).points(x[None, :])[0] - y).max()
@@ -228,7 +228,7 @@ def _reduced(branch: Branch, point: Point) -> ReducedFlow:
 
 def _run(flow: ReducedFlow, branch: Branch, point: Point) -> Trajectory:
     slow = {s.name for s in branch.system.x}
-    start = named(point, what="start")
+    start = values_by_name(point, what="start")
     return trajectory_of(
         flow,
         start={name: value for name, value in start.items() if name in slow},

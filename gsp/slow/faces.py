@@ -25,8 +25,8 @@ def _table_of_slow_points(found: SlowPoints) -> Table:
 @tables.of(SampledManifold)
 def _table_of_sampled_manifold(found: SampledManifold) -> Table:
     """A row for each node that was solved for."""
-    told = {"kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate}
-    return _over_slow("node", found, found.nodes, found.values, {"error": found.node_errors}, told)
+    attributes = {"kind": str(found.kind), "gap": found.gap, "error_estimate": found.error_estimate}
+    return _over_slow("node", found, found.nodes, found.values, {"error": found.node_errors}, attributes)
 
 
 def _over_slow(
@@ -35,7 +35,7 @@ def _over_slow(
     x: np.ndarray,
     y: np.ndarray,
     own: Mapping[str, np.ndarray],
-    told: Mapping[str, str | float | int | None],
+    attributes: Mapping[str, str | float | int | None],
 ) -> Table:
     """Slow variables (m, slow) and epsilon as coordinates; fast ones (m, fast) and its `own` arrays as variables."""
     system = found.branch.system
@@ -46,7 +46,7 @@ def _over_slow(
     variables = {s.name: Column(over, y[:, i]) for i, s in enumerate(system.y)}
     variables |= {names(name): Column(over, values) for name, values in own.items()}
     ending = {"status": found.status.name, "message": found.message, "tolerance": found.tolerance}
-    return Table(type(found).__name__, coordinates, variables, {**ending, **told}, over)
+    return Table(type(found).__name__, coordinates, variables, {**ending, **attributes}, over)
 
 
 @equations.of(SeriesManifold)

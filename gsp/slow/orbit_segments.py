@@ -49,8 +49,8 @@ class Segments:
     """What k segments gave: the fast variables `y` (k, n_fast) over the slow points, NaN where Newton failed.
 
     `selection` (k,) is what is left of the ends' errors, `discretisation` (k,) the estimated error of collocation;
-    `status` says how each ended, `cut` which were shortened, as a rule because their orbit leaves the branch, to
-    end at the places `ends` (k, n) after a decay by `decayed` (k,) powers of e, and `reached` (k,) the largest
+    `status` says how each ended, `is_cut_short` which were shortened, as a rule because their orbit leaves the branch,
+    to end at the places `ends` (k, n) after a decay by `decayed` (k,) powers of e, and `reached` (k,) the largest
     epsilon at which a segment was solved.
     """
 
@@ -58,7 +58,7 @@ class Segments:
     selection: np.ndarray
     discretisation: np.ndarray
     status: list[Status]
-    cut: np.ndarray
+    is_cut_short: np.ndarray
     ends: np.ndarray
     decayed: np.ndarray
     reached: np.ndarray
@@ -104,23 +104,23 @@ class SegmentSolver:
         for _ in range(EXTENSIONS):
             # A longer segment only where this one was solved: what failed is too long already.
             short = np.isfinite(result.selection) & (result.selection > SHARE * self.tolerance)
-            short &= ~result.cut & (goal < LONGEST)
+            short &= ~result.is_cut_short & (goal < LONGEST)
             if not short.any():
                 break
-            wanted = 3.0 + np.log(result.selection[short] / (SHARE * self.tolerance))
-            goal[short] = np.minimum(goal[short] + wanted, LONGEST)
+            needed = 3.0 + np.log(result.selection[short] / (SHARE * self.tolerance))
+            goal[short] = np.minimum(goal[short] + needed, LONGEST)
             _replace(result, short, self._attempt(x[short], y[short], goal[short]))
         goal = np.minimum(goal, result.decayed)
         hopeful = np.ones(len(x), dtype=bool)
         for _ in range(RETREATS):
             # An orbit on its way to a fold, say: a shorter segment may be solved where the whole one is not, or badly.
             failed = np.array([not status.ok for status in result.status])
-            poor = failed | (hopeful & result.cut & (result.error > self.tolerance))
+            poor = failed | (hopeful & result.is_cut_short & (result.error > self.tolerance))
             if not poor.any():
                 break
             goal[poor] *= RETREAT
             before = result.error[poor]
-            _replace(result, poor, self._attempt(x[poor], y[poor], goal[poor], cut=True))
+            _replace(result, poor, self._attempt(x[poor], y[poor], goal[poor], is_cut_short=True))
             # Once shortening loses more than it mends it is over.
             hopeful[poor] = result.error[poor] < before
         return result
@@ -140,7 +140,9 @@ class SegmentSolver:
         ]
         return sides
 
-    def _attempt(self, x: np.ndarray, y: np.ndarray, goal: np.ndarray, *, cut: bool = False) -> Segments:
+    def _attempt(
+        self, x: np.ndarray, y: np.ndarray, goal: np.ndarray, *, is_cut_short: bool = False
+    ) -> Segments:
         upstream, downstream = self._tracks(x, y, goal)
         nx, n = len(self.system.x), len(self.system.states)
         k = len(x)
@@ -181,14 +183,14 @@ class SegmentSolver:
             # Taken off M_epsilon by as much as M_epsilon is off M0, at most.
             error = track.drift + moved[:, side]
             selection += np.linalg.norm(response[:, :, columns], axis=(1, 2)) * error
-        downwards = downstream.cut if not cut else upstream.decayed > downstream.decayed
+        downwards = downstream.is_cut_short if not is_cut_short else upstream.decayed > downstream.decayed
         where = np.where(downwards[:, None], ends[1], ends[0])
         return Segments(
             y=solution,
             selection=np.where(failed, np.inf, selection),
             discretisation=discretisation,
             status=status,
-            cut=upstream.cut | downstream.cut | cut,
+            is_cut_short=upstream.is_cut_short | downstream.is_cut_short | is_cut_short,
             ends=where,
             decayed=np.minimum(upstream.decayed, downstream.decayed),
             reached=reached,
@@ -237,8 +239,8 @@ class SegmentSolver:
         if count in (0, fast):
             return np.broadcast_to(np.eye(fast), (len(z), fast, fast)).copy()
         values, vectors = np.linalg.eig(self.fast_jacobian(z).transpose(0, 2, 1))
-        wanted = np.real(values) < 0 if stable else np.real(values) > 0
-        spanning = np.where(wanted[:, None, :], vectors, 0.0)
+        needed = np.real(values) < 0 if stable else np.real(values) > 0
+        spanning = np.where(needed[:, None, :], vectors, 0.0)
         return (
             np.linalg.svd(np.concatenate([np.real(spanning), np.imag(spanning)], axis=2))[0]
             .transpose(0, 2, 1)
@@ -377,7 +379,7 @@ def _replace(result: Segments, rows: np.ndarray, new: Segments) -> None:
     """Put `new` for some rows of `result`, where it is better."""
     places = np.flatnonzero(rows)
     better = (new.error < result.error[places]) | ~np.isfinite(result.error[places])
-    for name in ("y", "selection", "discretisation", "cut", "ends", "decayed", "reached"):
+    for name in ("y", "selection", "discretisation", "is_cut_short", "ends", "decayed", "reached"):
         getattr(result, name)[places[better]] = getattr(new, name)[better]
     for place, status in zip(places[better], np.array(new.status, dtype=object)[better]):
         result.status[place] = status

@@ -34,11 +34,11 @@ class Held:
         left, right, inner = np.zeros((n, n)), np.zeros((n, n)), np.zeros((nx, len(z), n))
         left[:a, nx:], right[a : a + b, nx:] = self.left, self.right
         inner[:, self.middle, :nx] = np.eye(nx)
-        wanted = np.concatenate([
+        target = np.concatenate([
             self.at_left[:a] - self.left @ z[0, nx:], self.at_right[:b] - self.right @ z[-1, nx:],
             self.x - z[self.middle, :nx],
         ])  # fmt: skip
-        return Conditions(left, right, np.zeros((n, 0)), wanted, inner)
+        return Conditions(left, right, np.zeros((n, 0)), target, inner)
 
 
 class SegmentProblem:

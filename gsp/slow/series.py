@@ -229,7 +229,7 @@ class SeriesManifold(Card):
         when the terms are still falling then, the answer is the series' own order. Terms that cancellation has left
         without digits do not count: the order before the first of them is the last.
         """
-        _, orders, _, single = self._cut(x, epsilon, near)
+        _, orders, _, single = self._best_terms(x, epsilon, near)
         return int(orders[0]) if single else orders
 
     def truncation_error(self, x, epsilon: float, *, near=None) -> np.ndarray | float:
@@ -239,7 +239,7 @@ class SeriesManifold(Card):
         the true error, as a rule by a factor of 5. Where nothing is known beyond an order, its last term stands in.
         Where the terms after it rise by smaller and smaller factors, it is three times the last of these.
         """
-        _, _, error, single = self._cut(x, epsilon, near)
+        _, _, error, single = self._best_terms(x, epsilon, near)
         return float(error[0]) if single else error
 
     # -- evaluation --------------------------------------------------------------------------------
@@ -261,7 +261,7 @@ class SeriesManifold(Card):
         places = [system.states.index(symbol) for symbol in self.coordinates]
         return array, z[:, places], single
 
-    def _cut(self, x, epsilon: float, near) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    def _best_terms(self, x, epsilon: float, near) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
         """(terms, the best orders (m,), the errors (m,) there, single); terms without digits do not count."""
         ahead = self._ahead
         terms, coordinates, single = ahead._terms(x, epsilon, near)
@@ -395,7 +395,7 @@ def best_sum(
     series: SeriesManifold, x, epsilon: float, *, near=None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """h_epsilon (m, n_fast) over `x` at each point's own `optimal_order`, these orders and the errors (m,), at once."""
-    terms, orders, left_out, _ = series._cut(x, epsilon, near)
+    terms, orders, left_out, _ = series._best_terms(x, epsilon, near)
     return terms.cumsum(axis=1)[np.arange(len(terms)), orders], orders, left_out
 
 

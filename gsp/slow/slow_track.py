@@ -40,8 +40,8 @@ class Track:
     (k, m + 1, n) at their ends, from the given points outwards.
 
     `decayed` (k,) are the powers of e that the slowest direction decays by, `drift` (k,) is the distance of
-    M_epsilon from M0 at the far end to first order, epsilon |g_y^-1 y'|; `cut` says which orbits left the branch
-    before the decay that was asked for.
+    M_epsilon from M0 at the far end to first order, epsilon |g_y^-1 y'|; `is_cut_short` says which orbits left the
+    branch before the decay that was asked for.
     """
 
     counts: np.ndarray
@@ -50,7 +50,7 @@ class Track:
     rates: np.ndarray
     decayed: np.ndarray
     drift: np.ndarray
-    cut: np.ndarray
+    is_cut_short: np.ndarray
 
     @staticmethod
     def empty(x: np.ndarray, y: np.ndarray) -> Track:
@@ -141,7 +141,7 @@ def follow_slow_flow(
     J = flow.jacobian(z)
     eigenvalues, count = _spectrum(J[:, nx:, nx:])
     alive &= count == unstable
-    cut = ~alive
+    is_cut_short = ~alive
     decayed = np.zeros(k)
     counts = np.zeros(k, dtype=np.int64)
     shares = np.ones(k)
@@ -155,9 +155,9 @@ def follow_slow_flow(
         if not active.any():
             break
         rates = np.real(eigenvalues)
-        mine = rates < 0 if side == LEFT else rates > 0
-        gap = np.where(mine, np.abs(rates), np.inf).min(axis=1)
-        fastest = np.where(active, np.where(mine, np.abs(eigenvalues), 0.0).max(axis=1), fastest)
+        on_side = rates < 0 if side == LEFT else rates > 0
+        gap = np.where(on_side, np.abs(rates), np.inf).min(axis=1)
+        fastest = np.where(active, np.where(on_side, np.abs(eigenvalues), 0.0).max(axis=1), fastest)
         slow = J[:, :nx, :nx] - J[:, :nx, nx:] @ divide(J[:, nx:, nx:], J[:, nx:, :nx])
         f = flow.rates(z)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,11 +173,11 @@ def follow_slow_flow(
         # Shorter steps lead nearer to where the branch ends.
         shares[rows[~good]] *= 0.5
         ended = rows[~good & (shares[rows] < SMALLEST_SHARE)]
-        cut[ended], alive[ended] = True, False
+        is_cut_short[ended], alive[ended] = True, False
         kept = rows[good]
         x, y, z, J = x.copy(), y.copy(), z.copy(), J.copy()
         x[kept], y[kept], z[kept], J[kept] = x_new[good], y_new[good], z_new[good], J_new[good]
-        new_gap = np.where(mine[kept], np.abs(np.real(values[good])), np.inf).min(axis=1)
+        new_gap = np.where(on_side[kept], np.abs(np.real(values[good])), np.inf).min(axis=1)
         decayed[kept] += h[kept] * np.minimum(gap[kept], new_gap) / epsilon
         eigenvalues = eigenvalues.copy()
         eigenvalues[kept] = values[good]
@@ -185,16 +185,16 @@ def follow_slow_flow(
         counts[kept] += 1
         place = (kept, counts[kept])
         states[place], decays[place], drifts[place] = z[kept], decayed[kept], _drift(flow, z[kept], J[kept])
-    if cut.any():
+    if is_cut_short.any():
         # Towards a fold what is fixed there becomes wrong faster than it decays: end where the product is least.
-        floor = NEGLIGIBLE * epsilon * (1.0 + np.linalg.norm(states[cut, :1, nx:], axis=2))
-        felt = np.log(np.maximum(drifts[cut], floor)) - decays[cut]
-        counts[cut] = np.argmin(felt, axis=1)
+        floor = NEGLIGIBLE * epsilon * (1.0 + np.linalg.norm(states[is_cut_short, :1, nx:], axis=2))
+        felt = np.log(np.maximum(drifts[is_cut_short], floor)) - decays[is_cut_short]
+        counts[is_cut_short] = np.argmin(felt, axis=1)
     rows, m = np.arange(k), int(counts.max(initial=0))
     decayed, drift = decays[rows, counts], drifts[rows, counts]
     states = np.where(np.arange(m + 1)[:, None] <= counts[:, None, None], states[:, : m + 1], states[:, :1])
     lengths = np.where(np.arange(m) < counts[:, None], lengths[:, :m], 0.0)
-    return _graded(flow, states, lengths, counts, fastest, decayed, drift, cut)
+    return _graded(flow, states, lengths, counts, fastest, decayed, drift, is_cut_short)
 
 
 def _drift(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
@@ -206,11 +206,11 @@ def _drift(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(drift), drift, np.inf)
 
 
-def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, cut) -> Track:
+def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, is_cut_short) -> Track:
     """The track with its last element halved towards the end, where the fastest direction's layer lies."""
     k, m = lengths.shape
     if m == 0:
-        return Track(counts, lengths, z, np.zeros_like(z), decayed, drift, cut)
+        return Track(counts, lengths, z, np.zeros_like(z), decayed, drift, is_cut_short)
     rates = _all_rates(flow, z.reshape(-1, flow.n)).reshape(z.shape)
     last = np.maximum(counts, 1) - 1
     rows = np.arange(k)
@@ -219,7 +219,7 @@ def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, cu
     halvings[counts == 0] = 0
     extra = int(halvings.max(initial=0))
     if extra == 0:
-        return Track(counts, lengths, z, rates, decayed, drift, cut)
+        return Track(counts, lengths, z, rates, decayed, drift, is_cut_short)
     lengths = np.hstack([lengths, np.zeros((k, extra))])
     z = np.concatenate([z, np.repeat(z[:, -1:], extra, axis=1)], axis=1)
     rates = np.concatenate([rates, np.repeat(rates[:, -1:], extra, axis=1)], axis=1)
@@ -231,7 +231,7 @@ def _graded(flow: _CriticalFlow, z, lengths, counts, fastest, decayed, drift, cu
             a, b = array[q, e].copy(), array[q, e + 1].copy()
             array[q, e + 1 : e + s + 2] = a + place * (b - a)
         lengths[q, e : e + s + 1] = h * shares
-    return Track(counts + halvings, lengths, z, rates, decayed, drift, cut)
+    return Track(counts + halvings, lengths, z, rates, decayed, drift, is_cut_short)
 
 
 def _fast_slopes(flow: _CriticalFlow, z: np.ndarray, J: np.ndarray) -> np.ndarray:

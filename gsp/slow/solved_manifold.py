@@ -244,7 +244,7 @@ class _Work:
         if failed:
             return self._failure(segments, x, failed)
         self.selection = max(self.selection, float(error.max()))
-        short = segments.cut & (error > self.tolerance)
+        short = segments.is_cut_short & (error > self.tolerance)
         if short.any() and not self.history_ends:
             self.history_ends = True
             i = int(np.argmax(np.where(short, error, 0.0)))
@@ -261,7 +261,7 @@ class _Work:
         reached = float(segments.reached[failed].min())
         if reached > 0.0:
             text += f"; the segments were solved up to epsilon = {reached:.3g}, asked was {self.epsilon:g}"
-        if segments.cut[i]:
+        if segments.is_cut_short[i]:
             text += f"; the orbit can be followed only to {self._state(segments.ends[i])}"
         return status, f"{text}. Lower epsilon, or shrink the region away from there."
 

@@ -49,7 +49,7 @@ class NotInvariantError(ValueError):
         values = (left([*point, *[arb(0)] * len(self.z)])[0] for point in points)
         return any(value > 0 or value < 0 for value in values)
 
-    def told(self, small: sp.Symbol, points: Iterable[Sequence[arb]]) -> tuple[ProofVerdict, str]:
+    def verdict_at(self, small: sp.Symbol, points: Iterable[Sequence[arb]]) -> tuple[ProofVerdict, str]:
         """The verdict, and the reason for it."""
         left = f"a term in {small}^{self.order} is left over"
         if self.is_proved(points):

@@ -212,7 +212,7 @@ class Isolation:
                 signs[n + i] = arb(1) if sign == side else arb(-0.5)
             if sign == side:
                 decays.append(balls.below(self._decay(matrix, block, sign)))
-        cut = 2.0 * collar * balls.exact(box[-1][1])
+        cut_off = 2.0 * collar * balls.exact(box[-1][1])
         # Between what the slow directions need and what the normal ones give; any tau > 0 that passes is a proof.
         needed = max(
             sum(
@@ -221,7 +221,7 @@ class Isolation:
             )
             for i, row in enumerate(drift)
         )
-        tau = 0.5 * (max(needed, 0.0) + balls.above(cut)) + min(decays)
+        tau = 0.5 * (max(needed, 0.0) + balls.above(cut_off)) + min(decays)
         if not (tau > 0.0 and math.isfinite(tau)):
             return False
         zero_drift, zero_lift = [[arb(0)] * n for _ in range(n)], [[arb(0)] * m for _ in range(n)]
@@ -232,7 +232,7 @@ class Isolation:
                 [(w[j][i] * signs[j] + signs[i] * w[i][j]) * side for j in range(n + m)] for i in range(n + m)
             ]
             for i in range(n + m):
-                form[i][i] = form[i][i] - arb(tau) * signs[i] - (cut if i < n else 0)
+                form[i][i] = form[i][i] - arb(tau) * signs[i] - (cut_off if i < n else 0)
             if not least_eigenvalue(form) > 0.0:
                 return False
         return True

@@ -32,7 +32,7 @@ from gsp.slow_tubes.invariance import Invariance, NotInvariantError
 from gsp.slow_tubes.isolation import norm
 from gsp.slow_tubes.validated_flow import solution_steps
 from gsp.systems.arguments import check_noun, check_whole
-from gsp.systems.flow import check_epsilon, named
+from gsp.systems.flow import check_epsilon, values_by_name
 from gsp.systems.region import check_interval
 
 # Steps of the error over the span; its own error falls with their square.
@@ -109,8 +109,8 @@ def bound_reduction(
     small = check_epsilon(epsilon)
     first, last = check_interval(span, what="span", remedy="Give (t0, t1) with t0 < t1.")
     slow, fast = [s.name for s in system.x], [s.name for s in system.y]
-    full = named(start, what="start")
-    reduced = named(reduced_start, what="reduced_start") if reduced_start is not None else full
+    full = values_by_name(start, what="start")
+    reduced = values_by_name(reduced_start, what="reduced_start") if reduced_start is not None else full
     for what, given in (("start", full), ("reduced_start", reduced)):
         missing = [name for name in slow if name not in given]
         if missing:
@@ -128,7 +128,7 @@ def bound_reduction(
         try:
             return _Run(series, small, x).along(x, y, s, last - first, steps)
         except NotInvariantError as error:
-            verdict, reason = error.told(system.epsilon, [x, s])
+            verdict, reason = error.verdict_at(system.epsilon, [x, s])
             empty = np.empty(0)
             return ReductionBound(verdict, reason, small, empty, empty, empty, math.nan)
 

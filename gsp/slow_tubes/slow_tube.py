@@ -89,15 +89,15 @@ class SlowTube(Tube):
 
     def __str__(self) -> str:
         small, n = self.series.branch.system.epsilon.name, self.series.order
-        told = [
+        sentences = [
             f"for every {small} in (0, {at_least(self.epsilon_0)}], with h through order {n}",
             f"|y - h| <= {at_most(self.delta)} at {small} = {at_least(self.epsilon_0)}, and in proportion to "
             f"{small}^{n + 1} below",
         ]
         if self.ratio < math.inf:
             # A bound over a bound, which is itself up to a share of SUPREMUM too large.
-            told.append(f"that is about {self.ratio:.3g} times the largest first term left out")
-        return self._card("", told)
+            sentences.append(f"that is about {self.ratio:.3g} times the largest first term left out")
+        return self._card("", sentences)
 
 
 def certify_tube(
@@ -158,7 +158,7 @@ class _TubeSearch:
             if self.tally.spent:
                 reason += f"; a test spent its {self.tally.most} boxes"
         except NotInvariantError as error:
-            verdict, reason = error.told(self.series.branch.system.epsilon, self._points())
+            verdict, reason = error.verdict_at(self.series.branch.system.epsilon, self._points())
             return replace(nothing, verdict=verdict, reason=reason)
         except KeyboardInterrupt:
             reason = "interrupted; nothing was proved by then"

@@ -63,11 +63,11 @@ class Tube(Card):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.verdict.name}, {self.reason})"
 
-    def _card(self, at: str, told: Sequence[str]) -> str:
-        """The verdict on the region and the reason; of an isolating tube what is `told`, and the statement."""
+    def _card(self, at: str, sentences: Sequence[str]) -> str:
+        """The verdict on the region and the reason; of an isolating tube what is `sentences`, and the statement."""
         lines = [f"{self.verdict.value} on {shown_sides(self.region)}{at}", f"  {self.reason}"]
         if self.is_isolating:
-            lines += [f"  {line}" for line in (*told, *self.statement)]
+            lines += [f"  {line}" for line in (*sentences, *self.statement)]
         return "\n".join(lines)
 
     def _with(self, found: ProvedTube, fast: Sequence[sp.Symbol], power: arb, **own: Any) -> Self:
@@ -81,7 +81,11 @@ class Tube(Card):
             reason="a slow manifold is in the tube"
             if proved
             else "the tube is isolating, but the cone conditions are not proved"
-            + ("" if search.keeps(boundary) else " with a cut-off that leaves something of the region"),
+            + (
+                ""
+                if search.leaves_interior(boundary)
+                else " with a cut-off that leaves something of the region"
+            ),
             delta=balls.magnitude(norm(scaled) * power),
             widths={y.name: balls.magnitude(width * power) for y, width in zip(fast, scaled)},
             is_isolating=True,

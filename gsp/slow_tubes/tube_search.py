@@ -120,7 +120,7 @@ class TubeSearch:
         if shape is None:
             return None
         widths = ratio * shape
-        is_kept = (known is None or known.is_kept) and self.keeps(self.boundary(epsilon, widths))
+        is_kept = (known is None or known.is_kept) and self.leaves_interior(self.boundary(epsilon, widths))
         if known is not None and known.is_kept and not is_kept:
             # That the slow flow needs no cut-off is proved for a smaller epsilon only.
             known = None
@@ -180,13 +180,13 @@ class TubeSearch:
             return replace(known, widths=widths)
         if known is not None and widths.max() > known.widths.max():
             return known
-        is_kept = self.keeps(self.boundary(epsilon, widths))
+        is_kept = self.leaves_interior(self.boundary(epsilon, widths))
         found = self._cones(isolation, widths, 0.0 if is_kept else COLLAR)
         if known is not None and found is None:
             return known
         return ProvedTube(self, epsilon, widths, () if found is None else (found,), self.tally.tried)
 
-    def keeps(self, boundary: str) -> bool:
+    def leaves_interior(self, boundary: str) -> bool:
         """Whether the orbits that the cones are about stay over the region of themselves, with such a `boundary`."""
         return KEEPING.get(tuple(sorted(set(self.basis.signs)))) == boundary
 
@@ -266,14 +266,14 @@ class TubeSearch:
         m = self.invariance.m
 
         def row(j: int) -> Callable[[list[arb]], arb]:
-            def reach(x: list[arb]) -> arb:
+            def extent(x: list[arb]) -> arb:
                 turning = self.invariance.turning([*x, arb(0)])
                 total = arb(0)
                 for block, width in zip(self.basis.blocks, widths):
                     total = total + norm([turning[j * m + k] for k in block]) * arb(float(width))
                 return total
 
-            return reach
+            return extent
 
         return [supremum(row(j), self.region) for j in range(m)]
 

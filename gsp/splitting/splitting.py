@@ -174,7 +174,7 @@ def split(field: VectorField | SlowFastSystem) -> Splitting:
             "no slow variable and no slow manifold.",
             "Check which rates carry 1/epsilon.",
         )
-    integrals = first_integrals(layer, field.states, wanted=n - rank)
+    integrals = first_integrals(layer, field.states, count=n - rank)
     if len(integrals) == n - rank:
         # The first choice that is invertible without roots and logarithms, whose domains are restricted.
         choices = _fast_choices(integrals, layer, field, rank)

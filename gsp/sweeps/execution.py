@@ -108,9 +108,9 @@ def _until_done(store: Store, progress: Progress | None, attempt: Callable[[int]
     while left:
         moved = False
         for chunk in left:
-            mine = attempt(chunk)
-            moved |= mine
-            tally.tell(mine)
+            has_moved = attempt(chunk)
+            moved |= has_moved
+            tally.tell(has_moved)
         left = _left(store)
         if left and not moved:
             time.sleep(LOOK)
@@ -204,16 +204,16 @@ def _hand_out(store: Store, begin: Callable[[], Executor], most: int, progress: 
 
 def _point_by_point(store: Store, chunk: int) -> None:
     """Compute a chunk in a process that may die; the points that take it with them have died, the others have not."""
-    with store.ledger.claimed(chunk) as mine:
-        if not mine:
+    with store.ledger.claimed(chunk) as has_moved:
+        if not has_moved:
             return
         with Apart(lambda: Processes(1)) as apart:
 
             def found(point: tuple[int, ...]) -> Record | str:
-                asked = (str(store.folder.parent), store.folder.name, store.plan.coordinates(point))
+                chunk_arguments = (str(store.folder.parent), store.folder.name, store.plan.coordinates(point))
                 for _ in range(DEATHS):
                     try:
-                        return apart.compute(_compute_apart, *asked)
+                        return apart.compute(_compute_apart, *chunk_arguments)
                     except ProcessDied:
                         continue
                 return f"the process that computed it died, {DEATHS} times"

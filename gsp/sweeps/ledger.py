@@ -69,16 +69,16 @@ class Ledger:
         path = self._find(chunk)
         if path is None:
             return None
-        told = json.loads(path.read_text(encoding="utf-8"))
-        return Entry(told["checksum"], {int(k): v for k, v in told["messages"].items()})
+        saved = json.loads(path.read_text(encoding="utf-8"))
+        return Entry(saved["checksum"], {int(k): v for k, v in saved["messages"].items()})
 
     def enter(self, chunk: int, entry: Entry) -> None:
         """Enter a chunk as done."""
         shelf = self._shelf(chunk)
         shelf.mkdir(exist_ok=True)
         # The name tells how many failed, so that progress is a listing.
-        told = json.dumps({"checksum": entry.checksum, "messages": entry.messages}, indent=1)
-        write_whole(shelf / f"{chunk:06d}-{len(entry.messages)}.json", told.encode())
+        saved = json.dumps({"checksum": entry.checksum, "messages": entry.messages}, indent=1)
+        write_whole(shelf / f"{chunk:06d}-{len(entry.messages)}.json", saved.encode())
 
     def strike(self, chunk: int) -> None:
         """Take a chunk out, so that it is computed again."""
@@ -115,16 +115,16 @@ class Ledger:
         return next(self._shelf(chunk).glob(f"{chunk:06d}-*.json"), None)
 
     def _take(self, path: Path) -> bool:
-        mine = f"{this_host()} {os.getpid()}"
+        owner = f"{this_host()} {os.getpid()}"
         try:
             with path.open("x") as file:
-                file.write(mine)
+                file.write(owner)
             return True
         except FileExistsError:
             if not self._abandoned(path):
                 return False
         # Two that take over the same claim at once both compute the chunk, which does no harm.
-        write_whole(path, mine.encode())
+        write_whole(path, owner.encode())
         return True
 
     def _abandoned(self, path: Path) -> bool:

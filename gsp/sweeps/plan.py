@@ -95,8 +95,8 @@ class Plan:
     @cached_property
     def name(self) -> str:
         """The name of the folder for its results: the same for the same task, options, model and axes."""
-        told = json.dumps([self.task, self.options, self.model, self.axes], sort_keys=False)
-        return f"data-{hashlib.sha256(told.encode()).hexdigest()[:12]}"
+        content = json.dumps([self.task, self.options, self.model, self.axes], sort_keys=False)
+        return f"data-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
 
     def place(self, chunk: int) -> tuple[int, ...]:
         """The place of a chunk among the blocks."""
@@ -136,21 +136,21 @@ class Plan:
 def read_plan(text: str) -> Plan:
     """The plan of `Plan.as_json`; raises `DeclarationError` for text that is none."""
     try:
-        told = json.loads(text)
-        if told.pop("format") != FORMAT:
+        content = json.loads(text)
+        if content.pop("format") != FORMAT:
             raise DeclarationError(
                 "the plan was written by another version of the package.", "Start the sweep anew."
             )
         variables = {
             name: Variable(v["recorded"], {k: tuple(w) for k, w in v["axes"].items()}, tuple(v["meanings"]))
-            for name, v in told.pop("variables").items()
+            for name, v in content.pop("variables").items()
         }
         return Plan(
             **{
-                **told,
-                "axes": {name: tuple(map(float, values)) for name, values in told["axes"].items()},
-                "block": tuple(told["block"]),
-                "known": {int(number): record for number, record in told["known"].items()},
+                **content,
+                "axes": {name: tuple(map(float, values)) for name, values in content["axes"].items()},
+                "block": tuple(content["block"]),
+                "known": {int(number): record for number, record in content["known"].items()},
             },
             variables=variables,
         )
@@ -186,11 +186,11 @@ def check_axes(over: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, ..
 
 def block_of(shape: tuple[int, ...], points: int) -> tuple[int, ...]:
     """The block of about `points` points: whole along the last axes, a part of one, one point along the others."""
-    wanted = max(points, -(-math.prod(shape) // CHUNKS))
+    chunk_size = max(points, -(-math.prod(shape) // CHUNKS))
     block = [1] * len(shape)
     for axis in reversed(range(len(shape))):
-        block[axis] = min(shape[axis], max(1, wanted))
-        wanted //= block[axis]
+        block[axis] = min(shape[axis], max(1, chunk_size))
+        chunk_size //= block[axis]
         if block[axis] < shape[axis]:
             break
     return tuple(block)

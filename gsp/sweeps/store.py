@@ -105,8 +105,10 @@ class Store:
                 if len(found) == most:
                     return found
                 code = int(status[number])
-                told = MEANINGS[code] if code in (FAILED, DIED) else "unknown"
-                found.append({**self.plan.coordinates(points[number]), "status": told, "message": message})
+                status_word = MEANINGS[code] if code in (FAILED, DIED) else "unknown"
+                found.append(
+                    {**self.plan.coordinates(points[number]), "status": status_word, "message": message}
+                )
         return found
 
     def tidy(self) -> None:

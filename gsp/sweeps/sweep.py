@@ -51,8 +51,8 @@ class Sweep(Card):
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         try:
-            told = json.loads((self.folder / "plan.json").read_text(encoding="utf-8"))
-            data = Path(told["data"]).name
+            saved = json.loads((self.folder / "plan.json").read_text(encoding="utf-8"))
+            data = Path(saved["data"]).name
         except (OSError, ValueError, KeyError, TypeError):
             raise OutputError(
                 f"{self.folder} holds no sweep.", "Start one with sweep(..., into=...)."
@@ -180,13 +180,13 @@ def sweep(
         # Before anything is planned: an address may be wrong.
         connect(client).close()
     root = Path(into)
-    asked = (name_of(task), check_axes(over), root, model, _plain(options), anew, points_per_chunk)
+    setting = (name_of(task), check_axes(over), root, model, _plain(options), anew, points_per_chunk)
     try:
         with connect(client) if isinstance(client, str) else nullcontext(client) as there:
             if there is not None:
-                store = _prepared(*asked, lambda: one_worker(there))
+                store = _prepared(*setting, lambda: one_worker(there))
             else:
-                store = _prepared(*asked, None if count == 1 else one_process)
+                store = _prepared(*setting, None if count == 1 else one_process)
             # Chunks that others enter between these looks are found by all.
             if not Sweep(root).is_complete:
                 if there is not None:
@@ -242,8 +242,8 @@ def _prepared(
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{root} cannot be made: {error.strerror}.", "Give another folder.") from None
-    mine = [path for path in root.iterdir() if not path.name.endswith(".partial")]
-    if mine and not (root / "plan.json").is_file():
+    entries = [path for path in root.iterdir() if not path.name.endswith(".partial")]
+    if entries and not (root / "plan.json").is_file():
         raise OutputError(f"{root} holds other files than those of a sweep.", "Give an empty folder.")
     check_options(task, options)
     content, name = _model(model)
@@ -375,15 +375,15 @@ def _measured(plan: Plan, root: Path, points: int | None, elsewhere: Callable[[]
     variables = dict(plan.variables)
     with nullcontext() if elsewhere is None else elsewhere() as apart:
         for number in tried:
-            asked = (replace(plan, variables=variables), root, plan.coordinates(plan.point(number)))
+            setting = (replace(plan, variables=variables), root, plan.coordinates(plan.point(number)))
             try:
-                found, told, seconds = (
-                    timed_point(*asked) if apart is None else apart.compute(timed_point, *asked)
+                found, saved, seconds = (
+                    timed_point(*setting) if apart is None else apart.compute(timed_point, *setting)
                 )
             except Exception as error:
                 first_error = first_error or error
                 continue
-            record, variables = found, dict(told)
+            record, variables = found, dict(saved)
             known[number] = {name: _kept(name, found[name], v) for name, v in variables.items()}
             spent.append(seconds)
             # The first point pays for what is compiled and kept.

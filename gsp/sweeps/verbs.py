@@ -111,11 +111,11 @@ def _choose(
 ) -> Record:
     found = choose(study, orders=orders, epsilon=epsilon, tolerance=tolerance, solve=False)
     reduced = {c.order: c for c in found.candidates if c.kind is ModelKind.REDUCED}
-    wanted = [reduced.get(n) for n in check_orders(orders)]
+    in_order = [reduced.get(n) for n in check_orders(orders)]
     return {
-        "predicted": [math.nan if c is None else c.predicted for c in wanted],
-        "holds_until": [math.nan if c is None else c.holds_until for c in wanted],
-        "serves": [math.nan if c is None else c.valid for c in wanted],
+        "predicted": [math.nan if c is None else c.predicted for c in in_order],
+        "holds_until": [math.nan if c is None else c.holds_until for c in in_order],
+        "serves": [math.nan if c is None else c.valid for c in in_order],
         "layer": found.layer,
     }
 

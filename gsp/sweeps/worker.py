@@ -145,8 +145,8 @@ def compute_chunk(folder: str, data: str, chunk: int) -> bool:
     store = _store(root / data)
     if store.ledger.entry(chunk) is not None:
         return True
-    with store.ledger.claimed(chunk) as mine, _ALONE:
-        if not mine:
+    with store.ledger.claimed(chunk) as is_claimed, _ALONE:
+        if not is_claimed:
             return False
         if store.ledger.entry(chunk) is None:
             subject = subject_of(root, store.plan.model)

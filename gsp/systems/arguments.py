@@ -96,19 +96,19 @@ def check_noun(value: Any, kinds: type | tuple[type, ...], *, verb: str) -> None
     """Raises `DeclarationError` unless `value` is an instance of `kinds`; says which verbs come first."""
     if isinstance(value, kinds):
         return
-    wanted = kinds if isinstance(kinds, tuple) else (kinds,)
-    names = [name for kind in wanted for name in _KINDS.get(kind.__name__, (kind.__name__,))]
+    expected = kinds if isinstance(kinds, tuple) else (kinds,)
+    names = [name for kind in expected for name in _KINDS.get(kind.__name__, (kind.__name__,))]
     articles = [f"{'an' if name[0] in 'AEIOU' else 'a'} {name}" for name in names]
     listed = articles[0] if len(names) == 1 else f"{', '.join(articles[:-1])} or {articles[-1]}"
     got = shown(value)
     if isinstance(value, type):
-        got += ", not an instance of it" if issubclass(value, wanted) else ""
+        got += ", not an instance of it" if issubclass(value, expected) else ""
     raise DeclarationError(f"{verb} takes {listed}.", _remedy(value, names, verb), got=got, value=value)
 
 
-def _remedy(value: object, wanted: list[str], verb: str) -> str:
+def _remedy(value: object, expected: list[str], verb: str) -> str:
     """The verbs that lead from `value` to what is wanted, the fewest; else where such a noun comes from."""
-    sources = (_SOURCES.get(name, "") for name in wanted)
+    sources = (_SOURCES.get(name, "") for name in expected)
     source = next((text for text in sources if text and f"{verb}(" not in text), "")
     if isinstance(value, type) or not type(value).__module__.startswith("gsp."):
         return source
@@ -117,7 +117,7 @@ def _remedy(value: object, wanted: list[str], verb: str) -> str:
     seen = set(kinds)
     while ahead:
         here, text = ahead.popleft()
-        if here in wanted:
+        if here in expected:
             return f"Use {verb}({text}, ...)."
         for there, step in _STEPS.get(here, {}).items():
             if there not in seen:

@@ -110,7 +110,7 @@ class Question:
     span: tuple[float, float]
     epsilon: float
 
-    def asked(
+    def setting(
         self, start: Point | None, span: tuple[float, float] | None, epsilon: float | None
     ) -> tuple[Flow, Point, tuple[float, float], float]:
         """Flow, start, span and epsilon, those given in place of its own."""
@@ -127,8 +127,8 @@ def complete(point: Point, states: Sequence[sp.Symbol], *, what: str) -> tuple[f
     known = plain(point, [state.name for state in states])
     if known is not None:
         return known
-    # Keyed by symbols, or wrong: `named` reads the one and names the other.
-    given = named(point, what=what)
+    # Keyed by symbols, or wrong: `values_by_name` reads the one and names the other.
+    given = values_by_name(point, what=what)
     names = [state.name for state in states]
     for name in given:
         if name not in names:
@@ -166,7 +166,7 @@ def plain(point: Point, names: Collection[str]) -> tuple[float, ...] | None:
     return None
 
 
-def named(values: Point, *, what: str) -> dict[str, float]:
+def values_by_name(values: Point, *, what: str) -> dict[str, float]:
     """Mapping with names for keys and finite floats for values; `what` names the argument in errors."""
     if not isinstance(values, Mapping):
         raise DeclarationError(f"{what} is a mapping of names to numbers.", got=shown(values), value=values)
@@ -235,12 +235,12 @@ def check_order(value: int, *, what: str = "order") -> int:
 def check_orders(values: Iterable[int], *, what: str = "orders", empty: bool = False) -> tuple[int, ...]:
     """`values` as a tuple of non-negative integers, at least one unless `empty`; raises `DeclarationError` else."""
     be, remedy = "a sequence of non-negative integers", "Try (0, 1, 2, 3)."
-    wanted = check_each(
+    checked = check_each(
         values, lambda order: check_order(order, what=f"every one of {what}"), what=what, be=be, remedy=remedy
     )
-    if not (wanted or empty):
+    if not (checked or empty):
         raise DeclarationError(f"{what} are non-negative integers, one or more.", remedy, got="none")
-    return wanted
+    return checked
 
 
 def as_points(symbols: Sequence[sp.Symbol], values, *, what: str) -> tuple[np.ndarray, bool]:

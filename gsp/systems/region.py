@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.systems.arguments import shown
-from gsp.systems.flow import LARGEST, named
+from gsp.systems.flow import LARGEST, values_by_name
 
 Interval = tuple[float, float]
 
@@ -59,7 +59,7 @@ def check_interval(bounds: object, *, what: str, remedy: str) -> Interval:
     ends = tuple(bounds) if not isinstance(bounds, np.ndarray) or bounds.ndim else ()
     if len(ends) != 2:
         raise DeclarationError(f"{what} {be} a pair of numbers.", remedy, got=f"{len(ends)} of them")
-    values = named({"low": ends[0], "high": ends[1]}, what=f"the {what}")
+    values = values_by_name({"low": ends[0], "high": ends[1]}, what=f"the {what}")
     low, high = values["low"], values["high"]
     if not low < high:
         fact = f"{be} empty" if low == high else f"{be} reversed"

@@ -35,49 +35,49 @@ FOUND = {
 
 @pytest.mark.parametrize("case", FOUND)
 def test_known_integrals_are_found_and_are_constant_along_the_flow(case: str) -> None:
-    layer, wanted = FOUND[case]
-    found = first_integrals(layer, (x, y, z), wanted=wanted)
-    assert len(found) == wanted
+    layer, count = FOUND[case]
+    found = first_integrals(layer, (x, y, z), count=count)
+    assert len(found) == count
     assert all(rate(phi, layer, (x, y, z)) == 0 for phi in found)
-    assert sp.Matrix(found).jacobian([x, y, z]).rank() == wanted
+    assert sp.Matrix(found).jacobian([x, y, z]).rank() == count
 
 
 def test_states_that_stand_still_come_first_and_keep_their_names() -> None:
-    assert first_integrals([x - y, sp.Integer(0), y - x], (x, y, z), wanted=2) == [x + z, y]
-    assert first_integrals([sp.Integer(0), sp.Integer(0), y - z], (x, y, z), wanted=2) == [x, y]
+    assert first_integrals([x - y, sp.Integer(0), y - x], (x, y, z), count=2) == [x + z, y]
+    assert first_integrals([sp.Integer(0), sp.Integer(0), y - z], (x, y, z), count=2) == [x, y]
 
 
 def test_amounts_are_summed_where_a_basis_of_sums_exists() -> None:
     bound = x * y - z
-    assert set(first_integrals([-bound, -bound, bound], (x, y, z), wanted=2)) == {x + z, y + z}
+    assert set(first_integrals([-bound, -bound, bound], (x, y, z), count=2)) == {x + z, y + z}
     # Two molecules of x in one of y, of which a third x makes z: amounts of x, and of what binds it.
     first, second = x * u - y, x * y - z
     layer = [-first - second, first - second, second, -first]
-    assert set(first_integrals(layer, (x, y, z, u), wanted=2)) == {x + y + 2 * z, u + y + z}
+    assert set(first_integrals(layer, (x, y, z, u), count=2)) == {x + y + 2 * z, u + y + z}
     # An exchange in opposite directions conserves a difference and no sum; coefficients that are parameters stay.
-    assert first_integrals([x - y, x - y], (x, y), wanted=1) == [x - y]
-    (p,) = first_integrals([a * (x - y), b * (y - x)], (x, y), wanted=1)
+    assert first_integrals([x - y, x - y], (x, y), count=1) == [x - y]
+    (p,) = first_integrals([a * (x - y), b * (y - x)], (x, y), count=1)
     assert sp.expand(p - (b * x + a * y)) == 0
 
 
 def test_coefficients_are_primitive_and_free_of_denominators() -> None:
-    (p,) = first_integrals([a * x / b, -x * (1 + a**2) / (a * b)], (x, y), wanted=1)
+    (p,) = first_integrals([a * x / b, -x * (1 + a**2) / (a * b)], (x, y), count=1)
     assert sp.expand(p - ((1 + a**2) * x + a**2 * y)) == 0
 
 
 def test_an_integral_without_a_logarithm_is_preferred() -> None:
-    (p,) = first_integrals([x * (1 - y), 1 - y], (x, y), wanted=1)
+    (p,) = first_integrals([x * (1 - y), 1 - y], (x, y), count=1)
     assert p == x * sp.exp(-y)
 
 
 def test_no_integral_is_invented() -> None:
     layer = [(1 + x * y) * (x - y), (y**2 - x - 2) * (x - y)]
-    assert first_integrals(layer, (x, y), wanted=1) == []
+    assert first_integrals(layer, (x, y), count=1) == []
 
 
 def test_a_hard_quadrature_is_given_up_in_good_time() -> None:
     layer = [x * sp.sqrt(y + 1) + sp.exp(y), y**3 + a * y + 2]
-    assert first_integrals(layer, (x, y), wanted=1) == []
+    assert first_integrals(layer, (x, y), count=1) == []
 
 
 def test_the_common_factor_is_what_all_components_share() -> None:
@@ -101,7 +101,7 @@ def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[in
     assume(any(g != 0 for g in gradient))
     factor = 1 + x - 3 * y
     layer = [factor * gradient[1], -factor * gradient[0]]
-    (found,) = first_integrals(layer, (x, y), wanted=1)
+    (found,) = first_integrals(layer, (x, y), count=1)
     assert sp.expand(sp.diff(found, x) * gradient[1] - sp.diff(found, y) * gradient[0]) == 0
     assert found.has(x) or found.has(y)
 
@@ -111,8 +111,8 @@ def test_a_layer_with_a_planted_quadratic_integral_gives_it_back(linear: list[in
 def test_permuted_states_permute_the_integrals(order: list[int]) -> None:
     states = (x, y, z)
     layer = [2 * y * (x - z), x - z, (x - z) * a]
-    direct = first_integrals(layer, states, wanted=2)
-    permuted = first_integrals([layer[i] for i in order], [states[i] for i in order], wanted=2)
+    direct = first_integrals(layer, states, count=2)
+    permuted = first_integrals([layer[i] for i in order], [states[i] for i in order], count=2)
     for phi in permuted:
         both = sp.Matrix([*direct, phi]).jacobian(list(states))
         assert both.rank() == 2
@@ -120,7 +120,7 @@ def test_permuted_states_permute_the_integrals(order: list[int]) -> None:
 
 def test_rational_quotients_without_useful_antiderivative_are_not_tried() -> None:
     layer = [(a * y**3 + b * y + 1) * x**3 * (x**3 + b), (y**2 + u * y + 2) * (x**2 + a)]
-    assert first_integrals(layer, (x, y), wanted=1) == []
+    assert first_integrals(layer, (x, y), count=1) == []
 
 
 def test_an_integrand_is_tried_once_whatever_stands_before_it() -> None:

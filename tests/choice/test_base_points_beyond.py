@@ -7,7 +7,7 @@ import sympy as sp
 
 from gsp import load
 from gsp.choice.choice import choose
-from gsp.choice.forecast import foresee
+from gsp.choice.forecast import forecast_of
 from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer
 from gsp.scenes.scene import Scene
@@ -22,9 +22,9 @@ x, y, epsilon = sp.symbols("x y epsilon")
 def test_an_order_whose_base_point_is_beyond_the_sheet_does_not_refuse_those_below_it() -> None:
     # The coefficients of the base point grow by a factor 30 each: that of order 5 is 1e6, at p = -6.05.
     gene = study_of(replace(load(FOLDER / "gene_dimers.toml"), tolerance=1e-2))
-    outlook = foresee(gene, (0, 1, 2, 3))
-    assert max(outlook.prediction.runs) == 4
-    assert "order 5" in outlook.astray
+    forecast = forecast_of(gene, (0, 1, 2, 3))
+    assert max(forecast.prediction.runs) == 4
+    assert "order 5" in forecast.astray
     assert choose(gene, solve=False).verdict.answer not in (Answer.NO, Answer.IN_PART)
 
 

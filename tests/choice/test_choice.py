@@ -13,7 +13,7 @@ from gsp import load, models
 from gsp.choice import costs, forecast
 from gsp.choice.candidates import PIECE, Candidate, ModelKind, full_candidate, reduced_candidate, run_model
 from gsp.choice.choice import _end_of, choose, select
-from gsp.choice.forecast import foresee, foresee_surface, layer_left
+from gsp.choice.forecast import forecast_of, layer_left, surface_forecast_of
 from gsp.choice.prediction import Failure
 from gsp.comparison.comparison import on_manifold
 from gsp.critical.critical_manifold import solve_critical
@@ -82,27 +82,27 @@ def random_scene(seed: int, epsilon: float) -> Scene:
     )
 
 
-def measured_errors(asked: Scene, outlook, orders) -> dict[int, float]:
+def measured_errors(asked: Scene, forecast, orders) -> dict[int, float]:
     """Largest relative error of each order after the layer, against a full run near rounding."""
-    grid = np.linspace(asked.span[0] + outlook.layer, asked.span[1], 97)
+    grid = np.linspace(asked.span[0] + forecast.layer, asked.span[1], 97)
     common = {"span": asked.span, "epsilon": asked.epsilon, "rtol": 1e-12, "atol": 1e-14, "at": grid}
-    reference = integrate(outlook.study.system, start=outlook.study.start, **common)
+    reference = integrate(forecast.study.system, start=forecast.study.start, **common)
     result = {}
     for n in orders:
-        run = integrate(outlook.flows[n], start=outlook.starts[n], **common)
-        scale = outlook.prediction.scale
+        run = integrate(forecast.flows[n], start=forecast.starts[n], **common)
+        scale = forecast.prediction.scale
         result[n] = max(np.abs(run[name] - reference[name]).max() / size for name, size in scale.items())
     return result
 
 
-def predicted_errors(asked: Scene, outlook, orders) -> dict[int, float]:
-    grid = np.linspace(asked.span[0] + outlook.layer, asked.span[1], 97)
-    return {n: float(outlook.errors(n, grid).max()) for n in orders}
+def predicted_errors(asked: Scene, forecast, orders) -> dict[int, float]:
+    grid = np.linspace(asked.span[0] + forecast.layer, asked.span[1], 97)
+    return {n: float(forecast.errors(n, grid).max()) for n in orders}
 
 
 def assert_honest(asked: Scene, orders=(0, 1, 2, 3)) -> None:
-    outlook = foresee(asked, orders)
-    predicted, measured = predicted_errors(asked, outlook, orders), measured_errors(asked, outlook, orders)
+    forecast = forecast_of(asked, orders)
+    predicted, measured = predicted_errors(asked, forecast, orders), measured_errors(asked, forecast, orders)
     for n in orders:
         assert measured[n] <= 3 * predicted[n] + ROUNDING, n
         assert predicted[n] <= 30 * measured[n] + ROUNDING, n
@@ -132,18 +132,18 @@ def test_the_prediction_is_honest_on_random_systems(seed: int) -> None:
 def test_the_predicted_error_of_order_n_falls_like_epsilon_to_the_n_plus_1() -> None:
     asked = models.load("lindemann")
     ladder = (0.01, 0.005)
-    outlooks = [foresee(replace(asked, epsilon=e, tolerance=1e-9), (0, 1, 2)) for e in ladder]
+    forecasts = [forecast_of(replace(asked, epsilon=e, tolerance=1e-9), (0, 1, 2)) for e in ladder]
     for n in range(3):
-        coarse, fine = (float(o.prediction.errors(n, np.linspace(0, 5, 50)).max()) for o in outlooks)
+        coarse, fine = (float(o.prediction.errors(n, np.linspace(0, 5, 50)).max()) for o in forecasts)
         assert np.log2(coarse / fine) == pytest.approx(n + 1, abs=0.1)
 
 
 def test_the_prediction_agrees_with_the_residual_carried_by_the_slow_flow() -> None:
     # The second route: y is off by (g_y)^-1 times the residual of h_N; x' = f(x, h_N corrected) from the same start.
     asked = replace(models.load("michaelis_menten"), epsilon=0.01)
-    outlook = foresee(asked, (1,))
-    system, series, prediction = outlook.study.system, outlook.series, outlook.prediction
-    s = outlook.starts[1]["s"] + outlook.inner.base["s"][2] * asked.epsilon**2
+    forecast = forecast_of(asked, (1,))
+    system, series, prediction = forecast.study.system, forecast.series, forecast.prediction
+    s = forecast.starts[1]["s"] + forecast.inner.base["s"][2] * asked.epsilon**2
     f = sp.lambdify([*system.x, *system.y], system.f[0].xreplace(dict(system.parameters)))
 
     def rate(value: float) -> float:
@@ -255,11 +255,11 @@ def test_the_cost_of_a_call_counts_once_and_that_of_a_step_for_every_step(monkey
 def test_a_reduced_run_over_part_of_the_span_is_counted_for_the_whole(monkeypatch) -> None:
     monkeypatch.setattr(costs, "_seconds", by_counted_steps)
     asked = replace(models.load("van_der_pol"), span=(0, 2), tolerance=1e-3)
-    outlook = foresee(asked, [0])
-    (found,) = costs.timed([reduced_candidate(outlook, 0, asked, 1e-4)])
+    forecast = forecast_of(asked, [0])
+    (found,) = costs.timed([reduced_candidate(forecast, 0, asked, 1e-4)])
     assert not found.valid
     end = max(found.holds_until, 2 * PIECE)
-    run = run_model(outlook.flows[0], outlook.starts[0], asked, (0, end), 1e-4)
+    run = run_model(forecast.flows[0], forecast.starts[0], asked, (0, end), 1e-4)
     part = end / 2
     assert 0.0 < part < 1.0
     assert found.steps * part == pytest.approx(run.stats.steps, rel=1e-9)
@@ -296,11 +296,11 @@ def test_errors_are_relative_whatever_the_units_and_the_clock() -> None:
     far = scene(**rates, epsilon=0.02, region={"x": (-80, 80)}, start={"x": 16, "y": 0.5}, span=(7, 9))
     errors = []
     for asked in (near, far):
-        outlook = foresee(asked, (0,))
-        surface = foresee_surface(asked, outlook)
-        grid = asked.span[0] + np.linspace(outlook.layer, 2, 33)
+        forecast = forecast_of(asked, (0,))
+        surface = surface_forecast_of(asked, forecast)
+        grid = asked.span[0] + np.linspace(forecast.layer, 2, 33)
         assert surface.inside(grid).all()
-        errors.append((outlook.errors(0, grid).max(), surface.errors(grid).max()))
+        errors.append((forecast.errors(0, grid).max(), surface.errors(grid).max()))
     assert errors[1][0] == pytest.approx(errors[0][0], rel=0.01)
     assert errors[1][1] == pytest.approx(errors[0][1], rel=0.2)
 
@@ -309,25 +309,25 @@ def test_what_is_left_of_the_layer_is_known_to_the_order_before_the_last_of_the_
     # The fast eigenvector carries exactly what is left; its amplitude in x is of order epsilon.
     off = []
     for epsilon in (0.04, 0.02):
-        outlook = foresee(scene(-x + y, x - 2 * y, epsilon=epsilon), (0, 1))
+        forecast = forecast_of(scene(-x + y, x - 2 * y, epsilon=epsilon), (0, 1))
         A = np.array([[-1, 1], [1 / epsilon, -2 / epsilon]])
         rates, modes = np.linalg.eig(A)
         fast = int(np.argmin(rates))
         amplitude = np.linalg.solve(modes, [1, 0.5])[fast] * modes[0, fast]
         tau = np.linspace(0, 3, 7)
-        left = layer_left(outlook.inner, tau, epsilon, {"x": 1.0})
+        left = layer_left(forecast.inner, tau, epsilon, {"x": 1.0})
         off.append(np.abs(left - np.abs(amplitude * np.exp(rates[fast] * epsilon * tau))).max())
-    assert outlook.inner.order == 3
+    assert forecast.inner.order == 3
     assert np.log2(off[0] / off[1]) == pytest.approx(3, abs=0.4)
 
 
 def test_the_flows_given_are_those_run_and_readying_them_takes_no_longer_than_it_took() -> None:
     begun = time.perf_counter()
-    outlook = foresee(scene(**BENDING), (0,))
+    forecast = forecast_of(scene(**BENDING), (0,))
     elapsed = time.perf_counter() - begun
-    for order, flow in outlook.flows.items():
-        assert outlook.prediction.runs[order].flow is flow
-        assert 0.0 < outlook.preparation[order] < elapsed
+    for order, flow in forecast.flows.items():
+        assert forecast.prediction.runs[order].flow is flow
+        assert 0.0 < forecast.preparation[order] < elapsed
 
 
 def test_fast_variables_count_when_asked_for() -> None:
@@ -364,12 +364,12 @@ def test_a_fold_ahead_makes_every_reduced_flow_invalid_before_it() -> None:
         assert not c.valid
         assert c.holds_until < 1.5 - np.log(2)
     # Where it is last to be trusted is told: at that time, and at the run's own end where that comes before.
-    outlook = foresee(asked, range(4))
-    run = outlook.prediction.runs[choice.partial.order]
-    place = _end_of(choice.partial, outlook)["y"]
+    forecast = forecast_of(asked, range(4))
+    run = forecast.prediction.runs[choice.partial.order]
+    place = _end_of(choice.partial, forecast)["y"]
     assert place == pytest.approx(float(run.sample(choice.partial.holds_until)["y"][0]), rel=1e-9)
     assert f"t = {choice.partial.holds_until:.4g}, y = {place:.4g}" in choice.verdict.accuracy
-    beyond = _end_of(replace(choice.partial, holds_until=5.0), outlook)
+    beyond = _end_of(replace(choice.partial, holds_until=5.0), forecast)
     assert beyond == {"y": pytest.approx(float(run["y"][-1]), rel=1e-12)}
 
 
@@ -394,7 +394,7 @@ def test_a_run_whose_series_ends_is_not_said_to_lose_hyperbolicity() -> None:
     assert "smaller epsilon" in choice.verdict.remedy
     # Where the manifold itself loses it, the run of order 0 ends of that.
     asked = scene(sp.Integer(1), (x - 3) * (y + x), region={"x": (0, 5)}, start={"x": 1, "y": -1}, span=(0, 4))
-    assert foresee(asked, (0, 1)).prediction.end_of(0) is Failure.END
+    assert forecast_of(asked, (0, 1)).prediction.end_of(0) is Failure.END
 
 
 @pytest.mark.exhaustive
@@ -500,13 +500,13 @@ def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
     solved = choice.candidates[2]
     assert solved.kind is ModelKind.SOLVED
     assert solved.valid
-    outlook = foresee(asked, (0, 1))
-    surface = foresee_surface(asked, outlook)
-    grid = np.linspace(outlook.layer, 5, 97)
+    forecast = forecast_of(asked, (0, 1))
+    surface = surface_forecast_of(asked, forecast)
+    grid = np.linspace(forecast.layer, 5, 97)
     common = {"span": (0, 5), "rtol": 1e-12, "atol": 1e-14, "at": grid}
     reference = integrate(asked.system, start=asked.start, epsilon=asked.epsilon, **common)
     run = integrate(surface.flow, start=surface.start, **common)
-    measured = np.abs(run["s"] - reference["s"]).max() / outlook.prediction.scale["s"]
+    measured = np.abs(run["s"] - reference["s"]).max() / forecast.prediction.scale["s"]
     assert measured <= 3 * surface.errors(grid).max()
     assert surface.errors(grid).max() <= 30 * measured
 
@@ -559,9 +559,9 @@ def test_a_manifold_without_a_surface_has_no_flow() -> None:
 
 def test_on_manifold_is_where_the_surface_is() -> None:
     asked = models.load("linear")
-    outlook = foresee(asked, (3,))
-    surface = foresee_surface(asked, outlook)
-    there = on_manifold(outlook.series, {"y": 0.5, "x": 0}, asked.epsilon)
+    forecast = forecast_of(asked, (3,))
+    surface = surface_forecast_of(asked, forecast)
+    there = on_manifold(forecast.series, {"y": 0.5, "x": 0}, asked.epsilon)
     assert float(surface.manifold.evaluate(0.5)[0]) == pytest.approx(there["x"], abs=1e-6)
 
 

@@ -59,7 +59,7 @@ def test_what_an_order_beyond_the_budget_spent_is_not_charged_to_those_before_it
     # It is known now: nothing is formed again to say so.
     with pytest.raises(BudgetError, match="order 3 was reached through order 1"):
         study.series(3, symbolic=False)
-    series, ending = study.reach(3)
+    series, ending = study.series_within_budget(3)
     assert series.order == 1
     assert ending.startswith("The series ends at order 1: the exact algebra met polynomials of ")
 

@@ -23,14 +23,14 @@ SCENE = Scene(
 
 def measured(rate: sp.Expr, begin: float, *, layer: float = 0.0) -> tuple[float, float]:
     """Of a model x' = `rate` from x = `begin` over one unit of time, in units of x = 2."""
-    outlook = SimpleNamespace(
+    forecast = SimpleNamespace(
         flows={1: VectorField({x: rate}, epsilon=None)},
         starts={1: {"x": begin}},
         errors=lambda order, times: 1e-3 * order * times,
         prediction=SimpleNamespace(scale={"x": 2.0}),
     )
     model = Candidate(ModelKind.REDUCED, 1)
-    return _measured(model, outlook, None, SYSTEM, START, SCENE, ["x"], layer, (0.0, 1.0), 1e-9)  # pyright: ignore
+    return _measured(model, forecast, None, SYSTEM, START, SCENE, ["x"], layer, (0.0, 1.0), 1e-9)  # pyright: ignore
 
 
 @pytest.mark.parametrize(("layer", "begun"), [(0.0, 0.0), (0.3, 0.3), (5.0, 1.0 - PIECE)])

@@ -6,7 +6,7 @@ import sympy as sp
 
 from gsp import load, models
 from gsp.choice.choice import choose
-from gsp.choice.forecast import MARGIN, foresee, foresee_surface
+from gsp.choice.forecast import MARGIN, forecast_of, surface_forecast_of
 from gsp.choice.verdict import Answer
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
@@ -42,7 +42,7 @@ def test_the_box_of_the_solved_manifold_has_its_margin_beyond_the_run_and_not_be
         epsilon=0.05,
         tolerance=0.1,
     )
-    surface = foresee_surface(scene, foresee(scene, (0, 1)))
+    surface = surface_forecast_of(scene, forecast_of(scene, (0, 1)))
     run = surface.run.sample(np.linspace(0, 6, 2001))
     for name, (low, high) in surface.manifold.region.items():
         values = [*run[name], scene.start[name]]
@@ -64,5 +64,5 @@ def test_a_base_point_beyond_the_region_by_its_fibre_is_not_a_run_that_leaves_it
         tolerance=0.1,
     )
     choice = choose(scene, orders=(1,))
-    assert foresee(scene, (1,)).starts[1]["x"] < -0.005
+    assert forecast_of(scene, (1,)).starts[1]["x"] < -0.005
     assert choice.candidates[0].valid

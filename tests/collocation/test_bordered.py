@@ -74,7 +74,7 @@ def test_a_step_solves_the_whole_linear_system(free: int, scaled: bool) -> None:
         if conditions.inside is not None:
             met[-2:] += np.einsum("ceji,eji->c", conditions.inside, step.stages)
         np.testing.assert_allclose(
-            met, conditions.wanted if case == 0 else tangents[:, case - 1], rtol=0, atol=1e-9
+            met, conditions.target if case == 0 else tangents[:, case - 1], rtol=0, atol=1e-9
         )
 
 
@@ -104,9 +104,9 @@ def test_an_orbit_between_two_conditions_is_of_order_twice_its_stages(degree: in
         def step_of(point, N=N):
             z, Z = point
             left, right = np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
-            wanted = np.array([1.0 - z[0, 0], -z[-1, 0]])
+            target = np.array([1.0 - z[0, 0], -z[-1, 0]])
             linear = linearise(own, scheme, p, 1.0, np.full(N, 1.0 / N), z, Z)
-            return linear.solve(Conditions(left, right, np.zeros((2, 0)), wanted))[0]
+            return linear.solve(Conditions(left, right, np.zeros((2, 0)), target))[0]
 
         line = np.stack([1.0 - places, -np.ones_like(places)], axis=2)
         start = np.stack([1.0 - mesh, -np.ones_like(mesh)], axis=1), line[:, 1:]

@@ -78,7 +78,7 @@ import json, os, sys
 import numpy as np
 import sympy as sp
 import gsp
-from gsp.choice.forecast import foresee
+from gsp.choice.forecast import forecast_of
 
 x, y, z, a, epsilon = sp.symbols("x y z a epsilon")
 # What is loaded once, by a field that is none of the twins.
@@ -101,10 +101,10 @@ def ahead(g, **options):
         epsilons=(0.01, 0.005), tolerance=1e-3, name="twins",
     )
     try:
-        outlook = foresee(scene, (0, 1))
+        forecast = forecast_of(scene, (0, 1))
     except gsp.GspError as error:
         return str(error)
-    return [outlook.layer, *(outlook.errors(n, np.array([1.0, 2.0, 3.0])).tolist() for n in (0, 1))]
+    return [forecast.layer, *(forecast.errors(n, np.array([1.0, 2.0, 3.0])).tolist() for n in (0, 1))]
 
 event = gsp.Event("double", name="double")
 twins = [

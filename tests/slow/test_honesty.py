@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from gsp.choice.forecast import Outlook, foresee
+from gsp.choice.forecast import Forecast, forecast_of
 from gsp.choice.simulation import simulate
 from gsp.integration.trajectory import Trajectory, integrate
 from gsp.scenes.scene import Scene
@@ -32,13 +32,13 @@ class Case:
     """A random scene, what is foreseen of it, and its full run on times behind the layer."""
 
     scene: Scene
-    outlook: Outlook
+    forecast: Forecast
     run: Trajectory
 
     @property
     def on(self) -> tuple[np.ndarray, np.ndarray]:
         """Points x (m, n_slow) of the run and y (m, n_fast) on the slow manifold over them."""
-        system = self.outlook.study.system
+        system = self.forecast.study.system
         x, y = (np.stack([self.run[s.name] for s in part], axis=1) for part in (system.x, system.y))
         return x, y
 
@@ -46,8 +46,8 @@ class Case:
 @cache
 def case(seed: int) -> Case:
     scene = random_scene(seed, EPSILONS[seed % 3])
-    outlook = foresee(scene, (0, 1))
-    settled = scene.epsilon / outlook.inner.gap * np.log(1 / SETTLED)
+    forecast = forecast_of(scene, (0, 1))
+    settled = scene.epsilon / forecast.inner.gap * np.log(1 / SETTLED)
     run = integrate(
         scene.system,
         start=scene.start,
@@ -57,7 +57,7 @@ def case(seed: int) -> Case:
         atol=1e-15,
         at=np.linspace(settled, settled + 2, 41),
     )
-    return Case(scene, outlook, run)
+    return Case(scene, forecast, run)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -67,7 +67,7 @@ def test_a_solved_manifold_is_no_further_off_than_it_says(seed: int) -> None:
     box = {s.name: (low, high) for s, low, high in zip(found.scene.system.x, x.min(axis=0), x.max(axis=0))}
     for tolerance in (1e-4, 1e-7):
         solved = solve_manifold(
-            found.outlook.study.branch, region=box, epsilon=found.scene.epsilon, tolerance=tolerance
+            found.forecast.study.branch, region=box, epsilon=found.scene.epsilon, tolerance=tolerance
         )
         if solved.surface is None:
             assert not solved.status.ok
@@ -82,7 +82,7 @@ def test_a_zero_derivative_point_is_little_further_off_than_it_says(seed: int) -
     x, y = found.on
     for tolerance in (1e-4, 1e-7, 1e-10):
         points = zero_derivative(
-            found.outlook.study.branch, x, epsilon=found.scene.epsilon, tolerance=tolerance, near=y
+            found.forecast.study.branch, x, epsilon=found.scene.epsilon, tolerance=tolerance, near=y
         )
         error = np.linalg.norm(points.y - y, axis=1)
         assert (error <= 3 * points.error + CLEAR).all()
@@ -91,8 +91,8 @@ def test_a_zero_derivative_point_is_little_further_off_than_it_says(seed: int) -
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_prediction_is_neither_above_nor_below_the_error_by_much(seed: int) -> None:
     found = case(seed)
-    predicted = predicted_errors(found.scene, found.outlook, (0, 1))
-    measured = measured_errors(found.scene, found.outlook, (0, 1))
+    predicted = predicted_errors(found.scene, found.forecast, (0, 1))
+    measured = measured_errors(found.scene, found.forecast, (0, 1))
     for order in (0, 1):
         assert measured[order] <= 2 * predicted[order] + CLEAR
         assert predicted[order] <= 10 * measured[order] + CLEAR

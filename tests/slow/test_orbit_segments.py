@@ -52,7 +52,7 @@ def test_a_track_that_is_cut_at_a_fold_ends_where_what_is_felt_of_it_is_least() 
         side=LEFT,
         unstable=0,
     )
-    assert track.cut[0]
+    assert track.is_cut_short[0]
     last = track.states[0, track.counts[0], 0]
     decay = 4 / 3 * (first**1.5 - last**1.5) / value
     assert track.decayed[0] == pytest.approx(decay, rel=0.2)
@@ -73,8 +73,8 @@ def test_segments_of_the_reversed_flow_are_the_same_and_so_are_their_errors() ->
         )
     forward, backward = found
     # Next to the fold the segment is cut short, and its end is felt.
-    assert forward.cut.all()
-    assert backward.cut.all()
+    assert forward.is_cut_short.all()
+    assert backward.is_cut_short.all()
     assert forward.selection[0] > 1e3 * forward.selection[1] > 0
     np.testing.assert_allclose(backward.y, forward.y, rtol=1e-9)
     np.testing.assert_allclose(backward.selection, forward.selection, rtol=1e-3)

@@ -259,8 +259,8 @@ def test_a_question_takes_what_is_given_in_place_of_its_own() -> None:
     class Own(Question):
         full_flow, full_start, span, epsilon = SYSTEM, {"x": 1.0, "y": 2.0}, (0.0, 3.0), 0.1
 
-    assert Own().asked(None, None, None) == (SYSTEM, {"x": 1.0, "y": 2.0}, (0.0, 3.0), 0.1)
-    assert Own().asked({"x": 5.0}, (1.0, 2.0), 0.5) == (SYSTEM, {"x": 5.0}, (1.0, 2.0), 0.5)
+    assert Own().setting(None, None, None) == (SYSTEM, {"x": 1.0, "y": 2.0}, (0.0, 3.0), 0.1)
+    assert Own().setting({"x": 5.0}, (1.0, 2.0), 0.5) == (SYSTEM, {"x": 5.0}, (1.0, 2.0), 0.5)
 
 
 def test_regions_end_where_third_powers_do() -> None:

@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp.errors import DeclarationError
 from gsp.systems.declaration import exact
-from gsp.systems.flow import as_points, check_epsilon, named
+from gsp.systems.flow import as_points, check_epsilon, values_by_name
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, z, a, b, epsilon = sp.symbols("x y z a b epsilon")
@@ -289,7 +289,7 @@ def test_a_start_names_every_state_once() -> None:
     with pytest.raises(DeclarationError, match="no real number"):
         system.initial({"x": "one", "y": 0})
     with pytest.raises(DeclarationError, match="mapping of names"):
-        named([1, 2], what="start")  # pyright: ignore[reportArgumentType]
+        values_by_name([1, 2], what="start")  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), "small", None])

@@ -137,7 +137,7 @@ class NamedCurve(NamedPoints):
         name = type(self).__name__
         return f"{name}({len(self)} points in {', '.join(self.names)}, {self.status.name}{tail})"
 
-    def told(self, region: Mapping[str, Interval] | None = None) -> str:
+    def described(self, region: Mapping[str, Interval] | None = None) -> str:
         """The card, its special points outside `region` last and called so."""
         title, rows = self._headed()
         ranges = [
@@ -154,7 +154,7 @@ class NamedCurve(NamedPoints):
         raise NotImplementedError
 
     def __str__(self) -> str:
-        return self.told()
+        return self.described()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

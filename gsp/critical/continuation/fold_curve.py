@@ -111,7 +111,7 @@ def two_free(system: SlowFastSystem, parameter, free) -> tuple[sp.Symbol, sp.Sym
     if free is None or isinstance(free, (str, sp.Symbol)):
         given = () if free is None else (free,)
     else:
-        given = check_each(free, lambda wanted: wanted, what="free", be="two slow variables, or one")
+        given = check_each(free, lambda variable: variable, what="free", be="two slow variables, or one")
     chosen = [find_symbol(system, s, system.x, "free") for s in given]
     if free is None and len(system.x) == (2 if parameter is None else 1):
         chosen = list(system.x)

@@ -18,7 +18,7 @@ from gsp.critical.minimally_augmented import MatrixMap, bialternate, identity, s
 from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found, fast_lengths
 from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
-from gsp.hyperbolicity.losses.naming import named
+from gsp.hyperbolicity.losses.naming import name_loss
 from gsp.hyperbolicity.losses.zeros import zero
 from gsp.roots import root
 
@@ -39,7 +39,7 @@ Chain = list[np.ndarray]
 
 def named_losses(diagnosis: Diagnosis, found: Sequence[Found]) -> list[Loss]:
     """The losses at `found`, one for each component of one kind, those on curves with their special points."""
-    losses = [named(diagnosis, place) for place in found]
+    losses = [name_loss(diagnosis, place) for place in found]
     points = [place.z for place in found]
     if diagnosis.nx == 1:
         return [_ranged(diagnosis, [loss]) for loss in _distinct(diagnosis, losses)]
@@ -71,10 +71,10 @@ def _distinct(diagnosis: Diagnosis, losses: Sequence[Loss]) -> list[Loss]:
     z = np.array([[loss.point[name] for name in names] for loss in losses]).reshape(-1, len(names))
     # In y a multiple zero is located to a root of what it is in x.
     lengths = fast_lengths(diagnosis.samples[:, diagnosis.nx :])
-    room = np.append(SAME_KIND * diagnosis.widths, 0.1 * SAME_KIND**0.5 * lengths)
+    margin = np.append(SAME_KIND * diagnosis.widths, 0.1 * SAME_KIND**0.5 * lengths)
     kept: list[int] = []
     for i, loss in enumerate(losses):
-        if not any(losses[j].kind is loss.kind and (np.abs(z[j] - z[i]) <= room).all() for j in kept):
+        if not any(losses[j].kind is loss.kind and (np.abs(z[j] - z[i]) <= margin).all() for j in kept):
             kept.append(i)
     return [losses[i] for i in kept]
 

@@ -22,7 +22,7 @@ from gsp.hyperbolicity.losses.locator import (
     spread,
     unstable,
 )
-from gsp.hyperbolicity.losses.naming import named
+from gsp.hyperbolicity.losses.naming import name_loss
 from gsp.hyperbolicity.losses.poles import poles
 from gsp.hyperbolicity.losses.whole_branch import ZERO_SINGULAR, centre_branch, degenerate_branch
 from gsp.systems.region import Interval
@@ -76,7 +76,7 @@ def examine(
     gap = _locate(locator, z, eigenvalues, links)
     rough, unmet = switching.meetings(diagnosis, z, links)
     losses = _joined(diagnosis, named_losses(diagnosis, locator.found), rough)
-    neutral = [named(diagnosis, place) for place in locator.sums(*links)[:1]]
+    neutral = [name_loss(diagnosis, place) for place in locator.sums(*links)[:1]]
     return Examination(
         diagnosis,
         tuple(losses),

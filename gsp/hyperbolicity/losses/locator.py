@@ -169,12 +169,12 @@ class Locator:
         branch, nx = self.sampler.branch, len(self.sampler.system.x)
         if not branch.is_explicit and branch.seed is None:
             return True
-        reach = np.linalg.norm(sample[nx:] - point[nx:])
+        separation = np.linalg.norm(sample[nx:] - point[nx:])
         near, first = self._towards(point, sample, TOWARDS)
-        if near is None or first <= 0.3 * reach + 1e-6:
+        if near is None or first <= 0.3 * separation + 1e-6:
             return near is not None
         # A root of high order falls slowly, but it goes on falling.
-        return bool(first <= 0.5 * reach and self._towards(point, near, 0.1)[1] <= 0.75 * first)
+        return bool(first <= 0.5 * separation and self._towards(point, near, 0.1)[1] <= 0.75 * first)
 
     def _towards(self, point: np.ndarray, sample: np.ndarray, share: float) -> tuple[np.ndarray | None, float]:
         """The sheet of `sample` over x at that share of the way from `point`, and how far in y it is from it."""
@@ -264,7 +264,7 @@ class Locator:
         sampler, nx = self.sampler, len(self.sampler.system.x)
         bounds = [self.box[s.name] for s in sampler.system.x]
         widths = np.array([high - low for low, high in bounds])
-        best, searched, cut = float("inf"), [], False
+        best, searched, is_incomplete = float("inf"), [], False
         for z in worst:
             # One search for samples next to one another.
             if any((np.abs(z[:nx] - x) <= SEARCHED * widths).all() for x in searched):
@@ -298,7 +298,7 @@ class Locator:
                     "xatol": NEAR_OF_LARGE * float(widths.min()) if sampler.is_large else NEAR,
                 },
             )
-            cut = cut or allowance.spent
+            is_incomplete = is_incomplete or allowance.spent
             if not np.isfinite(found.fun):
                 continue
             if found.fun < 0:
@@ -307,7 +307,7 @@ class Locator:
             if found.fun <= ZERO_TOLERANCE * self.usual and not self.found:
                 self.touching(np.append(found.x, sampler.over(found.x[None, :], z[None, :])[0][0]))
             best = min(best, max(float(found.fun), 0.0))
-        if cut:
+        if is_incomplete:
             self.notes.append(
                 f"searches for the least gap ended after {SEARCH_STEPS} steps along the sheet, most of them next to "
                 "its end: between the samples the gap may be smaller"

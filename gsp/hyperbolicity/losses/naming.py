@@ -1,4 +1,4 @@
-"""`named`: the loss at a place that the search met; Hopf points, neutral saddles and poles."""
+"""`name_loss`: the loss at a place that the search met; Hopf points, neutral saddles and poles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
 from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, ZERO_TERM, zero
 
 
-def named(diagnosis: Diagnosis, found: Found) -> Loss:
+def name_loss(diagnosis: Diagnosis, found: Found) -> Loss:
     """The named loss at a place that the search met."""
     z, crossing = found
     if crossing is Contact.BRANCH_POLE:
@@ -62,10 +62,10 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     slope = np.linalg.solve(at.A, at.g_x)
     tangents = np.vstack([np.eye(diagnosis.nx), -slope])
     changes = [float(np.vdot(p, (at.second[:, diagnosis.nx :, :] @ t) @ q).real) for t in tangents.T]
-    reach = float(np.abs(changes) @ diagnosis.widths)
+    change = float(np.abs(changes) @ diagnosis.widths)
     speed = float(np.dot(changes, at.slow))
     notes = []
-    if reach <= ZERO_TERM * diagnosis.scale:
+    if change <= ZERO_TERM * diagnosis.scale:
         notes.append("the pair touches the axis and does not cross it to first order")
     elif abs(speed) <= ZERO_TERM * float(np.abs(changes) @ diagnosis.fastest):
         notes.append("the slow flow is tangent to the place, or vanishes there")
@@ -78,7 +78,7 @@ def pair(diagnosis: Diagnosis, z: np.ndarray) -> Loss:
     others = int((values.real > ZERO_SINGULAR * diagnosis.scale).sum())
     if others:
         notes.append(f"{others} of the other fast directions are unstable, so orbits leave anyway")
-    kind = LossKind.HOPF if reach > ZERO_TERM * diagnosis.scale else LossKind.DEGENERATE
+    kind = LossKind.HOPF if change > ZERO_TERM * diagnosis.scale else LossKind.DEGENERATE
     verdict = consequences.hopf(coefficients) if kind is LossKind.HOPF else consequences.DEGENERATE
     return diagnosis.loss(
         z, Contact.PAIR, kind, test, value, verdict, coefficients=coefficients, note="; ".join(notes)

@@ -127,10 +127,10 @@ def _next_to_zeros(
     slopes[:, rows, columns] = sampler.compiled([place[2] for place in places])(z, sampler.p)
     widths = np.array([high - low for low, high in (box[s.name] for s in system.x)])
     spacing = widths / max(1.0, len(sampler.grid(box)) ** (1.0 / len(widths)) - 1.0)
-    reach = np.abs(slopes @ sampler.tangents(z)) @ spacing
+    change = np.abs(slopes @ sampler.tangents(z)) @ spacing
     with np.errstate(divide="ignore", invalid="ignore"):
         # What is not a number tells nothing against a zero.
-        distance = np.nan_to_num(np.abs(sampler.compiled(divisors)(z, sampler.p)) / reach, nan=0.0)
+        distance = np.nan_to_num(np.abs(sampler.compiled(divisors)(z, sampler.p)) / change, nan=0.0)
     near = distance <= REACH
     chosen = near & (np.argsort(np.argsort(distance, axis=0), axis=0) < starts)
     if chosen.sum() > MOST_STARTS:

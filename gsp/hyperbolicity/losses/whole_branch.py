@@ -90,8 +90,8 @@ def degenerate_branch(diagnosis: Diagnosis, points: np.ndarray) -> Loss:
     chosen = points[np.linspace(0, len(points) - 1, min(len(points), EXAMINED) + 2).astype(int)[1:-1]]
     matrices = [diagnosis.problem.jacobian(z)[:, diagnosis.nx :] for z in chosen]
     losses = [_degenerate_point(diagnosis, z, A, matrices) for z, A in zip(chosen, matrices)]
-    named = [loss.kind for loss in losses]
-    most = max(named, key=named.count)
+    loss_kinds = [loss.kind for loss in losses]
+    most = max(loss_kinds, key=loss_kinds.count)
     usual = [loss for loss in losses if loss.kind is most]
     return usual[len(usual) // 2]
 

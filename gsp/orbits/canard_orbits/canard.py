@@ -122,11 +122,11 @@ class CanardSolver:
 
     def conditions(self, orbit: OrbitSegment) -> Conditions:
         """Both ends on M0 and on their lines: four rows."""
-        left, right, wanted = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
+        left, right, target = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
         for rows, matrix, z, line in zip(((0, 1), (2, 3)), (left, right), (orbit.start, orbit.end), self.lines):
-            matrix[rows[0]], wanted[rows[0]] = self.frame.gradient(z), -self.frame.g(z)
-            matrix[rows[1], line.index], wanted[rows[1]] = 1.0, line.value - z[line.index]
-        return Conditions(left, right, np.zeros((4, 1)), wanted)
+            matrix[rows[0]], target[rows[0]] = self.frame.gradient(z), -self.frame.g(z)
+            matrix[rows[1], line.index], target[rows[1]] = 1.0, line.value - z[line.index]
+        return Conditions(left, right, np.zeros((4, 1)), target)
 
     def solve(self, guess: OrbitSegment) -> OrbitSegment | None:
         """The canard near an orbit, on a mesh adapted to it."""
@@ -268,14 +268,14 @@ def half_turns(
     middle = int(np.searchsorted(sigma, share))
     for half, part, outward in ((states[:middle][::-1], axis[0], -1), (states[middle:], axis[1], 1)):
         along, height = _graph(part, section.index, from_end=outward < 0)
-        reach = half[:, section.index]
+        coordinate = half[:, section.index]
         # Only as far as the section's variable runs one way, and the axis is there.
         sign = np.sign(along[-1] - along[0])
-        steps = np.diff(reach) * sign > 0.0
-        stop = len(reach) if steps.all() else int(np.argmin(steps)) + 1
-        inside = np.flatnonzero((reach[:stop] - along[-1]) * sign >= 0.0)
+        steps = np.diff(coordinate) * sign > 0.0
+        stop = len(coordinate) if steps.all() else int(np.argmin(steps)) + 1
+        inside = np.flatnonzero((coordinate[:stop] - along[-1]) * sign >= 0.0)
         stop = int(inside[0]) if inside.size else stop
-        deviation = half[:stop, 2] - np.interp(sign * reach[:stop], sign * along, height)
+        deviation = half[:stop, 2] - np.interp(sign * coordinate[:stop], sign * along, height)
         signs = [*deviation[::-1], *signs] if outward < 0 else [*signs, *deviation]
     values = np.array(signs)
     counts = set()
@@ -286,16 +286,20 @@ def half_turns(
 
 
 def deviation(
-    orbit: OrbitSegment, share: float, axis: tuple[OrbitSegment, OrbitSegment], section: Plane, reach: float
+    orbit: OrbitSegment,
+    share: float,
+    axis: tuple[OrbitSegment, OrbitSegment],
+    section: Plane,
+    coordinate: float,
 ):
-    """Largest distance in the fast variable between an orbit and the axis within `reach` of the section."""
+    """Largest distance in the fast variable between an orbit and the axis within `coordinate` of the section."""
     sigma = np.linspace(orbit.mesh[:-1], orbit.mesh[1:], LOOKS, endpoint=False).T.ravel()
     states = orbit.at(sigma)
     middle = int(np.searchsorted(sigma, share))
     largest = 0.0
     for half, part, from_end in ((states[:middle][::-1], axis[0], True), (states[middle:], axis[1], False)):
         along, height = _graph(part, section.index, from_end=from_end)
-        near = half[np.abs(half[:, section.index] - section.value) <= reach]
+        near = half[np.abs(half[:, section.index] - section.value) <= coordinate]
         sign = np.sign(along[-1] - along[0])
         gap = near[:, 2] - np.interp(sign * near[:, section.index], sign * along, height)
         largest = max(largest, float(np.abs(gap).max(initial=0.0)))

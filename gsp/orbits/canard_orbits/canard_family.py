@@ -206,7 +206,7 @@ class _Follower(Tracer[_FamilyNode]):
             moved = orbit.states - here.orbit.at(orbit.mesh)
             inside = (along.profile.at(orbit.mesh) * moved / self.extent**2).sum(axis=1)
             gone = along.ends @ (self._coordinates(orbit) - anchor) + self._weights(orbit.mesh) @ inside
-            conditions.wanted[4] = length - gone
+            conditions.target[4] = length - gone
             return conditions
 
         before = self.solver.iterations
@@ -283,14 +283,14 @@ class _Follower(Tracer[_FamilyNode]):
             np.vstack([four.left, row[:3]]),
             np.vstack([four.right, row[3:6]]),
             across,
-            np.append(four.wanted, value),
+            np.append(four.target, value),
             inner[None],
         )
 
     def _tangent(self, orbit: OrbitSegment, along: _Direction | None) -> _Direction | None:
         """The unit tangent at an orbit, on the side of `along`; None where the problem is singular."""
         conditions = self._conditions(orbit, along, 1.0)
-        conditions.wanted[:4] = 0.0
+        conditions.target[:4] = 0.0
         try:
             step = self.solver.linear(orbit, conditions, tangent=True)
         except np.linalg.LinAlgError:

@@ -150,7 +150,7 @@ class Collocation:
             self.equations, SCHEME, p, orbit.time, np.diff(orbit.mesh), orbit.states, orbit.stages
         )
         if tangent:
-            return linear.solve(conditions, tangents=conditions.wanted[:, None])[1]
+            return linear.solve(conditions, tangents=conditions.target[:, None])[1]
         return linear.solve(conditions)[0]
 
     def solve(self, orbit: OrbitSegment, problem: Problem, *, limit: int = ITERATIONS) -> OrbitSegment | None:

@@ -18,7 +18,7 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.singular.singularities.desingularised import FoldedError, desingularise
 from gsp.singular.singularities.folded_singularities import FoldedKind, FoldedSingularity
-from gsp.systems.flow import named
+from gsp.systems.flow import values_by_name
 from gsp.systems.system import SlowFastSystem, VectorField
 
 # How a singular canard leaves the folded node, in units of the local scale.
@@ -143,12 +143,12 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
     bend = [derivative(flow.fold, s) for s in system.states]
     local = compile_function([*bend, *flow.f], arguments=system.states)
     at = local(point, _NOTHING)
-    wanted = [float(sp.N(value)) for value in singularity.eigenvalues]
+    exact_eigenvalues = [float(sp.N(value)) for value in singularity.eigenvalues]
     trace = abs(float(sp.N(singularity.trace)))
     time = float(np.sqrt(epsilon / trace))
     unit = float(np.linalg.norm(at[3:5])) * time
     directions = []
-    for value in wanted:
+    for value in exact_eigenvalues:
         v = np.real(vectors[:, int(np.argmin(np.abs(values - value)))])
         # Where g_y falls the sheet attracts. Along the weak direction of a saddle-node g_y may not change.
         v = v * (-np.sign(at[:3] @ v) or 1.0)
@@ -164,7 +164,7 @@ def frame_at(singularity: FoldedSingularity, *, epsilon: float) -> FoldedNodeFra
         point=point,
         strong=directions[0],
         weak=directions[1],
-        rates=(wanted[0], wanted[1]),
+        rates=(exact_eigenvalues[0], exact_eigenvalues[1]),
         width=float(np.sqrt(epsilon * trace) / abs(at[2])),
         depth=float(epsilon * trace / abs(at[2])),
         unit=unit,
@@ -217,7 +217,7 @@ def _slow_rates(frame: FoldedNodeFrame) -> tuple[sp.Expr, ...]:
 def _single(
     plane: Mapping[str, float] | Mapping[sp.Symbol, float], names: list[str], *, what: str
 ) -> tuple[int, float]:
-    given = named(plane, what=what)
+    given = values_by_name(plane, what=what)
     if len(given) != 1 or next(iter(given)) not in names:
         raise DeclarationError(
             f"{what} fixes one of {', '.join(names)}, as in {{{names[0]!r}: 0.5}}.", got=given or "nothing"

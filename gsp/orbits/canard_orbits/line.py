@@ -47,7 +47,7 @@ class SheetLine:
             self._put(plane)
         if self.crossing is None:
             raise SheetNotFound(
-                f"the strong singular canard does not cross {self.named()} on the {self.kind} sheet."
+                f"the strong singular canard does not cross {self.in_words()} on the {self.kind} sheet."
             )
         self.contraction = float(self.strong.at(self.crossing)[3] / frame.epsilon)
 
@@ -58,7 +58,7 @@ class SheetLine:
     def kind(self) -> str:
         return "attracting" if self.side > 0 else "repelling"
 
-    def named(self) -> str:
+    def in_words(self) -> str:
         """The line for messages."""
         return f"the line {self.frame.system.states[self.plane.index].name} = {self.plane.value:.6g}"
 

@@ -195,8 +195,8 @@ class SheetBuilder(Tracer[_SheetNode]):
         first = self._first()
         if first is None:
             raise SheetNotFound(
-                f"no orbit from {self.start.named()} on the {self.start.kind} sheet meets the section near the folded "
-                f"node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
+                f"no orbit from {self.start.in_words()} on the {self.start.kind} sheet meets the section near the "
+                f"folded node at {self.frame.system.epsilon} = {self.frame.epsilon:g}."
             )
         inner, outer = self._trace(first, inwards=True), self._trace(first, inwards=False)
         segments = [node.segment for node in (*inner.nodes[:0:-1], *outer.nodes)]
@@ -214,8 +214,8 @@ class SheetBuilder(Tracer[_SheetNode]):
             ends=ends,
             lengths=np.array(steps),
             slopes=slopes,
-            inner=_told(inner.ending),
-            outer=_told(outer.ending),
+            inner=_sheet_end(inner.ending),
+            outer=_sheet_end(outer.ending),
         )
 
     # -- the first segment -------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class SheetBuilder(Tracer[_SheetNode]):
 
         def problem(orbit: OrbitSegment) -> Conditions:
             conditions = self._base(orbit)
-            conditions.across[3, 0], conditions.wanted[3] = 1.0, guess.time - orbit.time
+            conditions.across[3, 0], conditions.target[3] = 1.0, guess.time - orbit.time
             return conditions
 
         orbit: OrbitSegment | None = guess
@@ -276,14 +276,14 @@ class SheetBuilder(Tracer[_SheetNode]):
 
     def _base(self, orbit: OrbitSegment) -> Conditions:
         """On M0 and on the line at one end, in the section at the other; the last row is left free."""
-        left, right, wanted = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
+        left, right, target = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4)
         near, far = (left, right) if self.attracting else (right, left)
         z = self._line_end(orbit)
-        near[0], wanted[0] = self.frame.gradient(z), -self.frame.g(z)
-        near[1, self.line.index], wanted[1] = 1.0, self.line.value - z[self.line.index]
+        near[0], target[0] = self.frame.gradient(z), -self.frame.g(z)
+        near[1, self.line.index], target[1] = 1.0, self.line.value - z[self.line.index]
         far[2, self.section.index] = 1.0
-        wanted[2] = self.section.value - self._free_end(orbit)[self.section.index]
-        return Conditions(left, right, np.zeros((4, 1)), wanted)
+        target[2] = self.section.value - self._free_end(orbit)[self.section.index]
+        return Conditions(left, right, np.zeros((4, 1)), target)
 
     def _across(self, conditions: Conditions, normal: np.ndarray, value: float) -> Conditions:
         """The last row: a step along `normal` (7,) of length `value`, in the weights of arclength."""
@@ -291,7 +291,7 @@ class SheetBuilder(Tracer[_SheetNode]):
             (conditions.left, conditions.right) if self.attracting else (conditions.right, conditions.left)
         )
         row = normal * self.weights
-        near[3], far[3], conditions.across[3, 0], conditions.wanted[3] = row[:3], row[3:6], row[6], value
+        near[3], far[3], conditions.across[3, 0], conditions.target[3] = row[:3], row[3:6], row[6], value
         return conditions
 
     def _coordinates(self, orbit: OrbitSegment) -> np.ndarray:
@@ -379,7 +379,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         """A segment with the unit tangent (7,) of the family, on the side of `along`; None where it is singular."""
         normal = np.eye(7)[6] if along is None else along
         conditions = self._across(self._base(orbit), normal, 1.0)
-        conditions.wanted[:3] = 0.0
+        conditions.target[:3] = 0.0
         try:
             step = self.solver.linear(orbit, conditions, tangent=True)
         except np.linalg.LinAlgError:
@@ -392,7 +392,7 @@ class SheetBuilder(Tracer[_SheetNode]):
         return _SheetNode(orbit, vector, step.times(1.0 / size), normal[place], vector[place] / inside)
 
 
-def _told(ending: Enum) -> SheetEnd:
+def _sheet_end(ending: Enum) -> SheetEnd:
     found = ENDS.get(ending, ending)
     assert isinstance(found, SheetEnd)
     return found

@@ -64,7 +64,7 @@ def adapted(
         return cycle.mesh
     density = np.maximum(density, FLOOR * float((density * widths).sum()))
     density = np.maximum(MARGIN * density / tolerance ** (1.0 / (cycle.scheme.degree + 1)), least)
-    wanted = float((density * widths).sum())
-    if not np.isfinite(wanted):
+    intervals = float((density * widths).sum())
+    if not np.isfinite(intervals):
         return cycle.mesh
-    return equidistributed(cycle.mesh, density * widths, int(min(max(np.ceil(wanted), FEWEST), most)))
+    return equidistributed(cycle.mesh, density * widths, int(min(max(np.ceil(intervals), FEWEST), most)))

@@ -151,15 +151,15 @@ def measure_delay(
     if digits is None:
         # Below the least limit of the losses deviations do not matter.
         rise = min([delayed.depth, *(loss.limit for loss in delayed.losses)])
-        wanted = rise / small / np.log(10.0) + SPARE
-        if wanted > MOST_DIGITS:
+        needed = rise / small / np.log(10.0) + SPARE
+        if needed > MOST_DIGITS:
             least = rise / ((MOST_DIGITS - SPARE) * np.log(10.0))
             raise PassageError(
-                f"the passage at epsilon = {small:g} takes {wanted:.0f} digits, since a deviation falls to "
+                f"the passage at epsilon = {small:g} takes {needed:.0f} digits, since a deviation falls to "
                 f"exp(-{rise / small:.0f}); at most {MOST_DIGITS} are carried.",
                 f"Measure at an epsilon of {1.01 * least:.2g} or more, or start nearer to the loss.",
             )
-        digits = int(wanted)
+        digits = int(needed)
     squared = sp.Add(*[(y - h) ** 2 for y, h in delayed.branch.graph.items()])
     run = follow(
         system,

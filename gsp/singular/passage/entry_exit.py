@@ -115,9 +115,9 @@ class _Passage:
     def _look_ahead(self, t: float) -> None:
         """Phi beyond the exit: as far again as the loss is behind, or to the buffer point, for charts."""
         loss = self.losses[-1]
-        wanted = max((loss.limit for loss in self.losses if np.isfinite(loss.limit)), default=0.0)
+        furthest = max((loss.limit for loss in self.losses if np.isfinite(loss.limit)), default=0.0)
         base = self.ends[-1] + float(np.max(self.pieces[-1].primitive))
-        goal, until = base + wanted, min(self.longest, t + 0.5 * (t - loss.t))
+        goal, until = base + furthest, min(self.longest, t + 0.5 * (t - loss.t))
         try:
             while self.orbit.end < self.longest and (self.orbit.end < until or self.phi < goal):
                 panel = self.orbit.advance()

@@ -19,7 +19,7 @@ from gsp.roots import root
 from gsp.singular.passage.failure import PassageError
 from gsp.singular.passage.fold_passage import FoldPassage, omega0
 from gsp.systems.arguments import check_noun
-from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, named
+from gsp.systems.flow import Point, check_epsilon, check_epsilons, complete, values_by_name
 
 # A start on M0 is forgotten when the attraction has shrunk its distance from M_epsilon by exp(-FORGOTTEN).
 FORGOTTEN = 60.0
@@ -233,10 +233,10 @@ def upstream(passage: FoldPassage, epsilon: float) -> tuple[np.ndarray, float, f
 
     a, b = passage.a, passage.b
     # From (1): C = (4/3) a^2 |v|^3/|b|.
-    reach = (0.75 * FORGOTTEN * epsilon * abs(b) / a**2) ** (1.0 / 3.0)
+    distance = (0.75 * FORGOTTEN * epsilon * abs(b) / a**2) ** (1.0 / 3.0)
     z = np.concatenate([passage.x0, passage.y0])
     before = np.concatenate([[0.0], -np.sign(a) * passage.right])
-    h, time, contraction, rate = STEP * reach, 0.0, 0.0, 0.0
+    h, time, contraction, rate = STEP * distance, 0.0, 0.0, 0.0
     path = []
     for _ in range(STEPS):
         k1 = velocity(z, before)
@@ -279,7 +279,7 @@ def _section(passage: FoldPassage, section: Mapping[str, float] | None) -> tuple
             raise PassageError(f"{passage.drop}.", "Give a section, {fast variable: value}.")
         i = int(np.argmax(np.abs(passage.right)))
         return names[i], 0.5 * (passage.y0[i] + passage.drop.point[names[i]])
-    given = named(section, what="section")
+    given = values_by_name(section, what="section")
     if len(given) != 1 or next(iter(given)) not in names:
         raise DeclarationError(
             "section is one fast variable and its value.",

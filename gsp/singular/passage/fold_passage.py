@@ -42,7 +42,7 @@ from gsp.results.tabular import Tabular
 from gsp.singular.passage.drop import Drop, drop_from
 from gsp.singular.passage.failure import PassageError
 from gsp.systems.arguments import check_noun
-from gsp.systems.flow import Point, check_epsilon, complete, named
+from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
 from gsp.systems.region import Interval, check_region
 from gsp.systems.system import SlowFastSystem
 
@@ -219,7 +219,7 @@ def fold_passage(
 
 def _located(system: SlowFastSystem, fold: SpecialPoint | Point) -> tuple[LayerProblem, np.ndarray]:
     """The layer problem over all slow variables, and the fold next to the given point, polished."""
-    given = dict(fold.point) if isinstance(fold, SpecialPoint) else named(fold, what="fold")
+    given = dict(fold.point) if isinstance(fold, SpecialPoint) else values_by_name(fold, what="fold")
     parameters = dict(zip(system.parameters, map(float, compile_flow(system).constants[1:])))
     for symbol, value in parameters.items():
         if symbol.name in given and given.pop(symbol.name) != value:

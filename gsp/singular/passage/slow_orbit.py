@@ -219,9 +219,9 @@ class SlowOrbit:
 
     def pieces(self, panel: Panel) -> list[ResolvedPanel]:
         """The rightmost eigenvalue over a panel, cut where its real part has kinks."""
-        return self._cut(panel, float(panel.t[0]), float(panel.t[-1]), CUTS)
+        return self._resolve(panel, float(panel.t[0]), float(panel.t[-1]), CUTS)
 
-    def _cut(self, panel: Panel, first: float, last: float, depth: int) -> list[ResolvedPanel]:
+    def _resolve(self, panel: Panel, first: float, last: float, depth: int) -> list[ResolvedPanel]:
         nodes, _, S = chebyshev()
         half = 0.5 * (last - first)
         t = first + half * (nodes + 1.0)
@@ -231,7 +231,7 @@ class SlowOrbit:
         if resolved or depth == 0:
             return [ResolvedPanel(t, values, leading, half * (S @ values), not resolved)]
         middle = first + half
-        return self._cut(panel, first, middle, depth - 1) + self._cut(panel, middle, last, depth - 1)
+        return self._resolve(panel, first, middle, depth - 1) + self._resolve(panel, middle, last, depth - 1)
 
 
 def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:

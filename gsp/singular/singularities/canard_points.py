@@ -28,7 +28,7 @@ from gsp.singular.singularities.canard_series import PlanarField
 from gsp.singular.singularities.fold_starts import fold_starts
 from gsp.singular.singularities.located_points import Located, locate
 from gsp.systems.arguments import check_noun, shown
-from gsp.systems.flow import Point, named
+from gsp.systems.flow import Point, values_by_name
 from gsp.systems.system import SlowFastSystem
 
 # Starts of Newton's method for equations that are not rational, in each of the states and the parameter.
@@ -84,7 +84,7 @@ def canard_point(
 
     Of two equally near in the parameter, the one where it is larger. Raises `CanardError` when there is none.
     """
-    target = None if near is None else named(near, what="near")
+    target = None if near is None else values_by_name(near, what="near")
     known = [symbol.name for symbol in field.symbols]
     for name in target or {}:
         if name not in known:
@@ -129,11 +129,11 @@ def _candidates(
             got=f"f = {f0}, g = {g0}",
         )
     # What `near` names is where to begin; the other canard points are looked for all the same.
-    wanted = target or {}
-    axes = [[wanted[s.name]] if s.name in wanted else STARTS for s in (x, y, a)]
-    levels = {float(declared), wanted.get(a.name, float(declared))}
+    known_values = target or {}
+    axes = [[known_values[s.name]] if s.name in known_values else STARTS for s in (x, y, a)]
+    levels = {float(declared), known_values.get(a.name, float(declared))}
     starts: Iterable[Sequence[float]] = itertools.chain(
-        itertools.product(*axes) if wanted else (),
+        itertools.product(*axes) if known_values else (),
         *(fold_starts(g0, x, y, a, level) for level in sorted(levels)),
         itertools.product(STARTS, STARTS, sorted({*levels, *STARTS})),
     )
