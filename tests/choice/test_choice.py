@@ -31,6 +31,10 @@ from tests.cases import sampled
 
 x, y, eps = sp.symbols("x y epsilon")
 ROUNDING = 1e-12
+# The measured error over the predicted one. What the next two orders leave out adds a share of order epsilon^2, up to
+# 0.02 here. What is left of the initial layer is added to the prediction by its size, whatever its sign: errors that it
+# takes from come down to 0.33, as docs/choosing.md says.
+LARGEST_SHARE, LEAST_SHARE = 1.05, 0.32
 
 
 def scene(f, g, **changes) -> Scene:
@@ -104,8 +108,8 @@ def assert_honest(asked: Scene, orders=(0, 1, 2, 3)) -> None:
     forecast = forecast_of(asked, orders)
     predicted, measured = predicted_errors(asked, forecast, orders), measured_errors(asked, forecast, orders)
     for n in orders:
-        assert measured[n] <= 3 * predicted[n] + ROUNDING, n
-        assert predicted[n] <= 30 * measured[n] + ROUNDING, n
+        assert measured[n] <= LARGEST_SHARE * predicted[n] + ROUNDING, n
+        assert measured[n] >= LEAST_SHARE * predicted[n] - ROUNDING, n
 
 
 # A raw field, its physics, an exact reduction, chemistry, a surface with folds, and a curve of them.
@@ -213,7 +217,7 @@ def test_what_is_chosen_meets_the_tolerance_where_it_is_measured(name: str) -> N
     assert choice.model.valid
     assert choice.predicted <= choice.tolerance
     assert choice.measured <= choice.tolerance
-    assert choice.measured <= 3 * choice.predicted_on_piece + ROUNDING
+    assert choice.measured <= LARGEST_SHARE * choice.predicted_on_piece + ROUNDING
     assert choice.piece[0] == choice.scene.span[0]
     assert choice.piece[1] < choice.scene.span[1]
 
@@ -337,7 +341,7 @@ def test_fast_variables_count_when_asked_for() -> None:
     assert both.names == ("s", "c")
     assert both.layer > slow.layer
     assert both.candidates[1].predicted > slow.candidates[1].predicted
-    assert both.measured <= 3 * both.predicted_on_piece + ROUNDING
+    assert both.measured <= LARGEST_SHARE * both.predicted_on_piece + ROUNDING
 
 
 def test_a_branch_that_repels_is_not_reduced() -> None:
@@ -507,8 +511,7 @@ def test_the_solved_manifold_serves_where_no_order_is_exact_enough() -> None:
     reference = integrate(asked.system, start=asked.start, epsilon=asked.epsilon, **common)
     run = integrate(surface.flow, start=surface.start, **common)
     measured = np.abs(run["s"] - reference["s"]).max() / forecast.prediction.scale["s"]
-    assert measured <= 3 * surface.errors(grid).max()
-    assert surface.errors(grid).max() <= 30 * measured
+    assert LEAST_SHARE <= measured / surface.errors(grid).max() <= LARGEST_SHARE
 
 
 @pytest.mark.exhaustive
