@@ -183,12 +183,13 @@ def test_folds_are_found_along_a_graph_with_a_root(tmp_path) -> None:
 
 
 def test_methods_are_tabulated_with_their_orders() -> None:
-    rows = {
-        row["label"]: row for row in json.loads(run("methods", "michaelis_menten", "--json").stdout)["rows"]
-    }
-    assert rows["CSP 1"]["expected"] == 2
-    assert rows["series 2"]["fitted"] == pytest.approx(3, abs=0.1)
-    assert rows["solved"]["error at 0.1"] < 1e-10
+    found = json.loads(run("methods", "michaelis_menten", "--json").stdout)
+    place = found["coordinates"]["method"]["values"].index
+    values = {name: column["values"] for name, column in found["variables"].items()}
+    assert values["expected"][place("CSP 1")] == 2
+    assert values["fitted"][place("series 2")] == pytest.approx(3, abs=0.1)
+    first = found["coordinates"]["epsilon"]["values"].index(0.1)
+    assert values["error"][place("solved")][first] < 1e-10
 
 
 @pytest.mark.exhaustive
@@ -249,9 +250,9 @@ def test_choose_prints_the_card_and_json() -> None:
     assert "predicted" in text
     assert "->" in text
     found = json.loads(run("choose", "linear", "--json").stdout)
-    assert found["name"] == "linear"
-    assert found["measured"] <= found["tolerance"]
-    assert {row["kind"] for row in found["candidates"]} == {"reduced", "solved", "full"}
+    assert found["attributes"]["scene"] == "linear"
+    assert found["attributes"]["measured"] <= found["coordinates"]["tolerance"]["values"]
+    assert set(found["variables"]["kind"]["values"]) == {"reduced", "solved", "full"}
 
 
 def test_folds_outside_the_region_are_called_so() -> None:

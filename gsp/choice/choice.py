@@ -96,26 +96,6 @@ class Choice(Card, Tabular):
         """Why, in the verdict's sentences."""
         return self.verdict.sentences
 
-    def as_rows(self) -> list[dict[str, object]]:
-        """One dictionary per candidate, of numbers and text, for JSON or CSV."""
-        return [
-            {
-                "model": c.label,
-                "kind": str(c.kind),
-                "order": c.order,
-                "chosen": c is self.model,
-                "predicted": c.predicted,
-                "holds_until": c.holds_until,
-                "seconds": c.seconds,
-                "preparation": c.preparation,
-                "steps": c.steps,
-                "field_calls": c.field_calls,
-                "valid": c.valid,
-                "why_not": c.why_not,
-            }
-            for c in self.candidates
-        ]
-
     def __repr__(self) -> str:
         return (
             f"Choice({self.scene.name or 'scene'}: {self.model.label}, predicted {self.predicted:.2g}, "

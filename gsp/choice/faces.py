@@ -32,7 +32,10 @@ def _table_of_choice(found: Choice) -> Table:
         "scene": found.scene.name, "answer": str(found.verdict.answer), "reason": found.reason,
         "quantities": ", ".join(found.names), "layer": found.layer, "piece_begins": found.piece[0],
         "piece_ends": found.piece[1], "predicted_on_piece": found.predicted_on_piece, "measured": found.measured,
-        "speed_up": found.speed_up, "ending": found.ending,
+        "speed_up": found.speed_up, "ending": found.ending, "accuracy": found.verdict.accuracy,
+        "speed": found.verdict.speed, "remedy": found.verdict.remedy, "predicted": found.predicted,
+        "partial": None if found.partial is None else found.partial.label, "fast_error": found.fast_error,
+        "layer_error": found.layer_error,
     }  # fmt: skip
     return Table("Choice", coordinates, variables, attributes, over)
 

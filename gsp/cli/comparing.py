@@ -28,23 +28,7 @@ def methods(scene: Scene, order: int | None, as_json: bool) -> None:
 
     table = method_table(scene, **orders_through(order))
     if as_json:
-        from gsp.report import plain
-
-        endings = [
-            {"method": name, "epsilon": e, "ending": ending} for (name, e), ending in table.endings.items()
-        ]
-        found = {
-            "name": scene.name,
-            "points": len(table.points),
-            "rows": table.as_rows(),
-            "epsilons": table.epsilons,
-            "references": table.references,
-            "floor": table.floor,
-            "disagreement": table.disagreement,
-            "omitted": table.omitted,
-            "endings": endings,
-        }
-        print_json(plain(found))
+        print_json(table.as_json())
         return
     click.echo(str(table))
 
@@ -91,9 +75,7 @@ def chart(
         if table is not None:
             found.write_csv(table)
     if as_json:
-        from gsp.report import plain
-
-        print_json(plain({"name": scene.name, "rows": found.as_rows()}))
+        print_json(found.as_json())
         return
     click.echo(str(found))
     click.echo(f"chart: {target}")
@@ -110,9 +92,7 @@ def choose(scene: Scene, tolerance: float | None, order: int | None, as_json: bo
 
     choice = choose_model(scene, tolerance=tolerance, **orders_through(order))
     if as_json:
-        from gsp.report import choice_as_json
-
-        print_json({"name": choice.scene.name, **choice_as_json(choice)})
+        print_json(choice.as_json())
         return
     click.echo(str(choice))
 

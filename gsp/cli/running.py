@@ -12,7 +12,7 @@ from gsp.cli.asking import asks, json_option, orders_through, output_option
 from gsp.cli.program import cli
 from gsp.cli.telling import check_interrupt, print_json, progress_bar, wrote
 from gsp.errors import DeclarationError, GspError
-from gsp.results.files import write_file, write_rows
+from gsp.results.files import write_file
 
 if TYPE_CHECKING:
     from gsp.results.tabular import Tabular
@@ -92,10 +92,8 @@ def _give(found: Tabular, output: Path | None, as_json: bool) -> None:
     """The table to a file, as JSON, or the result in words."""
     check_interrupt()
     if output is not None:
-        from gsp.results.tabular import table_of
-
         if output.suffix.lower() == ".csv":
-            write_rows(table_of(found).as_rows(), output)
+            found.write_csv(output)
         else:
             write_file(f"{json.dumps(found.as_json(), allow_nan=False)}\n".encode(), output)
         wrote(output)

@@ -51,7 +51,14 @@ def _table_of_failure_map(found: FailureMap) -> Table:
         "position": Column(("position",), found.positions),
         "tolerance": Column(("tolerance",), found.tolerances),
     }
-    variables = {"best_order": Column(("epsilon", "position"), found.best_order)}
+    over = ("order",)
+    coordinates["order"] = Column(over, np.array(found.orders))
+    variables = {
+        "best_order": Column(("epsilon", "position"), found.best_order),
+        "least_order": Column(("epsilon", "position"), found.least_order),
+        "least_order_demanded": Column(("epsilon", "tolerance"), found.least_order_demanded),
+        "holds_over_span": Column(over, numbers(found.holds_over_span(n) for n in found.orders)),
+    }
     for name, column, claims in (("place", "position", found.places), ("demand", "tolerance", found.demands)):
         coordinates[f"{name}_method"] = Column((f"{name}_method",), texts(claims))
         variables |= _claimed(name, (f"{name}_method", "epsilon", column), claims)
@@ -61,7 +68,7 @@ def _table_of_failure_map(found: FailureMap) -> Table:
         "place_tolerance": found.tolerance,
         "runs": found.runs,
     }
-    return Table("FailureMap", coordinates, variables, attributes, records=found.as_rows())
+    return Table("FailureMap", coordinates, variables, attributes, records=_cells(found))
 
 
 @tables.of(MethodTable)
@@ -89,7 +96,7 @@ def _table_of_method_table(found: MethodTable) -> Table:
         "omitted": "; ".join(f"{name}: {reason}" for name, reason in found.omitted.items()),
         "endings": "; ".join(f"{name} at epsilon = {e:g}: {how}" for (name, e), how in found.endings.items()),
     }
-    return Table("MethodTable", coordinates, variables, attributes, records=found.as_rows())
+    return Table("MethodTable", coordinates, variables, attributes, ("method", "epsilon"))
 
 
 @tables.of(WorkPrecision)
@@ -106,6 +113,7 @@ def _table_of_work_precision(found: WorkPrecision) -> Table:
         for name in ("error", "end_error", "seconds", "steps", "field_calls")
     }
     variables["kind"] = Column(each, texts(curve.kind for curve in found.curves))
+    variables["version"] = Column(each, texts(curve.version or "" for curve in found.curves))
     variables["model_order"] = Column(each, numbers(curve.order for curve in found.curves))
     variables["preparation"] = Column(each, np.array([curve.preparation for curve in found.curves]))
     variables["ended"] = Column(each, texts(curve.ended for curve in found.curves))
@@ -115,7 +123,29 @@ def _table_of_work_precision(found: WorkPrecision) -> Table:
         "epsilon": Column((), np.array(found.epsilon)),
     }
     attributes = {"scene": found.scene.name, "start": found.start, "reference_error": found.reference_error}
-    return Table("WorkPrecision", coordinates, variables, attributes, records=found.as_rows())
+    return Table("WorkPrecision", coordinates, variables, attributes, both)
+
+
+def _cells(found: FailureMap) -> list[dict[str, object]]:
+    """A row for each cell of both maps and each method."""
+    return [
+        {
+            "map": name,
+            "method": claim.method,
+            "epsilon": float(e),
+            "along": along,
+            "at": float(c),
+            "measure": float(claim.measure[i, j]),
+            "holds": bool(claim.holds[i, j]),
+        }
+        for name, along, columns, claims in (
+            ("position", found.axis, found.positions, found.places),
+            ("tolerance", "tolerance", found.tolerances, found.demands),
+        )
+        for claim in claims.values()
+        for i, e in enumerate(found.epsilons)
+        for j, c in enumerate(columns)
+    ]
 
 
 def _claimed(name: str, dimensions: tuple[str, ...], claims: Mapping[str, Claim]) -> dict[str, Column]:

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from gsp.comparison.survey import Claim, Survey, demands_of, reduced_name
 from gsp.errors import DeclarationError, Named
 from gsp.results.drawn import Drawn
-from gsp.results.files import write_rows
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
@@ -106,31 +104,6 @@ class FailureMap(Drawn, Tabular):
                 got=f"{order!r}",
                 value=order,
             )
-
-    def as_rows(self) -> list[dict[str, object]]:
-        """One dictionary for each cell and method, of numbers and text, for JSON or CSV."""
-        return [
-            {
-                "map": name,
-                "method": claim.method,
-                "epsilon": float(e),
-                "along": along,
-                "at": float(c),
-                "measure": float(claim.measure[i, j]),
-                "holds": bool(claim.holds[i, j]),
-            }
-            for name, along, columns, claims in (
-                ("position", self.axis, self.positions, self.places),
-                ("tolerance", "tolerance", self.tolerances, self.demands),
-            )
-            for claim in claims.values()
-            for i, e in enumerate(self.epsilons)
-            for j, c in enumerate(columns)
-        ]
-
-    def write_csv(self, path: str | Path) -> Path:
-        """Write the rows to `path`; raises `OutputError` when that cannot be done."""
-        return write_rows(self.as_rows(), path)
 
     def __repr__(self) -> str:
         return (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -103,15 +103,6 @@ class MethodTable(Drawn, Tabular):
             if row.label == label:
                 return row
         raise unknown_name(label, (row.label for row in self.rows))
-
-    def as_rows(self) -> list[dict[str, object]]:
-        """One dictionary per method, of numbers and text, for JSON or CSV."""
-        result = []
-        for row in self.rows:
-            entry = asdict(row) | {"label": row.label}
-            errors = entry.pop("errors")
-            result.append(entry | {f"error at {e:g}": value for e, value in zip(self.epsilons, errors)})
-        return result
 
     def __repr__(self) -> str:
         return f"MethodTable({self.scene.name}: {len(self.rows)} methods, {len(self.points)} points)"

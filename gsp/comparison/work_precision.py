@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,6 @@ from gsp.fibres.inner_expansion import expand_inner
 from gsp.integration.methods import Method, check_method
 from gsp.integration.trajectory import trajectory_of
 from gsp.results.drawn import Drawn
-from gsp.results.files import write_rows
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
@@ -85,18 +84,6 @@ class WorkPrecision(Drawn, Tabular):
         """The curve that reaches `error` in the least time, among those of a `kind` or all; None when none does."""
         fitting = [c for c in self.curves if kind in (None, c.kind) and np.isfinite(c.seconds_at(error))]
         return min(fitting, key=lambda c: c.seconds_at(error), default=None)
-
-    def as_rows(self) -> list[dict[str, object]]:
-        """One dictionary per run, of numbers and text, for JSON or CSV."""
-        return [
-            {"label": c.label, "kind": str(c.kind), "order": c.order, "version": c.version, **asdict(point)}
-            for c in self.curves
-            for point in c.points
-        ]
-
-    def write_csv(self, path: str | Path) -> Path:
-        """Write the rows to `path`; raises `OutputError` when that cannot be done."""
-        return write_rows(self.as_rows(), path)
 
     def __repr__(self) -> str:
         runs = sum(len(curve.points) for curve in self.curves)

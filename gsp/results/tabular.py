@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsp.results import registry
+from gsp.results.files import write_rows
 
 if TYPE_CHECKING:
     from gsp.results.table import Table
@@ -40,6 +43,14 @@ class Tabular:
         `shape` and its `values`, nested lists in row-major order; `attributes` are text and numbers.
         """
         return table_of(self).as_json()
+
+    def as_rows(self) -> list[Mapping[str, object]]:
+        """The rows of the data frame, each a dictionary of numbers and text."""
+        return table_of(self).as_rows()
+
+    def write_csv(self, path: str | Path) -> Path:
+        """Write the rows to `path`; raises `OutputError` when that cannot be done."""
+        return write_rows(self.as_rows(), path)
 
 
 def table_of(result: Tabular) -> Table:

@@ -11,7 +11,6 @@ from gsp.choice.choice import choose, select
 from gsp.choice.costs import MEASUREMENTS, RUNS, Cost, cost_beside, timed
 from gsp.choice.simulation import simulate
 from gsp.choice.verdict import Answer, Evidence, judge
-from gsp.report import choice_as_json
 
 PLAIN = replace(models.load("linear"), tolerance=1e-3)
 
@@ -91,6 +90,6 @@ def test_choose_the_report_and_simulate_share_what_was_measured(later, answer, m
     monkeypatch.setattr(costs, "_seconds", seconds)
     choice = choose(PLAIN, orders=(1,), solve=False)
     assert choice.verdict.answer is answer
-    assert choice_as_json(choice)["verdict"]["answer"] == str(answer)
+    assert choice.as_json()["attributes"]["answer"] == str(answer)
     run = simulate(PLAIN, choice=choice)
     assert (run.reduced_share > 0.5) is (answer is Answer.YES)

@@ -21,7 +21,7 @@ from gsp.cli import cli
 from gsp.comparison.comparison import compare
 from gsp.comparison.survey import demands_of
 from gsp.errors import BudgetError
-from gsp.report import as_json, choice_as_json
+from gsp.report import as_json
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import study_of
 from gsp.slow.expansion import Expansion
@@ -95,10 +95,10 @@ def test_one_order_ahead_tells_an_error_and_the_last_order_has_none(ends) -> Non
     assert found.ending in found.verdict.accuracy
     assert str(found).count(found.ending) == 1
     # One verdict, whatever shows it.
-    shown = choice_as_json(found)
-    assert shown["reason"] == found.reason
-    assert shown["ending"] == found.ending
-    assert [row["why_not"] for row in shown["candidates"]] == [c.why_not for c in found.candidates]
+    shown = found.as_json()
+    assert shown["attributes"]["reason"] == found.reason
+    assert shown["attributes"]["ending"] == found.ending
+    assert shown["variables"]["why_not"]["values"] == [c.why_not for c in found.candidates]
     assert whole.ending == ""
 
 
@@ -154,13 +154,13 @@ def test_an_analysis_has_the_orders_that_are_there(ends) -> None:
     assert str(found).count(found.cut) >= 1
     content = as_json(found)
     assert content["series"]["cut"] == found.cut
-    assert content["choice"]["reason"] == found.choice.reason
+    assert content["choice"]["attributes"]["reason"] == found.choice.reason
     assert content["missing"] == {}
 
 
 @pytest.mark.exhaustive
 def test_a_long_series_is_chosen_for_at_the_command_line() -> None:
     shown = json.loads(CliRunner().invoke(cli, ["choose", str(LONG), "--json"]).stdout)
-    assert [row["model"] for row in shown["candidates"]][:2] == ["reduced 0", "reduced 1"]
-    assert "at order 1 it has coefficients of 1773 terms, more than 600" in shown["ending"]
+    assert shown["coordinates"]["model"]["values"][:2] == ["reduced 0", "reduced 1"]
+    assert "at order 1 it has coefficients of 1773 terms, more than 600" in shown["attributes"]["ending"]
     assert shown["ending"] in shown["verdict"]["accuracy"]

@@ -15,7 +15,7 @@ from gsp.choice.prediction import Failure
 from gsp.choice.verdict import Answer, Evidence, judge
 from gsp.cli import cli
 from gsp.integration.trajectory import integrate
-from gsp.report import as_json, choice_as_json, write_report
+from gsp.report import as_json, write_report
 from gsp.report.sections import Page
 from gsp.report.wording import words
 from gsp.scenes.scene import Scene
@@ -155,8 +155,8 @@ def test_every_face_shows_the_same_verdict(name: str, tmp_path, monkeypatch) -> 
     assert text.count(str(words(verdict.sentences))) == 2
     assert text.count(f"{verdict.answer.capitalize()}:</b>") == 2
     for content in (json.loads((folder / "report.json").read_text(encoding="utf-8")), as_json(analysis)):
-        assert content["choice"]["verdict"] == choice_as_json(choice)["verdict"]
-        assert content["choice"]["verdict"]["answer"] == verdict.answer
+        assert content["choice"] == choice.as_json()
+        assert content["choice"]["attributes"]["answer"] == verdict.answer
     for command in (["choose", name], ["report", name, "-o", str(tmp_path / "again")]):
         assert str(verdict) in CliRunner().invoke(cli, command).output.splitlines()
     assert str(verdict) in str(analysis).splitlines()
@@ -178,8 +178,11 @@ def test_the_report_decides_as_choose_does(name: str) -> None:
     asked, told = choose(models.load(name)), analysis_of(name).choice
     valid = [(c.label, c.valid) for c in told.candidates]
     assert [(c.label, c.valid) for c in asked.candidates] == valid
-    assert [(row["model"], row["valid"]) for row in shown["candidates"]] == valid
-    assert may(shown["verdict"]["answer"]) == may(asked.verdict.answer) == may(told.verdict.answer)
+    labels, fit = (
+        shown[kind][name]["values"] for kind, name in (("coordinates", "model"), ("variables", "valid"))
+    )
+    assert list(zip(labels, fit)) == valid
+    assert may(shown["attributes"]["answer"]) == may(asked.verdict.answer) == may(told.verdict.answer)
 
 
 TANH = sp.tanh(30 * (sp.Symbol("x") - sp.Rational(1, 2)))

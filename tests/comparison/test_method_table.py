@@ -181,9 +181,8 @@ def test_a_table_reads_well_and_can_be_written(enzyme: MethodTable) -> None:
     assert "ILDM" in text
     assert "reference: orbit segments" in text
     assert len({len(line) for line in text.splitlines()[2:-3]}) == 1
-    rows = json.loads(json.dumps(enzyme.as_rows()))
-    assert rows[0]["label"] == "QSS"
-    assert rows[0]["error at 0.01"] == enzyme["QSS"].errors[1]
+    row = json.loads(json.dumps(enzyme.as_rows()))[1]
+    assert (row["method"], row["epsilon"], row["error"]) == ("QSS", 0.01, enzyme["QSS"].errors[1])
     with pytest.raises(KeyError, match="CSP 2"):
         enzyme["CSP 9"]
 
@@ -398,13 +397,15 @@ def test_the_command_tells_the_reference_and_what_was_cut_short_as_the_table_doe
     told = replace(table, endings=endings, omitted={"series 4": "it is too long"})
     monkeypatch.setattr(table_module, "method_table", lambda *arguments, **keywords: told)
     shown = json.loads(CliRunner().invoke(cli, ["methods", "michaelis_menten", "--json"]).stdout)
-    assert [row["label"] for row in shown["rows"]] == [row.label for row in told.rows]
-    assert shown["epsilons"] == list(told.epsilons)
-    assert shown["references"] == list(told.references)
-    assert shown["floor"] == list(told.floor)
-    assert shown["disagreement"] == list(told.disagreement)
-    assert shown["omitted"] == told.omitted
-    assert shown["endings"] == [{"method": "solved", "epsilon": 0.01, "ending": "stopped at 17 segments"}]
-    attributes = told.as_json()["attributes"]
+    assert shown == told.as_json()
+    assert shown["coordinates"]["method"]["values"] == [row.label for row in told.rows]
+    assert shown["coordinates"]["epsilon"]["values"] == list(told.epsilons)
+    for name, given in (
+        ("reference", told.references),
+        ("floor", told.floor),
+        ("disagreement", told.disagreement),
+    ):
+        assert shown["variables"][name]["values"] == list(given)
+    attributes = shown["attributes"]
     assert attributes["endings"] == "solved at epsilon = 0.01: stopped at 17 segments"
     assert attributes["omitted"] == "series 4: it is too long"

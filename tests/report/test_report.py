@@ -93,9 +93,10 @@ def test_json_is_strict_and_complete(written, sleigh):
     assert {"name", "statement", "value", "requirement", "holds"} == set(
         content["hyperbolicity"]["conditions"][0]
     )
-    assert set(content["comparison"]["errors"]) == {"0", "1", "2", "3"}
-    assert content["comparison"]["slopes"]["1"] == pytest.approx(2, abs=0.1)
-    assert set(content["comparison"]["claim_slopes"]) == set(sleigh.scene.claims)
+    assert content["comparison"] == sleigh.comparison.as_json()
+    assert content["comparison"]["coordinates"]["order"]["values"] == [0, 1, 2, 3]
+    assert content["comparison"]["variables"]["slope"]["values"][1] == pytest.approx(2, abs=0.1)
+    assert content["comparison"]["coordinates"]["claim"]["values"] == list(sleigh.scene.claims)
     assert {"split", "comparison", "report", "total"} <= set(content["timings"])
     assert content["timings"]["total"] >= content["timings"]["report"]
     assert content["stats"]["full"]["steps"] > 0
@@ -129,8 +130,8 @@ def test_series_parse_back_to_themselves(sleigh):
 
 def test_exact_slopes_are_null_and_standard_coordinates_the_identity():
     content = as_json(analysis_of("davis_skodje"))
-    assert content["comparison"]["slopes"] == dict.fromkeys("0123")
-    assert content["comparison"]["exact"]["0"] is True
+    assert content["comparison"]["variables"]["slope"]["values"] == [None] * 4
+    assert content["comparison"]["variables"]["exact"]["values"][0] is True
     assert content["coordinates"] == {"y1": "y1", "y2": "y2"}
     assert content["raw"] is None
     json.dumps(content, allow_nan=False)
@@ -381,11 +382,12 @@ def test_page_and_json_say_where_the_reduction_ends(monkeypatch, tmp_path):
     content = _strict((folder / "report.json").read_text(encoding="utf-8"))
     (fold,) = content["boundary"]["folds"]
     assert fold["passage"]["exit"] == pytest.approx(analysis.boundary.folds[0].passage.exit(0.01))
-    assert fold["passage"]["drop"]["point"]["x"] == pytest.approx(-2)
+    assert fold["passage"]["variables"]["landing"]["values"] == pytest.approx([-2])
     assert content["boundary"]["orbit"]["period_coefficients"][0] == pytest.approx(1.613705639)
     assert content["boundary"]["orbit"]["period"] == pytest.approx(analysis.boundary.orbit.period(0.01))
-    assert len(content["failures"]["least_order"]) == 11
-    assert content["failures"]["holds_over_span"]["2"] > content["failures"]["holds_over_span"]["1"]
+    failures = content["failures"]["variables"]
+    assert len(failures["least_order"]["values"]) == 11
+    assert failures["holds_over_span"]["values"][2] > failures["holds_over_span"]["values"][1]
     assert "failure_map.png" in content["figures"]
 
 

@@ -63,8 +63,8 @@ def test_a_region_on_the_command_line_is_the_one_that_is_checked():
 
 def test_epsilon_and_order_reach_the_choice():
     found = json.loads(run("choose", "michaelis_menten", "--epsilon", "1/100", "--order", "1", "--json").stdout)
-    assert found["epsilon"] == 0.01
-    assert {row["order"] for row in found["candidates"] if row["kind"] == "reduced"} == {0, 1}
+    assert found["coordinates"]["epsilon"]["values"] == 0.01
+    assert [order for order in found["variables"]["order"]["values"] if order is not None] == [0, 1]
 
 
 @pytest.mark.parametrize(
