@@ -13,30 +13,10 @@ from typing import Any
 import sympy as sp
 from sympy.printing.jscode import JavascriptCodePrinter
 
-from gsp.algebra.doubles import nearest_double
+from gsp.algebra.languages import PAGE
+from gsp.algebra.printing import Printer
 from gsp.errors import UnsupportedFunctionError
 
-# Whole numbers up to here are doubles, and the quotient of two of them is rounded once.
-EXACT = 2**53
-# Functions of one argument that go by this name in both languages.
-SAME = (
-    "exp",
-    "log",
-    "sin",
-    "cos",
-    "tan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asin",
-    "acos",
-    "atan",
-    "asinh",
-    "acosh",
-    "atanh",
-)
-# What JavaScript has no function for; `page/functions.js` defines it.
-OWN = ("erf",)
 # The sign in a number's exponent is no operation.
 _EXPONENT = re.compile(r"(?<=[0-9.])[eE][+-]?(?=[0-9])")
 _OPERATION = re.compile(r"[-+*/]|\b(?:Math\.[a-z]\w*|erf)\(")
@@ -80,18 +60,13 @@ def operations(code: str) -> int:
     return len(_OPERATION.findall(_EXPONENT.sub("", body)))
 
 
-class _JavaScriptPrinter(JavascriptCodePrinter):
+class _JavaScriptPrinter(Printer, JavascriptCodePrinter):
     """Prints to single expressions; what is used more than once, and every power, gets a line of its own before."""
 
     def __init__(self, places: Iterable[sp.Symbol]) -> None:
-        super().__init__()
+        super().__init__(PAGE, {symbol: symbol.name for symbol in places})
         self.lines: list[str] = []
-        self._names = {symbol: symbol.name for symbol in places}
         self._known: dict[str, str] = {}
-
-    def text(self, expression: Any) -> str:
-        """One expression; what it needs first has been added to `lines`."""
-        return str(self.doprint(expression))
 
     def define(self, symbol: sp.Symbol, expression: sp.Expr) -> None:
         """A constant for `symbol`, which later expressions use."""
@@ -108,13 +83,6 @@ class _JavaScriptPrinter(JavascriptCodePrinter):
         return self._names[expr]
 
     _print_Dummy = _print_Symbol
-
-    def _print_Integer(self, expr: sp.Integer) -> str:
-        return str(int(expr)) if abs(int(expr)) <= EXACT else nearest_double(expr)
-
-    def _print_Rational(self, expr: sp.Rational) -> str:
-        p, q = int(expr.p), int(expr.q)
-        return f"{p}/{q}" if max(abs(p), q) <= EXACT else nearest_double(expr)
 
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.as_base_exp() if not expr.is_Pow else expr.args
@@ -145,42 +113,7 @@ class _JavaScriptPrinter(JavascriptCodePrinter):
         half = self._once(self._power(text, exponent // 2))
         return self._once(f"{half}*{half}*{text}" if exponent % 2 else f"{half}*{half}")
 
-    def _print_Abs(self, expr: Any) -> str:
-        return f"Math.abs({self.text(expr.args[0])})"
-
-    def _print_sign(self, expr: Any) -> str:
-        return f"Math.sign({self.text(expr.args[0])})"
-
     def _print_Heaviside(self, expr: Any) -> str:
         at_zero = self.text(expr.args[1]) if len(expr.args) > 1 else "0.5"
         argument = self._once(self.text(expr.args[0]))
         return f"({argument} > 0 ? 1 : {argument} < 0 ? 0 : {argument} === 0 ? {at_zero} : NaN)"
-
-    def _print_Max(self, expr: Any) -> str:
-        return f"Math.max({', '.join(self.text(a) for a in expr.args)})"
-
-    def _print_Min(self, expr: Any) -> str:
-        return f"Math.min({', '.join(self.text(a) for a in expr.args)})"
-
-    def _print_Pi(self, expr: Any) -> str:
-        return "Math.PI"
-
-    def _print_Exp1(self, expr: Any) -> str:
-        return "Math.E"
-
-    def _print_Function(self, expr: Any) -> str:
-        name = type(expr).__name__
-        if len(expr.args) == 1 and name in SAME:
-            return f"Math.{name}({self.text(expr.args[0])})"
-        if len(expr.args) == 1 and name in OWN:
-            return f"{name}({self.text(expr.args[0])})"
-        return self._print_not_supported(expr)
-
-    _print_exp = _print_Function
-
-    def _print_not_supported(self, expr: Any) -> str:
-        raise UnsupportedFunctionError(
-            f"{type(expr).__name__} has no counterpart in JavaScript.",
-            "Use other functions.",
-            got=str(expr)[:80],
-        )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from gsp.algebra.printing import Language, Printer
 from gsp.exports.names import fresh
-from gsp.exports.printing import Language, Printer
 from gsp.exports.reduced_model import ReducedModel
 
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
+from gsp.algebra.languages import C
 from gsp.exports.body import FunctionBody, bodies_of, commented, heading, starts_of, values_of
-from gsp.exports.languages import C_WORDS, C
 from gsp.exports.names import renamed
 from gsp.exports.reduced_model import ReducedModel
+from gsp.exports.reserved_words import C_WORDS
 
 
 def c_text(model: ReducedModel) -> str:

@@ -6,22 +6,15 @@ from collections.abc import Callable, Mapping
 
 import sympy as sp
 
+from gsp.algebra.languages import JAVASCRIPT, JULIA, XPPAUT
 from gsp.algebra.sharing import is_shared
 from gsp.errors import BudgetError
 from gsp.exports.body import bodies_of, body_of, commented, heading, starts_of, values_of
 from gsp.exports.c_text import c_text
-from gsp.exports.languages import (
-    JAVASCRIPT,
-    JAVASCRIPT_WORDS,
-    JULIA,
-    JULIA_WORDS,
-    XPPAUT,
-    XPPAUT_NAME,
-    XPPAUT_WORDS,
-)
 from gsp.exports.names import renamed
 from gsp.exports.python_texts import casadi_text, jax_text, python_text
 from gsp.exports.reduced_model import ReducedModel
+from gsp.exports.reserved_words import JAVASCRIPT_WORDS, JULIA_WORDS, XPPAUT_NAME, XPPAUT_WORDS
 from gsp.exports.sbml_text import sbml_text
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from gsp.algebra.languages import CASADI, JAX, PYTHON
+from gsp.algebra.printing import Language
 from gsp.exports.body import bodies_of, commented, heading, starts_of, values_of
-from gsp.exports.languages import CASADI, JAX, PYTHON, PYTHON_WORDS
 from gsp.exports.names import renamed
-from gsp.exports.printing import Language
 from gsp.exports.reduced_model import ReducedModel
+from gsp.exports.reserved_words import PYTHON_WORDS
 
 _NUMPY_END = "return np.array(np.broadcast_arrays({}, 0.0 * state[0])[:-1])"
 

@@ -9,20 +9,12 @@ from xml.sax.saxutils import escape, quoteattr
 import sympy as sp
 
 from gsp.algebra.doubles import nearest_double
+from gsp.algebra.languages import SBML
+from gsp.algebra.printing import Printer
 from gsp.exports.body import body_of, heading, values_of
 from gsp.exports.names import renamed
-from gsp.exports.printing import Language, Printer
 from gsp.exports.reduced_model import ReducedModel, inert
 
-# What MathML of this level has; the names of SymPy first.
-_FUNCTIONS = {
-    **{name: name for name in ("exp", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{f"a{name}": f"arc{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    "log": "ln",
-    "sqrt": "root",
-    "Abs": "abs",
-}
-SBML = Language("SBML", _FUNCTIONS, "<apply><power/>{}{}</apply>".format)
 SBML_WORDS = {"reduced", "time", "avogadro", "pi", "exponentiale", "true", "false", "notanumber", "infinity"}
 # Whole numbers of MathML are held in so many bits by its readers.
 _LARGEST_WHOLE = 2**31 - 1

@@ -15,11 +15,11 @@ from click.testing import CliRunner
 
 import gsp
 from gsp import models
+from gsp.algebra.languages import JAVASCRIPT, PYTHON, XPPAUT, C
+from gsp.algebra.printing import Language, Printer
 from gsp.cli import cli
 from gsp.errors import BudgetError, DeclarationError, UnsupportedFunctionError
 from gsp.exports.formats import FORMATS
-from gsp.exports.languages import JAVASCRIPT, PYTHON, XPPAUT, C
-from gsp.exports.printing import Language, Printer
 from gsp.exports.reduced_model import inert
 from gsp.lowering.compiled_function import compile_function
 from gsp.readers.expressions import parse_expression

@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 
 import gsp
 from gsp import models
+from gsp.algebra.languages import CASADI, JAX, SBML
+from gsp.algebra.printing import Printer
 from gsp.errors import BranchError, UnsupportedFunctionError
-from gsp.exports.languages import CASADI, JAX
-from gsp.exports.printing import Printer
-from gsp.exports.sbml_text import SBML, MathPrinter
+from gsp.exports.sbml_text import MathPrinter
 from gsp.readers.expressions import parse_expression
 from tests import xppaut
 from tests.cases import sampled

@@ -1,74 +1,15 @@
-"""What each language calls the functions, and which words its texts may not take for names."""
+"""Which words the texts of each language may not take for names."""
 
 from __future__ import annotations
 
 import keyword
 
-from gsp.exports.printing import Language
-
-_SAME = (
-    "exp", "log", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh",
-    "atanh",
-)  # fmt: skip
-_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+from gsp.algebra.languages import SAME
 
 
 def _words(text: str) -> set[str]:
     return set(text.split())
 
-
-PYTHON = Language(
-    "NumPy",
-    {
-        **{name: f"np.{name}" for name in _SAME},
-        **{name: f"np.arc{name[1:]}" for name in _INVERSE},
-        "Abs": "np.abs", "sign": "np.sign", "Max": "np.maximum", "Min": "np.minimum", "erf": "erf",
-    },
-    "{}**{}".format,
-)  # fmt: skip
-JAX = Language("JAX", {n: f.replace("np.", "jnp.") for n, f in PYTHON.functions.items()}, "{}**{}".format)
-CASADI = Language(
-    "CasADi",
-    {
-        **{name: f"ca.{name}" for name in _SAME},
-        "Abs": "ca.fabs", "sign": "ca.sign", "Max": "ca.fmax", "Min": "ca.fmin", "erf": "ca.erf",
-    },
-    "{}**{}".format,
-)  # fmt: skip
-C = Language(
-    "C",
-    {
-        **{name: name for name in _SAME},
-        "Abs": "fabs",
-        "sign": "sign",
-        "Max": "fmax",
-        "Min": "fmin",
-        "erf": "erf",
-    },
-    "pow({}, {})".format,
-    whole="{}.0",
-)
-JAVASCRIPT = Language(
-    "JavaScript",
-    {
-        **{name: f"Math.{name}" for name in _SAME},
-        "Abs": "Math.abs", "sign": "Math.sign", "Max": "Math.max", "Min": "Math.min",
-    },
-    "Math.pow({}, {})".format,
-)  # fmt: skip
-JULIA = Language(
-    "Julia",
-    {**{name: name for name in _SAME}, "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min"},
-    "({}^{})".format,
-)
-XPPAUT = Language(
-    "XPPAUT",
-    {
-        **{name: name for name in _SAME if name not in ("asinh", "acosh", "atanh")},
-        "Abs": "abs", "sign": "sign", "Max": "max", "Min": "min",
-    },
-    "({}^{})".format,
-)  # fmt: skip
 
 PYTHON_WORDS = {
     *keyword.kwlist,
@@ -86,7 +27,7 @@ C_WORDS = {
         "mutable typename const_cast and or not xor bitand bitor compl and_eq or_eq not_eq xor_eq NAN INFINITY "
         "HUGE_VAL linux unix main errno signgam gamma lgamma tgamma erf erfc j0 j1 jn y0 y1 yn"
     ),
-    *_SAME, "pow", "fabs", "fmax", "fmin",
+    *SAME, "pow", "fabs", "fmax", "fmin",
 }  # fmt: skip
 JAVASCRIPT_WORDS = _words(
     "abstract arguments await boolean break byte case catch char class const continue debugger default delete do "
@@ -102,7 +43,7 @@ JULIA_WORDS = {
         "import let local macro module quote return struct true try using while abstract mutable primitive type where "
         "in isa outer as public NaN Inf pi im missing nothing state start rates slow_manifold"
     ),
-    *_SAME, "abs", "sign", "max", "min",
+    *SAME, "abs", "sign", "max", "min",
 }  # fmt: skip
 XPPAUT_WORDS = {
     *_words(
