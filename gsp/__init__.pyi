@@ -24,11 +24,12 @@ from .critical.continuation.curve_continuation import continue_critical as conti
 from .critical.continuation.curve_continuation import switch_branch as switch_branch
 from .critical.continuation.fold_curve import FoldCurve as FoldCurve
 from .critical.continuation.fold_curve import continue_folds as continue_folds
-from .critical.continuation.special_points import SpecialKind as SpecialKind
 from .critical.continuation.special_points import SpecialPoint as SpecialPoint
 from .critical.critical_manifold import Branch as Branch
 from .critical.critical_manifold import CriticalManifold as CriticalManifold
 from .critical.critical_manifold import solve_critical as solve_critical
+from .critical.loss_kind import LossKind as LossKind
+from .critical.loss_kind import SpecialKind as SpecialKind
 from .demos.animation import animate as animate
 from .demos.demo import Demo as Demo
 from .demos.demo import demo as demo
@@ -44,7 +45,6 @@ from .fibres.composite_solution import composite as composite
 from .hyperbolicity.hyperbolicity import Hyperbolicity as Hyperbolicity
 from .hyperbolicity.hyperbolicity import classify as classify
 from .hyperbolicity.losses.kinds import Loss as Loss
-from .hyperbolicity.losses.kinds import LossKind as LossKind
 from .integration.ensemble import Ensemble as Ensemble
 from .integration.ensemble import integrate_many as integrate_many
 from .integration.events import Event as Event

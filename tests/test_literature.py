@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from gsp import load
 from gsp.analysis.fold_surroundings import surroundings
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BudgetError, Status
 from gsp.scenes.study import study_of
 from gsp.slow.series import expand
@@ -239,7 +239,7 @@ def test_folds_are_where_a_scan_of_the_equation_and_the_source_have_them(name):
         assert scanned == [pytest.approx(fold) for fold in sorted(KNOWN_FOLDS[name])]
     found = surroundings(study_of(load(FOLDER / f"{name}.toml")))
     assert found is not None
-    folds = [tuple(p.point.values()) for p in found.special if p.kind is SpecialKind.FOLD]
+    folds = [tuple(p.point.values()) for p in found.special if p.kind is LossKind.FOLD]
     assert sorted(folds) == [pytest.approx(fold, rel=1e-7) for fold in scanned]
 
 

@@ -16,7 +16,7 @@ from gsp.critical.branch import Branch
 from gsp.critical.continuation.critical_curve import CriticalCurve, uninterrupted
 from gsp.critical.continuation.critical_sheet import CriticalSheet, critical_sheet
 from gsp.critical.continuation.curve_continuation import continue_critical
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import NO_REASON, GspError, Reason
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.scenes.study import Study
@@ -103,7 +103,7 @@ def boundary_of(study: Study, hyperbolicity: Hyperbolicity) -> Boundary:
     around = surroundings(study)
     found = Boundary(around)
     if isinstance(around, CriticalCurve):
-        places = [point.point for point in around.special if point.kind is SpecialKind.FOLD]
+        places = [point.point for point in around.special if point.kind is LossKind.FOLD]
         found = Boundary(around, folds=tuple(_beyond(study, place) for place in places))
     if not found.has_folds:
         return found

@@ -13,18 +13,18 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from gsp.charts.style import AMBER, BLUE, GREEN, INK, PURPLE, VERMILION, chart, legend, mathematics, name_axes
 from gsp.critical.continuation.critical_curve import CriticalCurve
 from gsp.critical.continuation.critical_sheet import CriticalSheet
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 
 # Colour and line by stability: attracting, repelling, saddle.
 STABILITY = {"attracting": (BLUE, "-"), "repelling": (VERMILION, "--"), "saddle": (PURPLE, "-.")}
-MARKERS: dict[SpecialKind, Any] = {
-    SpecialKind.FOLD: {"marker": "o", "mfc": INK},
-    SpecialKind.CUSP: {"marker": "D", "mfc": INK},
-    SpecialKind.HOPF: {"marker": "s", "mfc": GREEN},
-    SpecialKind.BOGDANOV_TAKENS: {"marker": "p", "mfc": AMBER},
-    SpecialKind.TRANSCRITICAL: {"marker": "X", "mfc": INK},
-    SpecialKind.PITCHFORK: {"marker": "P", "mfc": INK},
-    SpecialKind.BRANCH_POINT: {"marker": "*", "mfc": INK},
+MARKERS: dict[LossKind, Any] = {
+    LossKind.FOLD: {"marker": "o", "mfc": INK},
+    LossKind.CUSP: {"marker": "D", "mfc": INK},
+    LossKind.HOPF: {"marker": "s", "mfc": GREEN},
+    LossKind.BOGDANOV_TAKENS: {"marker": "p", "mfc": AMBER},
+    LossKind.TRANSCRITICAL: {"marker": "X", "mfc": INK},
+    LossKind.PITCHFORK: {"marker": "P", "mfc": INK},
+    LossKind.BRANCH_POINT: {"marker": "*", "mfc": INK},
 }
 
 
@@ -43,7 +43,7 @@ def critical_curve(curve: CriticalCurve, axes: Axes, *, names: tuple[str, str] |
         for point in each.special:
             if point.kind in MARKERS:
                 style = dict(MARKERS[point.kind])
-                if point.kind is SpecialKind.HOPF and point.coefficients.get("l1", -1.0) > 0:
+                if point.kind is LossKind.HOPF and point.coefficients.get("l1", -1.0) > 0:
                     style["mfc"] = "white"
                 axes.plot(point[across], point[up], color=INK, mec=INK, ms=6, ls="none", zorder=5, **style)
     kinds = {s.kind for each in (curve, *curve.others) for s in each.segments}
@@ -84,7 +84,7 @@ def critical_sheet(sheet: CriticalSheet, axes: Any, *, name: str | None = None) 
     for i, fold in enumerate(sheet.folds):
         label = "folds" if i == 0 else None
         axes.plot(fold[across], fold[along], fold[up], color=INK, lw=1.8, label=label, zorder=8)
-        for cusp in fold.of_kind(SpecialKind.CUSP):
+        for cusp in fold.of_kind(LossKind.CUSP):
             axes.plot([cusp[across]], [cusp[along]], [cusp[up]], "D", color=INK, ms=5, zorder=9)
     for values, setter in zip(points.T, (axes.set_xlim, axes.set_ylim, axes.set_zlim)):
         setter(values.min(), values.max())

@@ -13,7 +13,7 @@ import numpy as np
 
 from gsp import models
 from gsp.analysis.fold_surroundings import surroundings
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.demos.page import render
 from gsp.demos.program import program_of
 from gsp.errors import DeclarationError, GspError, printable
@@ -178,7 +178,7 @@ def _folds(study: Study, parts: Mapping[str, Any]) -> list[list[float | None]]:
     if found is None:
         return []
     points: list[Mapping[str, float]] = [
-        point.point for point in getattr(found, "special", ()) if point.kind is SpecialKind.FOLD
+        point.point for point in getattr(found, "special", ()) if point.kind is LossKind.FOLD
     ]
     if study.splitting is not None:
         points = [{**point, **study.splitting.to_raw(point)} for point in points]

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsp.critical.branch import Branch
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.domination import Shortfall, dominated, shortfall
 from gsp.hyperbolicity.exclusion import Exclusion, exclude
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.hyperbolicity.losses.shrinking import SubRegion, largest_sub_region
 from gsp.hyperbolicity.samples import Kind, is_worse, judged_samples, kind_of, sampled
 from gsp.results.bounds import at_least

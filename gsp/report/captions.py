@@ -25,7 +25,7 @@ def caption(name: str, analysis: Analysis, setter: Typesetter) -> Markup:
     """The caption of the chart called `name`."""
     if name.startswith(VIEW):
         return _view(analysis, name.removeprefix(VIEW), setter)
-    return _CAPTIONS[name](analysis, setter)
+    return CAPTIONS[name](analysis, setter)
 
 
 def _view(analysis: Analysis, name: str, setter: Typesetter) -> Markup:
@@ -247,7 +247,8 @@ def _epsilon(analysis: Analysis, setter: Typesetter) -> Markup:
     return setter.inline(analysis.study.system.epsilon)
 
 
-_CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
+# Every name that a figure of a report may have, but for views; files of other names in its folder are never touched.
+CAPTIONS: Mapping[str, Callable[[Analysis, Typesetter], Markup]] = {
     "phenomenon": _phenomenon,
     "phase_portrait": _phase_portrait,
     "path": _path,

@@ -20,6 +20,7 @@ from gsp.analysis.analysis import Analysis
 from gsp.demos.demo import demo
 from gsp.errors import OutputError
 from gsp.readers.writing import as_toml
+from gsp.report.captions import CAPTIONS
 from gsp.report.content import as_json
 from gsp.report.page import render
 from gsp.results.attempts import Missing, attempt
@@ -27,21 +28,6 @@ from gsp.results.interrupts import undisturbed
 from gsp.systems.arguments import check_noun, check_progress, shown
 
 HTML, JSON, MODEL = "report.html", "report.json", "report.toml"
-# Every name that a report may ever use; files of other names in the folder are never touched.
-FIGURES = (
-    "phenomenon",
-    "phase_portrait",
-    "critical_manifold",
-    "path",
-    "convergence",
-    "error_against_epsilon",
-    "manifold",
-    "distance",
-    "eigenvalues",
-    "proof",
-    "time_series",
-    "failure_map",
-)
 _OF_A_VIEW = re.compile(r"view_[A-Za-z0-9][A-Za-z0-9_-]{0,63}\.png")
 
 
@@ -125,7 +111,7 @@ def check_folder(folder: str | Path) -> Path:
         # Permissions do not tell the whole truth (root, read-only disks): try.
         with undisturbed(), tempfile.TemporaryDirectory(prefix=".gsp-", dir=_ground(target)):
             pass
-        for name in (HTML, JSON, MODEL, *(f"{figure}.png" for figure in FIGURES)):
+        for name in (HTML, JSON, MODEL, *(f"{figure}.png" for figure in CAPTIONS)):
             if (target / name).is_dir():
                 raise OutputError(
                     f"the report writes {name}.",
@@ -193,7 +179,7 @@ def _stale(target: Path) -> set[str]:
     """Figures that an older report in the folder says are its own."""
     try:
         listed = json.loads((target / JSON).read_text(encoding="utf-8"))["figures"]
-        own = {f"{figure}.png" for figure in FIGURES}
+        own = {f"{figure}.png" for figure in CAPTIONS}
         return {name for name in listed if name in own or _OF_A_VIEW.fullmatch(name)}
     except (OSError, ValueError, KeyError, TypeError):
         return set()

@@ -15,9 +15,9 @@ import numpy as np
 import sympy as sp
 
 from gsp.critical.branch import Branch
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
-from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.slow.chebyshev import ChebyshevSurface, interpolate, nodes
 from gsp.slow.grids_at_rest import CHOPPED, FIRST_SIZE, LARGEST_SIZE, ROUGH, coarse_rest, doubled
 from gsp.slow.orbit_segments import Segments, SegmentSolver

@@ -7,7 +7,7 @@ import sympy as sp
 import gsp
 from gsp.critical.continuation.critical_curve import REMEDIES
 from gsp.critical.continuation.curve_continuation import continue_critical, switch_branch
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, EndKind, Status
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
@@ -46,7 +46,7 @@ def disguised(*g: sp.Expr, seed: int = 1) -> tuple[SlowFastSystem, sp.Matrix]:
     return several(*(T.inv() * sp.Matrix(g).xreplace(old)).applyfunc(sp.expand)), T
 
 
-def kinds(curve) -> list[SpecialKind]:
+def kinds(curve) -> list[LossKind]:
     return [point.kind for point in curve.special]
 
 
@@ -55,7 +55,7 @@ def kinds(curve) -> list[SpecialKind]:
 
 def test_the_folds_of_van_der_pol_are_where_they_are_known_to_be() -> None:
     curve = continue_critical(systems.van_der_pol(), start={"x": 2, "y": 0.6}, bounds={"x": (-3, 3)})
-    assert kinds(curve) == [SpecialKind.FOLD] * 2
+    assert kinds(curve) == [LossKind.FOLD] * 2
     for point, sign in zip(sorted(curve.special, key=lambda p: p["x"]), (-1, 1)):
         assert point["x"] == pytest.approx(sign, abs=1e-12)
         assert point["y"] == pytest.approx(-2 * sign / 3, abs=1e-12)
@@ -87,7 +87,7 @@ def test_the_folds_of_fitzhugh_nagumo_over_w_and_over_the_current(parameter) -> 
     curve = continue_critical(
         fitzhugh_nagumo(), start={"v": 2, "w": 0.2}, parameter=parameter, bounds={"v": (-2.5, 2.5)}
     )
-    assert kinds(curve) == [SpecialKind.FOLD] * 2
+    assert kinds(curve) == [LossKind.FOLD] * 2
     for point in curve.special:
         drive = point.point.get("I", 0.5)
         assert abs(point["v"]) == pytest.approx(1, abs=1e-12)
@@ -114,7 +114,7 @@ def test_a_fold_is_found_in_every_period() -> None:
 def test_two_folds_within_one_step_are_both_found() -> None:
     h = 1e-2
     curve = continue_critical(one(x - y**3 / 3 + h**2 * y), start={"x": -1, "y": -1}, bounds={"x": (-1, 1)})
-    assert kinds(curve) == [SpecialKind.FOLD] * 2
+    assert kinds(curve) == [LossKind.FOLD] * 2
     assert sorted(p["y"] for p in curve.special) == pytest.approx([-h, h], abs=1e-12)
 
 
@@ -141,7 +141,7 @@ def test_a_free_parameter_starts_where_the_start_says() -> None:
 
 def test_a_cusp_is_told_from_a_fold() -> None:
     curve = continue_critical(one(x - y**3), start={"x": -1, "y": -1}, bounds={"x": (-1, 1)})
-    assert kinds(curve) == [SpecialKind.CUSP]
+    assert kinds(curve) == [LossKind.CUSP]
     assert curve.special[0]["y"] == pytest.approx(0, abs=1e-12)
     assert curve.special[0].coefficients["c"] == pytest.approx(-1, abs=1e-12)
 
@@ -167,7 +167,7 @@ def test_a_hopf_point_of_the_layer_and_its_criticality(sign: int, seed: int | No
     system = several(*g) if seed is None else disguised(*g, seed=seed)[0]
     curve = continue_critical(system, start={"x": -1, "y1": 0, "y2": 0}, bounds={"x": (-1, 1.3)})
     (point,) = curve.special
-    assert point.kind is SpecialKind.HOPF
+    assert point.kind is LossKind.HOPF
     assert point["x"] == pytest.approx(0, abs=1e-12)
     assert point.coefficients["omega"] == pytest.approx(2, abs=1e-12)
     assert point.coefficients["crossing"] == pytest.approx(1, abs=1e-12)
@@ -188,7 +188,7 @@ def test_the_lyapunov_coefficient_is_that_of_guckenheimer_and_holmes() -> None:
         )
         system = several(x * y1 - omega * y2 + f, omega * y1 + x * y2 + h)
         curve = continue_critical(system, start={"x": -0.2, "y1": 0, "y2": 0}, bounds={"x": (-0.2, 0.1)})
-        point = next(p for p in curve.special if p.kind is SpecialKind.HOPF)
+        point = next(p for p in curve.special if p.kind is LossKind.HOPF)
 
         def d(e, i, j):
             return float(sp.diff(e, *[y1] * i, *[y2] * j).subs({y1: 0, y2: 0}))
@@ -206,7 +206,7 @@ def test_hopf_points_off_the_origin_in_three_fast_variables() -> None:
     system, T = disguised(*g, seed=5)
     start = dict(zip(("y1", "y2", "y3"), map(float, T.inv() * sp.Matrix([0, 0, -2]))))
     curve = continue_critical(system, start={"x": -2, **start}, bounds={"x": (-2, 2)})
-    assert kinds(curve) == [SpecialKind.HOPF] * 2
+    assert kinds(curve) == [LossKind.HOPF] * 2
     assert [p["x"] for p in curve.special] == pytest.approx([-1, 1], abs=1e-11)
     assert [p.coefficients["crossing"] for p in curve.special] == pytest.approx([-2, 2], abs=1e-9)
     assert all(p.coefficients["l1"] < 0 for p in curve.special)
@@ -218,7 +218,7 @@ def test_a_neutral_saddle_is_no_hopf_point() -> None:
         several((1 + x) * y1, -y2), start={"x": -0.7, "y1": 0, "y2": 0}, bounds={"x": (-0.7, 1)}
     )
     (point,) = curve.special
-    assert point.kind is SpecialKind.NEUTRAL_SADDLE
+    assert point.kind is LossKind.NEUTRAL_SADDLE
     assert point["x"] == pytest.approx(0, abs=1e-12)
     assert len(curve.segments) == 1
 
@@ -226,7 +226,7 @@ def test_a_neutral_saddle_is_no_hopf_point() -> None:
 def test_two_hopf_points_within_one_step_are_both_found() -> None:
     g = ((x**2 - 1e-4) * y1 - 2 * y2, 2 * y1 + (x**2 - 1e-4) * y2)
     curve = continue_critical(several(*g), start={"x": -1, "y1": 0, "y2": 0}, bounds={"x": (-1, 1.3)})
-    assert kinds(curve) == [SpecialKind.HOPF] * 2
+    assert kinds(curve) == [LossKind.HOPF] * 2
     assert [p["x"] for p in curve.special] == pytest.approx([-0.01, 0.01], abs=1e-12)
 
 
@@ -265,7 +265,7 @@ def test_a_transcritical_point_is_located_and_switched() -> None:
         one(y * (y - x)), start={"x": -1, "y": 0}, bounds={"x": (-1, 1), "y": (-1, 1)}, switch_branches=True
     )
     (point,) = line.special
-    assert point.kind is SpecialKind.TRANSCRITICAL
+    assert point.kind is LossKind.TRANSCRITICAL
     assert (point["x"], point["y"]) == pytest.approx((0, 0), abs=1e-12)
     assert point.coefficients["discriminant"] > 0
     (other,) = line.others
@@ -273,16 +273,16 @@ def test_a_transcritical_point_is_located_and_switched() -> None:
     assert other["x"][[0, -1]].tolist() == [-1, 1]
     assert [s.unstable for s in line.segments] == [1, 0]
     assert [s.unstable for s in other.segments] == [0, 1]
-    assert kinds(other) == [SpecialKind.TRANSCRITICAL]
+    assert kinds(other) == [LossKind.TRANSCRITICAL]
 
 
 @pytest.mark.parametrize("start", [{"x": -1, "y": 0}, {"x": 0.25, "y": 0.5}])
 def test_a_pitchfork_is_told_from_a_fold_on_both_its_branches(start) -> None:
     bounds = {"x": (-1, 1), "y": (-2, 2)}
     first = continue_critical(one(y * (x - y**2)), start=start, bounds=bounds)
-    assert kinds(first) == [SpecialKind.PITCHFORK]
+    assert kinds(first) == [LossKind.PITCHFORK]
     second = switch_branch(first, first.special[0])
-    assert kinds(second) == [SpecialKind.PITCHFORK]
+    assert kinds(second) == [LossKind.PITCHFORK]
     line, parabola = (first, second) if start["y"] == 0 else (second, first)
     assert np.abs(line["y"]).max() < 1e-14
     assert np.abs(parabola["x"] - parabola["y"] ** 2).max() < 1e-14
@@ -307,7 +307,7 @@ def test_a_branch_point_in_disguise() -> None:
         system, start={"x": -1, "y1": 0, "y2": 0}, bounds={"x": (-1, 0.7)}, switch_branches=True
     )
     (point,) = curve.special
-    assert point.kind is SpecialKind.TRANSCRITICAL
+    assert point.kind is LossKind.TRANSCRITICAL
     assert np.abs(point.unknowns).max() < 1e-12
     (other,) = curve.others
     hidden = np.array(T, dtype=float) @ np.stack([other["y1"], other["y2"]])
@@ -329,14 +329,14 @@ def test_a_figure_of_eight_is_followed_through_its_crossing() -> None:
     )
     assert curve.is_closed
     assert curve.others == ()
-    assert kinds(curve).count(SpecialKind.TRANSCRITICAL) == 2
-    assert kinds(curve).count(SpecialKind.FOLD) == 2
+    assert kinds(curve).count(LossKind.TRANSCRITICAL) == 2
+    assert kinds(curve).count(LossKind.FOLD) == 2
 
 
 def test_a_tangency_of_two_curves_is_a_branch_point_of_higher_order() -> None:
     curve = continue_critical(one(y * (y - x**3)), start={"x": -1, "y": 0}, bounds={"x": (-1, 1)})
     (point,) = curve.special
-    assert point.kind is SpecialKind.BRANCH_POINT
+    assert point.kind is LossKind.BRANCH_POINT
     assert abs(point["x"]) < 1e-6
     assert len(point.directions) == 0
     assert curve["x"][[0, -1]].tolist() == [-1, 1]
@@ -345,7 +345,7 @@ def test_a_tangency_of_two_curves_is_a_branch_point_of_higher_order() -> None:
 def test_three_curves_through_one_point_are_named_but_not_told_apart() -> None:
     curve = continue_critical(one(y * (y**2 - x**2)), start={"x": -1, "y": 0}, bounds={"x": (-1, 1)})
     (point,) = curve.special
-    assert point.kind is SpecialKind.BRANCH_POINT
+    assert point.kind is LossKind.BRANCH_POINT
     assert abs(point["x"]) < 1e-6
     with pytest.raises(DeclarationError, match="with two tangents"):
         switch_branch(curve, point)
@@ -402,7 +402,7 @@ def test_the_units_of_the_variables_do_not_move_a_hopf_point() -> None:
         several(g[0] * k, g[1] / k), start={"x": -1 / k, "y1": 0, "y2": 0}, bounds={"x": (-1 / k, 1.3 / k)}
     )
     (point,) = curve.special
-    assert point.kind is SpecialKind.HOPF
+    assert point.kind is LossKind.HOPF
     assert point["x"] * k == pytest.approx(0, abs=1e-9)
     assert point.coefficients["l1"] < 0
 
@@ -410,7 +410,7 @@ def test_the_units_of_the_variables_do_not_move_a_hopf_point() -> None:
 def test_the_units_of_g_change_nothing() -> None:
     g = (1e6 * (x - y1**3 / 3 + y1), 1e-6 * (y1 - y2))
     curve = continue_critical(several(*g), start={"x": -2, "y1": -2.4, "y2": -2.4}, bounds={"x": (-2, 2)})
-    folds = curve.of_kind(SpecialKind.FOLD)
+    folds = curve.of_kind(LossKind.FOLD)
     assert [p["y1"] for p in folds] == pytest.approx([-1, 1], abs=1e-10)
 
 
@@ -422,7 +422,7 @@ def test_the_order_of_the_fast_variables_changes_nothing() -> None:
     other = several(g[1].xreplace(swap), g[0].xreplace(swap))
     turned = continue_critical(other, start={"x": -3, "y1": -1, "y2": -2.4}, bounds=box)
     assert kinds(turned) == kinds(plain)
-    assert SpecialKind.FOLD in kinds(plain)
+    assert LossKind.FOLD in kinds(plain)
     for p, q in zip(plain.special, turned.special):
         assert (q["x"], q["y2"], q["y1"]) == pytest.approx((p["x"], p["y1"], p["y2"]), abs=1e-11)
         assert q.coefficients == pytest.approx(p.coefficients, abs=1e-9)

@@ -7,7 +7,7 @@ import sympy as sp
 from gsp.critical.continuation.critical_sheet import critical_sheet
 from gsp.critical.continuation.curve_continuation import continue_critical
 from gsp.critical.continuation.fold_curve import continue_folds
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError, Status
 from gsp.systems.system import SlowFastSystem
 from tests import example_systems as systems
@@ -58,7 +58,7 @@ def test_the_curve_of_folds_of_the_cusp(start) -> None:
     folds = continue_folds(CUSP, start=start, bounds={"a": (-3, 1), "y": (-1, 1)})
     assert np.abs(discriminant(folds)).max() < 1e-12
     (point,) = folds.special
-    assert point.kind is SpecialKind.CUSP
+    assert point.kind is LossKind.CUSP
     assert [point["a"], point["b"], point["y"]] == pytest.approx([0, 0, 0], abs=1e-12)
     assert point.coefficients["c"] == pytest.approx(1, abs=1e-12)
     assert folds["a"][[0, -1]] == pytest.approx([-3, -3], abs=1e-12)
@@ -95,7 +95,7 @@ def test_a_bogdanov_takens_point_is_told_from_a_cusp() -> None:
     system = over((y2, a + b * y2 + y1**2 + y1 * y2), (y1, y2))
     folds = continue_folds(system, start={"a": 0.1, "b": -1, "y1": 0, "y2": 0}, bounds={"b": (-2, 2)})
     (point,) = folds.special
-    assert point.kind is SpecialKind.BOGDANOV_TAKENS
+    assert point.kind is LossKind.BOGDANOV_TAKENS
     assert point.unknowns == pytest.approx(0, abs=1e-12)
     assert np.abs(point.eigenvalues).max() < 1e-6
 
@@ -114,7 +114,7 @@ def test_the_units_of_the_variables_do_not_move_the_folds() -> None:
         scaled, start={"a": -3, "b": 2 / k, "y": k}, bounds={"a": (-3, 1), "y": (-k, k), "b": (-3 / k, 3 / k)}
     )
     assert np.abs(4 * folds["a"] ** 3 + 27 * (k * folds["b"]) ** 2).max() < 1e-10
-    assert [p.kind for p in folds.special] == [SpecialKind.CUSP]
+    assert [p.kind for p in folds.special] == [LossKind.CUSP]
 
 
 def test_fewer_points_than_needed_is_an_ending() -> None:
@@ -182,7 +182,7 @@ def test_the_triangles_end_at_the_fold_and_have_one_stability_each(cusp_sheet) -
         assert (sheet.unstable[off] == unstable).all()
         assert ((slope[off] > 0) == unstable).all()
     (folds,) = sheet.folds
-    assert [p.kind for p in folds.special] == [SpecialKind.CUSP]
+    assert [p.kind for p in folds.special] == [LossKind.CUSP]
     assert np.abs(discriminant(folds)).max() < 1e-12
 
 
@@ -273,7 +273,7 @@ def test_a_sheet_in_two_fast_variables_is_the_same_in_disguise() -> None:
     assert euler(sheet) == 1
     assert set(edges(sheet)[1]) == {1, 2}
     assert set(sheet.triangle_unstable) == {0, 1}
-    assert any([p.kind for p in f.special] == [SpecialKind.CUSP] for f in sheet.folds)
+    assert any([p.kind for p in f.special] == [LossKind.CUSP] for f in sheet.folds)
     assert max(np.abs(discriminant(f)).max() for f in sheet.folds) < 1e-11
     assert (np.abs(sheet["a"]) <= 1).all()
 

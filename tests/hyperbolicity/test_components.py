@@ -7,10 +7,11 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Contact, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.systems.system import SlowFastSystem
 
 x, u, y, eps = sp.symbols("x u y epsilon")

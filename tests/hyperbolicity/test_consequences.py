@@ -8,9 +8,10 @@ import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses import consequences as told
 from gsp.hyperbolicity.losses.fibre import FibreOrder, bifurcation_function, order_along
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.hyperbolicity.losses.shrinking import MARGIN, _parts, largest_sub_region
 from gsp.hyperbolicity.losses.whole_branch import _algebraic, _combination

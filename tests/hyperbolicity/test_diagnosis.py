@@ -9,11 +9,12 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.consequences import JUMP
 from gsp.hyperbolicity.losses.diagnosis import EDGE, Diagnosis
 from gsp.hyperbolicity.losses.examination import _spread_rates
-from gsp.hyperbolicity.losses.kinds import Contact, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact
 from gsp.hyperbolicity.losses.switching import _jumps
 from gsp.systems.system import SlowFastSystem
 

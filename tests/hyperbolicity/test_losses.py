@@ -12,11 +12,12 @@ import sympy as sp
 from gsp.algebra.laurent import laurent
 from gsp.critical.branch import Branch
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind, classify
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.examination import _is_singular_throughout
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.splitting.splitting import split
 from gsp.systems.system import SlowFastSystem, VectorField
 from tests.cases import sampled, thinned

@@ -9,8 +9,8 @@ import sympy as sp
 from gsp.algebra import factorisation
 from gsp.algebra.differentiation import derivative, without_overflow
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
-from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.hyperbolicity.losses.poles import denominators
 from gsp.systems.system import SlowFastSystem
 from tests.cases import crossed, thinned

@@ -11,9 +11,9 @@ import sympy as sp
 from gsp import load, models
 from gsp.analysis.fold_surroundings import boundary_of, never_folds, not_followed
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sheet_continuation import SheetContinuation
 from gsp.hyperbolicity.hyperbolicity import Kind, classify
-from gsp.hyperbolicity.losses.kinds import LossKind
 from gsp.hyperbolicity.losses.locator import REFINED, SEARCH_STEPS, Locator
 from gsp.hyperbolicity.losses.shrinking import largest_sub_region
 from gsp.scenes.scene import Scene

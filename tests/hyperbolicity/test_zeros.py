@@ -4,9 +4,10 @@ import pytest
 import sympy as sp
 
 from gsp.critical.critical_manifold import solve_critical
+from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.hyperbolicity import classify
 from gsp.hyperbolicity.losses import zeros
-from gsp.hyperbolicity.losses.kinds import Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Loss
 from gsp.systems.system import SlowFastSystem
 
 x, y, z, w, eps = sp.symbols("x y z w epsilon")

@@ -12,7 +12,7 @@ import sympy as sp
 from scipy.special import ai_zeros
 
 import gsp
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status, UnsupportedFunctionError
 from gsp.integration.methods import Method
 from gsp.singular.passage.delay_measurement import measure_delay
@@ -282,7 +282,7 @@ def test_losses_that_heal_again_are_passed() -> None:
     # int (s^3 - s)' ... the rate -1 + 3 cos^2-like: first rise too small to come back to 0.
     of = system({y: 1}, {x: -(y + 1) * (y - R(1, 5)) * (y - 2) * x * -1})
     found = entry_exit(branch(of), start={"y": -3})
-    assert [loss.kind for loss in found.losses] == [SpecialKind.BRANCH_POINT] * len(found.losses)
+    assert [loss.kind for loss in found.losses] == [LossKind.BRANCH_POINT] * len(found.losses)
     primitive = sp.integrate((y + 1) * (y - R(1, 5)) * (y - 2), y)
     assert float(primitive.subs(y, found.point["y"]) - primitive.subs(y, -3)) == pytest.approx(0, abs=1e-11)
 
@@ -293,12 +293,12 @@ def test_losses_that_heal_again_are_passed() -> None:
 @pytest.mark.parametrize(
     ("fast", "kind", "outcome"),
     [
-        (y * x - x**2 + eps, SpecialKind.TRANSCRITICAL, Outcome.EXCHANGE),
-        (y * x + x**2 + eps, SpecialKind.TRANSCRITICAL, Outcome.ESCAPE),
-        (y * x - x**2 - eps, SpecialKind.TRANSCRITICAL, Outcome.ESCAPE),
-        (y * x - x**3 + eps, SpecialKind.PITCHFORK, Outcome.EXCHANGE),
-        (y * x + x**3 - eps, SpecialKind.PITCHFORK, Outcome.ESCAPE),
-        (y * x - x**3 + eps * y, SpecialKind.PITCHFORK, Outcome.EXCHANGE),
+        (y * x - x**2 + eps, LossKind.TRANSCRITICAL, Outcome.EXCHANGE),
+        (y * x + x**2 + eps, LossKind.TRANSCRITICAL, Outcome.ESCAPE),
+        (y * x - x**2 - eps, LossKind.TRANSCRITICAL, Outcome.ESCAPE),
+        (y * x - x**3 + eps, LossKind.PITCHFORK, Outcome.EXCHANGE),
+        (y * x + x**3 - eps, LossKind.PITCHFORK, Outcome.ESCAPE),
+        (y * x - x**3 + eps * y, LossKind.PITCHFORK, Outcome.EXCHANGE),
     ],
 )
 def test_an_imperfection_ends_the_stay_at_the_loss(fast, kind, outcome) -> None:
@@ -325,7 +325,7 @@ def test_the_side_of_a_pitchfork_counts_its_cubic_once_and_the_bending_of_the_re
     of = system({y: 1}, {x: y * x + x * w - x**3 + eps, w: 2 * x**2 - w})
     loss = entry_exit(branch(of, {"x": 0, "w": 0, "y": -1}), start={"y": -1}).loss
     assert loss.coefficients["p"] == pytest.approx(1, rel=1e-10)
-    assert (loss.kind, loss.outcome) == (SpecialKind.PITCHFORK, Outcome.ESCAPE)
+    assert (loss.kind, loss.outcome) == (LossKind.PITCHFORK, Outcome.ESCAPE)
 
 
 def test_a_transcritical_escape_is_at_the_zero_of_a_hermite_polynomial() -> None:
@@ -364,7 +364,7 @@ def test_the_first_zero_is_that_of_a_hermite_polynomial_at_odd_integers() -> Non
 def test_shishkovas_buffer_point_is_at_one() -> None:
     late = entry_exit(branch(SHISHKOVA), start={"t": -2})
     assert late.kind is ExitKind.BUFFER
-    assert late.loss.kind is SpecialKind.HOPF
+    assert late.loss.kind is LossKind.HOPF
     assert late.point["t"] == pytest.approx(1, abs=1e-11)
     assert late.loss.turning_points[0].t == pytest.approx(2 - 1j, abs=1e-9)
 

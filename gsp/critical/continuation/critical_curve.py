@@ -9,8 +9,9 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from gsp.critical.continuation.arclength import Controls, CurveTrace, PointTracer
-from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialKind, SpecialPoint
+from gsp.critical.continuation.special_points import ZERO_EIGENVALUE, SpecialPoint
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, Status
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
@@ -126,7 +127,7 @@ class NamedCurve(NamedPoints):
     def __len__(self) -> int:
         return len(self.points)
 
-    def of_kind(self, kind: SpecialKind) -> tuple[SpecialPoint, ...]:
+    def of_kind(self, kind: LossKind) -> tuple[SpecialPoint, ...]:
         """The special points of one kind, in the order of the curve."""
         return tuple(point for point in self.special if point.kind is kind)
 

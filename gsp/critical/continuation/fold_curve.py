@@ -17,7 +17,6 @@ from gsp.critical.continuation.critical_curve import NamedCurve, Options, curve_
 from gsp.critical.continuation.curve_continuation import box_of, check_controls, check_inside, joined, traced
 from gsp.critical.continuation.location import inserted, place_between, sign_changes
 from gsp.critical.continuation.special_points import (
-    SpecialKind,
     SpecialPoint,
     fold_coefficient,
     fold_point,
@@ -34,6 +33,7 @@ from gsp.critical.layer_problem import (
     least_norm_newton,
     natural_scales,
 )
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import Singular, identity, singular_near
 from gsp.errors import BranchError, DeclarationError
 from gsp.results.card import Card
@@ -211,7 +211,7 @@ def _special(
     """The trace's points with cusps and Bogdanov-Takens points among them, these, and the arclength."""
     points, scales = np.array(trace.points), np.array(trace.scales)
     found: list[tuple[float, SpecialPoint]] = []
-    for kind, values in zip((SpecialKind.CUSP, SpecialKind.BOGDANOV_TAKENS), _tests(problem, points)):
+    for kind, values in zip((LossKind.CUSP, LossKind.BOGDANOV_TAKENS), _tests(problem, points)):
         for a, b in sign_changes(values):
             tracer.scales = scales[a]
             tracer.equations = singular_near(problem, identity, points[b])
@@ -225,12 +225,12 @@ def _special(
     return inserted(points, scales, found)
 
 
-def _bordered_test(system, kind: SpecialKind) -> Callable[[np.ndarray], float]:
+def _bordered_test(system, kind: LossKind) -> Callable[[np.ndarray], float]:
     """The test function along one step, with the bordered vectors, which are continuous."""
     assert isinstance(system, Singular)
 
     def test(u: np.ndarray) -> float:
-        if kind is SpecialKind.CUSP:
+        if kind is LossKind.CUSP:
             return fold_coefficient(system, u)
         try:
             null = system.null(u)
@@ -241,9 +241,9 @@ def _bordered_test(system, kind: SpecialKind) -> Callable[[np.ndarray], float]:
     return test
 
 
-def _described(problem: LayerProblem, u: np.ndarray, kind: SpecialKind, scales: np.ndarray) -> SpecialPoint:
+def _described(problem: LayerProblem, u: np.ndarray, kind: LossKind, scales: np.ndarray) -> SpecialPoint:
     """The point with its coefficients. It is what its test says: no coefficient is compared with a size."""
-    if kind is SpecialKind.BOGDANOV_TAKENS:
+    if kind is LossKind.BOGDANOV_TAKENS:
         phi, psi = fold_vectors(problem, u, np.ones(problem.size))
         return special_point(problem, u, kind, right=phi, left=psi)
     return fold_point(problem, u, scales=scales, curvature=float("inf"))

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from gsp.critical.continuation.arclength import PointTracer
 from gsp.critical.layer_problem import LayerProblem, least_norm_newton
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import MatrixMap, Singular, singular_near
 from gsp.critical.normal_forms import cubic_coefficient, first_lyapunov, null_vectors, quadratic_coefficient
 from gsp.results.card import Card
@@ -29,24 +29,6 @@ VERTICAL = 1e-6
 FURTHER, POLE = 100.0, 10.0
 # A branch point is on the curve when g misses zero there by at most this, in rows of unit slope.
 ON_CURVE = 1e-11
-
-
-class SpecialKind(StrEnum):
-    """What happens at a special point."""
-
-    FOLD = "fold"
-    CUSP = "cusp"
-    HOPF = "Hopf point"
-    NEUTRAL_SADDLE = "neutral saddle"
-    BOGDANOV_TAKENS = "Bogdanov-Takens point"
-    TRANSCRITICAL = "transcritical point"
-    PITCHFORK = "pitchfork"
-    BRANCH_POINT = "branch point"
-
-    @property
-    def is_branch_point(self) -> bool:
-        """Whether several curves of M0 meet here."""
-        return self in (SpecialKind.TRANSCRITICAL, SpecialKind.PITCHFORK, SpecialKind.BRANCH_POINT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +48,7 @@ class SpecialPoint(Card):
       curve first.
     """
 
-    kind: SpecialKind
+    kind: LossKind
     point: Mapping[str, float]
     row: int
     eigenvalues: np.ndarray
@@ -100,7 +82,7 @@ NONE = np.empty(0)
 def special_point(
     problem: LayerProblem,
     u: np.ndarray,
-    kind: SpecialKind,
+    kind: LossKind,
     *,
     coefficients: Mapping[str, float] | None = None,
     right: np.ndarray = NONE,
@@ -164,15 +146,15 @@ def fold_point(problem: LayerProblem, u: np.ndarray, *, scales: np.ndarray, curv
     double = n > 1 and (values[1] <= 1e-5 * values[-1] or abs(product) < ZERO_EIGENVALUE)
     if double:
         return special_point(
-            problem, u, SpecialKind.BOGDANOV_TAKENS, right=phi, left=psi / float(np.linalg.norm(psi))
+            problem, u, LossKind.BOGDANOV_TAKENS, right=phi, left=psi / float(np.linalg.norm(psi))
         )
     psi = psi / product
     a = quadratic_coefficient(g_yy, phi, psi)
     b = float(psi @ problem.jacobian(u)[:, 0])
     coefficients = {"a": a, "b": b}
-    kind = SpecialKind.FOLD
+    kind = LossKind.FOLD
     if is_flat:
-        kind = SpecialKind.CUSP
+        kind = LossKind.CUSP
         g_y = problem.jacobian(u)[:, k:]
         coefficients["c"] = cubic_coefficient(g_y, g_yy, problem.third(u), phi, psi)
     return special_point(problem, u, kind, coefficients=coefficients, right=phi, left=psi)
@@ -216,9 +198,9 @@ def pair_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray) -> Spe
         abs(first) <= ZERO_EIGENVALUE * largest
         or (abs(first.imag) + abs(first.real)) ** 2 <= 1e-12 * largest**2
     ):
-        return special_point(problem, u, SpecialKind.BOGDANOV_TAKENS)
+        return special_point(problem, u, LossKind.BOGDANOV_TAKENS)
     if abs(first.imag) <= ZERO_EIGENVALUE * largest:
-        return special_point(problem, u, SpecialKind.NEUTRAL_SADDLE)
+        return special_point(problem, u, LossKind.NEUTRAL_SADDLE)
     return hopf_point(problem, u, tangent, omega=abs(float(first.imag)))
 
 
@@ -231,7 +213,7 @@ def hopf_point(problem: LayerProblem, u: np.ndarray, tangent: np.ndarray, *, ome
     along = np.einsum("ijl,l->ij", second[:, k:, :], tangent / tangent[0])
     crossing = float(np.vdot(p, along @ q).real)
     coefficients = {"omega": omega, "l1": l1, "crossing": crossing}
-    return special_point(problem, u, SpecialKind.HOPF, coefficients=coefficients, right=q, left=p)
+    return special_point(problem, u, LossKind.HOPF, coefficients=coefficients, right=q, left=p)
 
 
 # -- branch points ---------------------------------------------------------------------------------
@@ -337,12 +319,12 @@ class BranchPoints:
 
 def branch_point(problem: LayerProblem, u: np.ndarray, crossing: CurveCrossing) -> SpecialPoint:
     """The branch point at u, named by how its curves lie over the free variable."""
-    kind, coefficients = SpecialKind.BRANCH_POINT, {}
+    kind, coefficients = LossKind.BRANCH_POINT, {}
     if len(crossing.directions):
         vertical = np.abs(crossing.directions[:, 0]) < VERTICAL
         coefficients = {"discriminant": crossing.discriminant}
         if not vertical.all():
-            kind = SpecialKind.PITCHFORK if vertical.any() else SpecialKind.TRANSCRITICAL
+            kind = LossKind.PITCHFORK if vertical.any() else LossKind.TRANSCRITICAL
     return special_point(
         problem, u, kind, coefficients=coefficients, directions=crossing.directions
     )  # fmt: skip

@@ -14,10 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from gsp.critical.layer_problem import least_norm_newton
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.minimally_augmented import MatrixMap, bialternate, identity, singular_near
 from gsp.critical.normal_forms import null_vectors, quadratic_coefficient
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found, fast_lengths
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.naming import name_loss
 from gsp.hyperbolicity.losses.zeros import zero
 from gsp.roots import root

@@ -16,11 +16,12 @@ import numpy as np
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.multilinear_form import MultilinearForm
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.fibre import FibreOrder, order_along
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.systems.region import Interval
 
 # Share of the region over which the layer problem is followed along its fast fibre.

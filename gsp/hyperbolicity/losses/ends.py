@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import neighbours
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.components import named_losses
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import ROUNDING, Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import ZERO_TOLERANCE, Locator
 from gsp.hyperbolicity.losses.switching import switches
 

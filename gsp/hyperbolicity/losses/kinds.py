@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from gsp.critical.loss_kind import LossKind
 from gsp.results.card import Card
 
 
@@ -27,33 +28,6 @@ class Contact(StrEnum):
     def is_everywhere(self) -> bool:
         """Whether it does so on the whole branch, and not at places."""
         return self in (Contact.EVERYWHERE, Contact.PAIR_EVERYWHERE)
-
-
-class LossKind(StrEnum):
-    """What happens where a condition of normal hyperbolicity fails."""
-
-    FOLD = "fold"
-    CUSP = "cusp"
-    TRANSCRITICAL = "transcritical point"
-    PITCHFORK = "pitchfork"
-    RANK_CHANGE = "rank change"
-    HOPF = "Hopf point"
-    BOGDANOV_TAKENS = "Bogdanov-Takens point"
-    NEUTRAL_SADDLE = "neutral saddle"
-    NILPOTENT = "nilpotent fast Jacobian"
-    VANISHING_DAMPING = "vanishing linear damping"
-    HIDDEN_TIME_SCALE = "hidden time scale"
-    CENTRE = "centre"
-    DEGENERATE = "degenerate point"
-    DOMAIN_END = "end of the field's domain"
-    NON_SMOOTH = "non-smooth right-hand side"
-    BRANCH_POLE = "pole of the branch"
-    FIELD_POLE = "pole of the field"
-
-    @property
-    def is_pole(self) -> bool:
-        """Whether the branch or the field goes to infinity."""
-        return self in (LossKind.BRANCH_POLE, LossKind.FIELD_POLE)
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import first_lyapunov
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Found
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR, ZERO_TERM, zero
 
 

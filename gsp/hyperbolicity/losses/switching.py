@@ -10,9 +10,10 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.functions import NON_SMOOTH
+from gsp.critical.loss_kind import LossKind
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.roots import gauss_newton
 
 # A switching function is zero on the branch below this, relative to its largest value over the samples.

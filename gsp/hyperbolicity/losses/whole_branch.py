@@ -10,12 +10,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.sampling import Sampler
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import LossConsequence
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.fibre import FibreOrder
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.roots import gauss_newton
 from gsp.systems.region import Interval
 from gsp.systems.scattered_points import halton

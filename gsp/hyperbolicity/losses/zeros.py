@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gsp.critical.loss_kind import LossKind
 from gsp.critical.normal_forms import bogdanov_takens, cubic_coefficient, null_vectors, quadratic_coefficient
 from gsp.hyperbolicity.losses import consequences
 from gsp.hyperbolicity.losses.consequences import OMEGA_0
 from gsp.hyperbolicity.losses.diagnosis import Diagnosis, Local
-from gsp.hyperbolicity.losses.kinds import Contact, Loss, LossKind
+from gsp.hyperbolicity.losses.kinds import Contact, Loss
 
 # A term is zero when it is below this, relative to the largest one, at the size of the region.
 ZERO_TERM = 1e-6

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsp.algebra.brevity import LISTED, listed
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import DeclarationError, HyperbolicityError, Status
 from gsp.integration.crossings import (
     LOOK,
@@ -26,7 +27,7 @@ from gsp.integration.loop import run, standing
 from gsp.integration.methods import Method
 from gsp.integration.pieces import Piece
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, LossKind, loss_ahead
+from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
 from gsp.integration.room import Record
 from gsp.kernels.scan import ON_LOSS, clear_of_zero
@@ -214,7 +215,7 @@ class Ending:
         """Status, note and remedy of a zero eigenvalue that the desingularised flow has found."""
         if loss.is_fold:
             return Status.FOLD_REACHED, self._fold_note(loss), ""
-        if loss.kind is LossKind.POLE:
+        if loss.kind is LossKind.BRANCH_POLE:
             coordinates = loss.state[: len(self.flow.manifold.coordinates)]
             place = listed(f"{s.name} = {v:.6g}" for s, v in zip(self.flow.states, coordinates))
             return Status.NON_FINITE, f"the critical manifold goes to infinity at {place}", ""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
+from gsp.critical.loss_kind import LossKind
 from gsp.integration.crossings import Search, Settled, Stepper, Watched, settle_event
 from gsp.integration.loop import run
 from gsp.integration.methods import Method
@@ -34,15 +34,6 @@ SMALL_STEP = TENDED**SLOWEST
 # singularity A g_x f = 0 alone. |A g_x| is 0 below this share of its size on the way.
 BRANCH_POINT = 1e-3
 MAX_STEPS = 20_000
-
-
-class LossKind(Enum):
-    """What a zero of det g_y is: the desingularised flow crosses a fold, rests at others, or goes to infinity."""
-
-    FOLD = "a fold"
-    FOLDED_SINGULARITY = "a folded singularity"
-    BRANCH_POINT = "a branch point"
-    POLE = "a pole of the critical manifold"
 
 
 @dataclass(frozen=True)
@@ -118,7 +109,7 @@ def loss_ahead(
         step = _rest(inner, end, -reached[1] / reached[0], fast)
         end = end + step
         is_long = np.abs(step) > SMALL_STEP * np.abs(record.states).max(axis=0) + stepper.atol
-        kind = LossKind.POLE if is_long.any() else LossKind.FOLDED_SINGULARITY
+        kind = LossKind.BRANCH_POLE if is_long.any() else LossKind.FOLDED_SINGULARITY
     elif not abs(reached[1]) > TRANSVERSAL * abs(slope):
         return None
     places = [validity.states.index(s) for s in flow.manifold.coordinates]

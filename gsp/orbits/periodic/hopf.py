@@ -13,7 +13,7 @@ import sympy as sp
 from gsp.critical.branch import Branch
 from gsp.critical.continuation.critical_curve import uninterrupted
 from gsp.critical.continuation.curve_continuation import continue_critical
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import BranchError, DeclarationError
 from gsp.lowering.compiled_flow import parameter_vector
 from gsp.orbits.periodic.orbit import check_name
@@ -104,7 +104,7 @@ def hopf_points(
             bounds={symbol.name: (low, high)},
         )
     )
-    found_points = curve.of_kind(SpecialKind.HOPF)
+    found_points = curve.of_kind(LossKind.HOPF)
     if not found_points and not curve.status.ok:
         raise BranchError(
             f"no Hopf point was found, and the curve of equilibria was not followed to the bounds: {curve.message}.",

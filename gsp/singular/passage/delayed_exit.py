@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from gsp.critical.branch import Branch
-from gsp.critical.continuation.special_points import SpecialKind
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import Status
 from gsp.results.card import Card
 from gsp.singular.passage.failure import PassageError
@@ -149,7 +149,7 @@ class DelayedExit(Card):
             ExitKind.ENTRY_EXIT: "int Re lambda is back at 0",
             ExitKind.BUFFER: "no orbit stays longer than to the buffer point",
             ExitKind.AT_LOSS: "the branch is not invariant for epsilon > 0: exit O(epsilon^(1/2)) after the loss"
-            if self.losses and self.losses[-1].kind is SpecialKind.TRANSCRITICAL
+            if self.losses and self.losses[-1].kind is LossKind.TRANSCRITICAL
             else "the branch is not invariant for epsilon > 0: exit O((epsilon ln 1/epsilon)^(1/2)) after the loss",
         }[self.kind]
         extra = ""

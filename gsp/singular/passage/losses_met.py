@@ -26,8 +26,8 @@ import numpy as np
 import sympy as sp
 
 from gsp.algebra.laurent import laurent
-from gsp.critical.continuation.special_points import SpecialKind
 from gsp.critical.layer_problem import LayerProblem
+from gsp.critical.loss_kind import LossKind
 from gsp.errors import GspError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.roots import root
@@ -64,7 +64,7 @@ class PassedLoss:
 
     t: float
     point: Mapping[str, float]
-    kind: SpecialKind
+    kind: LossKind
     eigenvalue: complex
     crossing: float
     outcome: Outcome
@@ -122,7 +122,7 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
         return PassedLoss(
             t,
             point,
-            SpecialKind.HOPF,
+            LossKind.HOPF,
             leading,
             crossing,
             Outcome.DELAY,
@@ -132,9 +132,9 @@ def passed_loss(orbit: SlowOrbit, t: float, crossing: float, *, invariant: bool)
         )
     coefficients = _real_coefficients(orbit, z, crossing)
     transcritical = "lambda" in coefficients
-    kind = SpecialKind.TRANSCRITICAL if transcritical else SpecialKind.PITCHFORK
+    kind = LossKind.TRANSCRITICAL if transcritical else LossKind.PITCHFORK
     if not transcritical and coefficients["p"] == 0.0:
-        kind = SpecialKind.BRANCH_POINT
+        kind = LossKind.BRANCH_POINT
     rho = coefficients["rho"]
     if invariant:
         outcome, limit = Outcome.DELAY, float("inf")
