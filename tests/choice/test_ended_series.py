@@ -163,4 +163,4 @@ def test_a_long_series_is_chosen_for_at_the_command_line() -> None:
     shown = json.loads(CliRunner().invoke(cli, ["choose", str(LONG), "--json"]).stdout)
     assert shown["coordinates"]["model"]["values"][:2] == ["reduced 0", "reduced 1"]
     assert "at order 1 it has coefficients of 1773 terms, more than 600" in shown["attributes"]["ending"]
-    assert shown["ending"] in shown["verdict"]["accuracy"]
+    assert shown["attributes"]["ending"] in shown["attributes"]["accuracy"]
