@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 # What two neighbouring results of double precision differ by.
-ROUNDING = 2.0**-52
+ROUNDING = np.finfo(float).eps
 # Brent's method needs about ten evaluations; this many only where the function jumps.
 MOST = 400
 # Below this share of the interval a minimum is level to rounding.

@@ -12,7 +12,7 @@ from gsp.comparison.comparison import on_manifold
 from gsp.hyperbolicity.hyperbolicity import Hyperbolicity, Kind
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.results.attempts import Missing, made
-from gsp.scenes.study import Study
+from gsp.scenes.study import RTOL, Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.singular.mixed_modes import MixedMode, mixed_mode
 from gsp.slow.series import SeriesManifold
@@ -20,8 +20,6 @@ from gsp.systems.flow import Flow, Point
 
 # Epsilons of the pictures, as multiples of the scene's: a ladder that an eye can tell apart.
 PICTURED = (2.0, 1.0, 0.4)
-# Runs for pictures: their error is far below the width of a line.
-PICTURE_RTOL = 1e-8
 # Starts off the slow manifold: over which points of the limit run (as shares of its span), and how far off (as
 # shares of the fast variable's range); each is followed for so many layer times epsilon/gap, or a share of the span.
 LANDINGS = {0.0: (-1.0, -0.5, 0.5, 1.0), 0.35: (-1.0, 1.0), 0.7: (-1.0, 1.0)}
@@ -72,8 +70,8 @@ def reduced_run(study: Study, order: int, start: Point) -> Trajectory:
 
 def _picture(study: Study, flow: Flow, start: Point, end: float) -> Trajectory:
     span, epsilon = (study.scene.span[0], end), study.scene.epsilon
-    atol = absolute_tolerance(PICTURE_RTOL, study.region, study.start)
-    return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=PICTURE_RTOL, atol=atol)
+    atol = absolute_tolerance(RTOL, study.region, study.start)
+    return trajectory_of(flow, start=start, span=span, epsilon=epsilon, rtol=RTOL, atol=atol)
 
 
 def landing_runs(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 # After so many halvings of a step there is no number within it.
-HALVINGS = 53
+HALVINGS = np.finfo(float).nmant + 1
 
 
 def are_joined(

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from gsp.charts.sampling import margins
+from gsp.charts.sampling import LINE, margins
 from gsp.charts.style import BLUE, GREEN, INK, MARKERS, SERIES, VERMILION, chart, legend, mathematics
 from gsp.comparison.method_table import MethodTable
 from gsp.fibres.composite_solution import CompositeSolution
 from gsp.integration.trajectory import Trajectory
 
 LINES = ("-", "--", ":", "-.")
-# A composite is sampled at so many times, half of them in the layer.
-TIMES = 400
 
 
 @chart(height=4.4)
@@ -50,7 +48,7 @@ def composite(solution: CompositeSolution, axes: Axes, *, name: str, full: Traje
     """One variable of a composite expansion with its inner and outer parts, against the full run, log time."""
     t0, t1 = float(solution.t[0]), float(solution.t[-1])
     layer = min(solution.layer_time, t1 - t0)
-    t = t0 + np.geomspace(1e-3 * layer, t1 - t0, TIMES)
+    t = t0 + np.geomspace(1e-3 * layer, t1 - t0, LINE)
     sampled = solution.sample(t)
     if full is not None:
         axes.semilogx(t - t0, full.sample(t)[name], color=INK, lw=3.5, alpha=0.25, label="full run")

@@ -10,6 +10,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.laurent import laurent
+from gsp.charts.sampling import LINE
 from gsp.charts.style import (
     BLUE,
     GREEN,
@@ -32,8 +33,6 @@ from gsp.singular.passage.fold_measurement import FoldExit
 from gsp.singular.passage.fold_passage import FoldPassage
 from gsp.systems.system import SlowFastSystem
 
-# Grid points along each axis for the line g = 0.
-LINE = 301
 # Distances below this are not drawn: what is left of a start long forgotten.
 NOTHING = 1e-40
 

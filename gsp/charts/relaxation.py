@@ -10,6 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from gsp.analysis.analysis import Analysis
 from gsp.charts.passage import critical_lines
+from gsp.charts.runs import POINTS
 from gsp.charts.sampling import dense_run, margins
 from gsp.charts.style import (
     BLUE,
@@ -32,8 +33,6 @@ from gsp.singular.singular_orbit import SingularOrbit, SlowPiece
 
 # Light to dark as epsilon falls.
 DARKENING = LinearSegmentedColormap.from_list("darkening", LADDER[:3])
-# Points of a full orbit, as dense as its mesh.
-POINTS = 1500
 # Maxima shown at most, the last ones: more run together.
 SHOWN = 40
 # The two heads of a drop's arrow, as shares of the way.

@@ -27,12 +27,12 @@ from gsp.systems.system import SlowFastSystem
 
 STEPS = 80
 # A correction this small relative to 1 + |y| ends the iteration.
-CONVERGED = 4e-16
+CONVERGED = 2 * np.finfo(float).eps
 # Fraser-Roussel iterates are differentiated as Chebyshev interpolants. An axis has FIRST points, then more until h_0 is
 # resolved to RESOLVED and h_k to LOSS^k times that (each is felt a factor epsilon less), at most so many in all.
 # Coefficients below NOISE, relative to the largest value, are dropped before differentiating.
 FIRST, RESOLVED, LOSS, MOST_POINTS = 9, 1e-13, 100.0, 20_000
-NOISE = 2e-15
+NOISE = 10 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)

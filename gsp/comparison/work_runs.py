@@ -22,8 +22,6 @@ from gsp.systems.flow import Flow
 # atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.
 ATOL_SHARE = 1e-2
 MAX_STEPS = 200_000
-# Whether a method takes a system does not depend on the tolerance.
-SOME_RTOL = 1e-8
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
 MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
 # Characters of a failing peer's message that are kept.

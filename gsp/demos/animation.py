@@ -14,7 +14,7 @@ from gsp.demos.demo import body_of
 from gsp.errors import DeclarationError, GspError
 from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.scene import Scene
-from gsp.scenes.study import Study, study_of
+from gsp.scenes.study import RTOL, Study, study_of
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.scenes.view import TIME, View, view_named
 from gsp.systems.arguments import check_number, check_progress
@@ -22,7 +22,6 @@ from gsp.systems.arguments import check_number, check_progress
 SECONDS = 6.0
 # A longer one has more frames than a file for slides should.
 LONGEST = 120.0
-RTOL = 1e-8
 # The critical manifold is drawn so far beside the run, in terms of its width.
 ROOM = 0.15
 

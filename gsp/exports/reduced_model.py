@@ -14,12 +14,10 @@ from gsp.comparison.comparison import compare
 from gsp.errors import BranchError, BudgetError, GspError, printable
 from gsp.scenes.study import Study
 from gsp.slow.coordinates import set_apart
-from gsp.slow.series import SeriesManifold
+from gsp.slow.series import READABLE, SeriesManifold
 from gsp.systems.flow import check_order
 from gsp.systems.region import shown_region
 
-# Terms in the longest coefficient up to which parameters stay symbols.
-READABLE = 300
 # Of 1800 terms a text has 200 kB and is made in 10 s, of 9500 terms 850 kB in a minute.
 LONGEST = 4000
 WIDTH = 96

@@ -36,7 +36,7 @@ SPREAD = 1e4
 NEWTON_STEPS = 8
 # A panel is resolved when its last Chebyshev coefficients are this small, relative to the layer on it, or rounding of
 # the fast variables; else it is halved, at most so often.
-RESOLVED, ROUNDING, DEEPEST = 1e-13, 4e-16, 14
+RESOLVED, ROUNDING, DEEPEST = 1e-13, 2 * np.finfo(float).eps, 14
 # The same for the terms of a series along the layer, relative to their largest value; panels are halved so often.
 ROUGH, REFINEMENTS = 1e-11, 8
 

@@ -21,7 +21,7 @@ from gsp.proofs.ball_functions import BallFunction
 
 # Newton's method over doubles: so many steps, and done at rounding.
 STEPS = 40
-ROUNDING = 1e-15
+ROUNDING = 5 * np.finfo(float).eps
 # Steps along a line on which a root is followed, as shares of it.
 LONGEST, SHORTEST = 1.0 / 16.0, 1e-10
 

@@ -28,7 +28,7 @@ Box = tuple[tuple[float, float], ...]
 # The first radius is so much larger than what the residual asks for, and grows so much from round to round.
 FIRST_ROOM, ROOM, ROUNDS = 1.2, 1.25, 4
 # The least radius, relative to 1 + |y|.
-AT_A_POINT, OVER_A_BOX = 1e-15, 1e-12
+AT_A_POINT, OVER_A_BOX = 5 * np.finfo(float).eps, 1e-12
 # A radius beyond this, relative to 1 + the largest |y| on the tube's line, is on its way to infinity.
 FAR = 1e6
 

@@ -38,7 +38,8 @@ from gsp.systems.arguments import check_noun, check_progress, check_whole
 from gsp.systems.flow import Point, check_epsilon, complete, values_by_name
 
 # Slow pieces are followed at this tolerance, each for at most so much slow time.
-RTOL, ATOL = 1e-11, 1e-13
+RTOL = 1e-11
+ATOL = 0.01 * RTOL
 PATIENCE = 1e4
 # An orbit closes when a drop lands where an earlier one did, to this, relative to 1 + |x|.
 CLOSED = 1e-8

@@ -25,7 +25,7 @@ SAFETY = 3.0
 # An order is past the best one when its error is larger by this factor: less is the scatter of single terms.
 GROWN = 2.0
 # No sum is known better than this share of its terms.
-ROUNDING = 4e-16
+ROUNDING = 2 * np.finfo(float).eps
 
 
 def units(coordinates: np.ndarray) -> np.ndarray:

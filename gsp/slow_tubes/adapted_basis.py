@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from gsp.proofs.spectrum import IMAGINARY
+
 # A constant basis is a proof whatever its digits; few of them keep the exact expressions short.
 BITS = 10
-# An imaginary part of this share of an eigenvalue is rounding.
-IMAGINARY = 1e-12
 # Beyond so many fast variables exact eigenvectors are not looked for.
 MOST_EXACT = 3
 

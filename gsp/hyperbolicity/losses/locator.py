@@ -30,7 +30,7 @@ ZERO_TOLERANCE = 1e-9
 VANISHED = 0.03
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
-BISECTIONS = 52
+BISECTIONS = np.finfo(float).nmant
 # Two losses nearer than this, relative to the region's width, are one.
 SAME = 1e-6
 # Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to

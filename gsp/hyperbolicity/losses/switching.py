@@ -23,7 +23,7 @@ SIDE = 1e-6
 JUMP = 1e-3
 # A Jacobian is unbounded when it grows so much at every step so much nearer to the surface.
 NEARER, GROWS = 1e-2, 2.0
-BISECTIONS = 52
+BISECTIONS = np.finfo(float).nmant
 STARTS = 6
 
 

@@ -18,11 +18,10 @@ from gsp.hyperbolicity.losses.diagnosis import Diagnosis
 from gsp.hyperbolicity.losses.fibre import FibreOrder
 from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.roots import gauss_newton
+from gsp.hyperbolicity.losses.zeros import ZERO_SINGULAR
 from gsp.systems.region import Interval
 from gsp.systems.scattered_points import halton
 
-# Singular values below this, relative to the largest on the branch, are zero: points of multiple zeros are inexact.
-ZERO_SINGULAR = 1e-6
 # Eigenvalues of a nilpotent block spread like a root of rounding.
 ZERO_BLOCK = 1e-4
 # Slow points and starts over each, in the search for points.

@@ -20,7 +20,7 @@ STEPS = 25
 RULES = Rules(STEPS, CONVERGED, STAGNANT)
 # Phases are known to so many units in the last place, and the states at a phase to that times their slopes: in a jump
 # that takes 1e-12 of the period, to 1e-3 of the amplitude.
-PHASE_ROUNDING = 16 * 2.0**-52
+PHASE_ROUNDING = 16 * np.finfo(float).eps
 # Halvings of a step that makes the defect larger.
 HALVINGS = 5
 # A cycle that has shrunk by this factor is an equilibrium.

@@ -32,12 +32,11 @@ from gsp.errors import GspError
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.roots import root
 from gsp.singular.passage.complex_time import TurningPoint, turning_points
+from gsp.singular.passage.fold_passage import ZERO
 from gsp.singular.passage.slow_orbit import SlowOrbit
 from gsp.slow.series import expand
 from gsp.systems.flow import check_epsilon
 
-# Coefficients count as zero below this, relative to what they are made of.
-ZERO = 1e-8
 # Zeros of the parabolic cylinder function are looked for up to here: exp(-z^2) is rounding by then.
 FARTHEST, SAMPLES = 6.5, 2000
 # Orders of the formal slow manifold that are searched for a pole at the loss, and where: distances from it in time.
