@@ -8,7 +8,7 @@ it is measured once, and shown wherever the choice is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,9 +165,7 @@ def choose(
         obstacle = NO_REASON
     except GspError as error:
         forecast, obstacle = None, error.reason
-    flow, start = (
-        (scene.system, scene.start) if forecast is None else (forecast.study.system, forecast.study.start)
-    )
+    flow, start = _full(scene, forecast)
     layer = forecast.layer if forecast else 0.0
     fast_time = scene.epsilon / forecast.inner.gap if forecast else 0.0
     gone = max(layer, fast_time * np.log(1.0 / rtol))
@@ -182,7 +180,7 @@ def choose(
     if forecast and max(forecast.prediction.runs) <= max(valid_orders):
         ending = f"{forecast.astray}." if forecast.astray else study.why_shorter(max(valid_orders) + 1)
     model, partial = select(full, reduced, scene.span)
-    names = forecast.prediction.names if forecast else tuple(s.name for s in scene.system.states)
+    names = _compared(scene, forecast)
     serving = serving_of(model, reduced)
     fast_error, layer_error = _fast_errors(serving, forecast, surface)
     fast_measured = None
@@ -205,7 +203,7 @@ def choose(
             fast_measured=fast_measured,
         )
     )
-    expected, measured = _measured(model, forecast, surface, flow, start, scene, names, layer, piece, rtol)
+    expected, measured = _measured(model, forecast, surface, scene, piece, rtol)
     return Choice(
         study=study,
         epsilon=scene.epsilon,
@@ -285,20 +283,29 @@ def _end_of(partial: Candidate | None, forecast: Forecast | None) -> dict[str, f
     return {s.name: float(last[s.name][0]) for s in forecast.study.system.x}
 
 
+def _full(scene: Scene, forecast: Forecast | None) -> tuple[Flow, Mapping[str, float]]:
+    """The full system and its start, in standard form where there is a forecast."""
+    if forecast is None:
+        return scene.system, scene.start
+    return forecast.study.system, forecast.study.start
+
+
+def _compared(scene: Scene, forecast: Forecast | None) -> tuple[str, ...]:
+    """The names of the states whose errors count."""
+    return forecast.prediction.names if forecast else tuple(s.name for s in scene.system.states)
+
+
 def _measured(
     model: Candidate,
     forecast: Forecast | None,
     surface: SurfaceForecast | None,
-    flow: Flow,
-    start,
     scene: Scene,
-    names: Sequence[str],
-    layer: float,
     piece: Interval,
     rtol: float,
 ) -> tuple[float, float]:
     """(predicted, measured) error of the model on the piece, the layer left out."""
-    grid = np.linspace(*_behind(layer, piece), PIECE_POINTS)
+    (flow, start), names = _full(scene, forecast), _compared(scene, forecast)
+    grid = np.linspace(*_behind(forecast.layer if forecast else 0.0, piece), PIECE_POINTS)
     reference = run_model(flow, start, scene, piece, max(CLEARER * scene.tolerance, SMALLEST_RTOL), at=grid)
     if model.kind is ModelKind.FULL or forecast is None:
         own = run_model(flow, start, scene, piece, rtol, at=grid)

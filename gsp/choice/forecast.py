@@ -113,15 +113,13 @@ def forecast_of(scene: Scene | Study, orders: Sequence[int], *, fast: bool = Fal
             break
     names = tuple(s.name for s in (study.system.states if fast else study.system.x))
     prediction = predict(
+        study,
         series,
         starts,
         flows=flows,
         orders=orders,
         span=scene.span,
-        epsilon=scene.epsilon,
-        tolerance=scene.tolerance,
-        region=study.region,
-        names=names,
+        least_scale=dict.fromkeys(names, 0.0),
     )
     tau = np.linspace(0.0, LAYER_TIMES / inner.gap, LAYER_LOOKS)
     left = layer_left(inner, tau, scene.epsilon, prediction.scale)

@@ -175,16 +175,13 @@ class _Switcher:
         if not starts:
             starts = dict.fromkeys(sheet.flows, state)
         prediction = predict(
+            self.study,
             sheet.series,
             starts,
             flows=sheet.flows,
             orders=(self.order,),
             span=(t, self.last),
-            epsilon=self.epsilon,
-            tolerance=self.tolerance,
-            region=self.study.region,
-            names=[s.name for s in system.x],
-            least_scale=self.scale,
+            least_scale={s.name: self.scale.get(s.name, 0.0) for s in system.x},
             sampler=sheet.sampler,
         )
         self.record.count(*prediction.runs.values())

@@ -22,8 +22,8 @@ from gsp.critical.sampling import Sampler
 from gsp.errors import Status
 from gsp.hyperbolicity.losses.switching import switches
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import Trajectory, trajectory_of
+from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold
 from gsp.systems.region import Interval
@@ -264,30 +264,29 @@ class Prediction:
 
 
 def predict(
+    study: Study,
     series: SeriesManifold,
     starts: Mapping[int, Mapping[str, float]],
     *,
-    flows: Mapping[int, ReducedFlow] | None,
+    flows: Mapping[int, ReducedFlow],
     orders: Sequence[int],
     span: Interval,
-    epsilon: float,
-    tolerance: float,
-    region: Mapping[str, Interval],
-    names: Sequence[str],
-    least_scale: Mapping[str, float] | None = None,
+    least_scale: Mapping[str, float],
     sampler: Sampler | None = None,
 ) -> Prediction:
-    """Reduced runs of `orders` and the next two, order k from `starts[k]`, and what to expect of them.
+    """Reduced runs of `orders` and the next two, order k from `starts[k]`, and what to expect of the names in
+    `least_scale`, relative to that at least.
 
     Where `starts` end before order max(orders) + 2 an error is told by one run ahead or by none.
     Nothing of the full system is run.
     """
+    epsilon, region = study.scene.epsilon, study.region
     needed = sorted({k + ahead for k in orders for ahead in range(AHEAD + 1) if k + ahead in starts})
-    rtol = max(CLEARER * tolerance, SMALLEST_RTOL)
+    rtol = max(CLEARER * study.scene.tolerance, SMALLEST_RTOL)
     atol = absolute_tolerance(rtol, region, *starts.values())
     runs = {
         k: trajectory_of(
-            restrict(series, order=k) if flows is None else flows[k],
+            flows[k],
             start=starts[k],
             span=span,
             epsilon=epsilon,
@@ -302,5 +301,5 @@ def predict(
         for name, (low, high) in region.items()
     }
     return Prediction(
-        series, epsilon, runs, tuple(names), widened, least_scale or {}, sampler or Sampler(series.branch), rtol
+        series, epsilon, runs, tuple(least_scale), widened, least_scale, sampler or Sampler(series.branch), rtol
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,10 +28,12 @@ def measured(rate: sp.Expr, begin: float, *, layer: float = 0.0) -> tuple[float,
         flows={1: VectorField({x: rate}, epsilon=None)},
         starts={1: {"x": begin}},
         errors=lambda order, times: 1e-3 * order * times,
-        prediction=SimpleNamespace(scale={"x": 2.0}),
+        prediction=SimpleNamespace(scale={"x": 2.0}, names=("x",)),
+        study=SimpleNamespace(system=SYSTEM, start=START),
+        layer=layer,
     )
     model = Candidate(ModelKind.REDUCED, 1)
-    return _measured(model, forecast, None, SYSTEM, START, SCENE, ["x"], layer, (0.0, 1.0), 1e-9)  # pyright: ignore
+    return _measured(model, forecast, None, SCENE, (0.0, 1.0), 1e-9)  # pyright: ignore
 
 
 @pytest.mark.parametrize(("layer", "begun"), [(0.0, 0.0), (0.3, 0.3), (5.0, 1.0 - PIECE)])
@@ -51,8 +54,8 @@ def test_of_a_model_that_ends_early_nothing_is_measured() -> None:
 def test_of_a_full_system_that_ends_early_nothing_is_measured() -> None:
     ends = SlowFastSystem(slow={x: 2 * x**2}, fast={y: x - y}, epsilon=eps)
     model = Candidate(ModelKind.FULL, None)
-    found = _measured(model, None, None, ends, START, SCENE, ["x"], 0.0, (0.0, 1.0), 1e-9)
+    found = _measured(model, None, None, replace(SCENE, system=ends), (0.0, 1.0), 1e-9)
     assert np.isnan(found[1])
-    found = _measured(model, None, None, SYSTEM, START, SCENE, ["x", "y"], 0.0, (0.0, 1.0), 1e-4)
+    found = _measured(model, None, None, SCENE, (0.0, 1.0), 1e-4)
     assert 0 < found[1] < 1e-3
     assert found[0] == 1e-4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -92,6 +93,18 @@ def _double_zero(diagnosis: Diagnosis, at: Local, determinant: float) -> Loss:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _SimpleZero:
+    """A simple zero of g_y: null vectors with <left, right> = 1, and the `width` of v along `right` in the region."""
+
+    at: Local
+    determinant: float
+    note: str
+    right: np.ndarray
+    left: np.ndarray
+    width: float
+
+
 def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str) -> Loss:
     nx = diagnosis.nx
     right, left = null_vectors(at.A)
@@ -106,6 +119,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     kernel = np.vstack([np.append(np.zeros(nx), right), np.hstack([np.eye(nx), w.T])])
     form = np.einsum("i,ijk,aj,bk->ab", left, at.second, kernel, kernel)
     V = _width(diagnosis, at.z, left, a, b, c, form)
+    here = _SimpleZero(at, determinant, note, right, left, V)
     sizes = np.append(V, diagnosis.widths)
     scaled = form * sizes[:, None] * sizes
     if not np.isfinite(scaled).all():
@@ -117,7 +131,7 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
     names = [s.name for s in diagnosis.sampler.system.x]
     coefficients = {"a": a, **{f"b_{name}": float(value) for name, value in zip(names, b)}}
     if max(bend, float(tilt.max()), cubic, mixed, square) == 0.0:
-        return _touching(diagnosis, at, determinant, right, left, V, note, {})
+        return _touching(diagnosis, here, {})
     is_zero = ZERO_TERM * max(bend, float(tilt.max()), cubic, mixed)
     # At a branch point b is as large as the square terms times what the place is off.
     if float(tilt.max()) > max(is_zero, OFF * square):
@@ -136,13 +150,11 @@ def _simple_zero(diagnosis: Diagnosis, at: Local, determinant: float, note: str)
             return diagnosis.loss(
                 at.z, Contact.ZERO, LossKind.CUSP, test, a, verdict, coefficients=coefficients, note=note
             )
-        return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+        return _touching(diagnosis, here, coefficients)
     is_zero = max(is_zero, ZERO_TERM * square)
     scaled = np.where(np.abs(scaled) > OFF * _change(diagnosis, at, left, kernel, sizes), scaled, 0.0)
-    return _branch_point(diagnosis, 
-        at, determinant, form, scaled, kernel, right, left, V,
-        flags=(bend > is_zero, cubic > is_zero), a=a, c=c, note=note,
-    )  # fmt: skip
+    terms = (a if bend > is_zero else 0.0, c if cubic > is_zero else 0.0)
+    return _branch_point(diagnosis, here, scaled, kernel, *terms)
 
 
 def _change(
@@ -198,26 +210,27 @@ def _fold(
 
 
 def _branch_point(
-    diagnosis: Diagnosis, at, determinant, form, scaled, kernel, right, left, V, *, flags, a, c, note
+    diagnosis: Diagnosis, here: _SimpleZero, scaled: np.ndarray, kernel: np.ndarray, a: float, c: float
 ) -> Loss:
-    """Where (g_x, g_y) loses rank: M0 branches. Decided by the quadratic form on its kernel."""
+    """Where (g_x, g_y) loses rank: M0 branches. Decided by the quadratic form on its kernel; a and c may count as 0."""
+    at, left = here.at, here.left
     spectrum = np.linalg.eigvalsh(scaled)
     zero = ZERO_TERM * float(np.abs(spectrum).max())
     plus, minus = int((spectrum > zero).sum()), int((spectrum < -zero).sum())
-    coefficients = {"a": a} if flags[0] else {"c": c} if flags[1] else {}
-    test = f"det g_y = {determinant:.3g}, |<l, g_x>|"
+    coefficients = {"a": a} if a else {"c": c} if c else {}
+    test = f"det g_y = {here.determinant:.3g}, |<l, g_x>|"
     value = float(np.abs(left @ at.g_x).max())
     if (plus, minus) != (1, 1):
-        if not flags[0] and plus + minus <= 1:
-            return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+        if not a and plus + minus <= 1:
+            return _touching(diagnosis, here, coefficients)
         text = f"(g_x, g_y) loses rank with {plus} positive and {minus} negative squares of the quadratic form"
-        return _degenerate(diagnosis, at, determinant, text, coefficients)
+        return _degenerate(diagnosis, at, here.determinant, text, coefficients)
     along = kernel[1:].T @ at.slow
     moves = bool((np.abs(at.slow) > ZERO_TERM * diagnosis.fastest).any())
     cross = float(np.einsum("i,ijk,j,k->", left, at.second, kernel[0], along))
     bent = 0.5 * float(np.einsum("i,ijk,j,k->", left, at.second, along, along))
     push = float(left @ at.push)
-    if flags[0]:
+    if a:
         # A power of a float that is too large raises; a product is infinite.
         discriminant = 0.25 * cross * cross - a * bent
         coefficients["discriminant"] = discriminant
@@ -229,24 +242,26 @@ def _branch_point(
             # The tangent of the branch that is a graph over x is along + slope (0, r).
             slope = -bent / cross
             coefficients |= {"crossing": cross, "push": push - slope}
-        if flags[1]:
+        if c:
             kind, verdict = LossKind.PITCHFORK, consequences.pitchfork(coefficients)
         else:
-            fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
+            fibre = diagnosis.fibre(at.z, here.right[:, None], left[:, None], here.width)
             if fibre is None or not fibre.vanishes:
-                return _touching(diagnosis, at, determinant, right, left, V, note, coefficients)
+                return _touching(diagnosis, here, coefficients)
             kind, verdict = LossKind.RANK_CHANGE, consequences.rank_change(coefficients)
-    return diagnosis.loss(at.z, Contact.ZERO, kind, test, value, verdict, coefficients=coefficients, note=note)
+    return diagnosis.loss(
+        at.z, Contact.ZERO, kind, test, value, verdict, coefficients=coefficients, note=here.note
+    )
 
 
-def _touching(diagnosis: Diagnosis, at, determinant, right, left, V, note, coefficients) -> Loss:
+def _touching(diagnosis: Diagnosis, here: _SimpleZero, coefficients: Mapping[str, float]) -> Loss:
     """Neither quadratic nor cubic terms decide."""
-    fibre = diagnosis.fibre(at.z, right[:, None], left[:, None], V)
+    fibre = diagnosis.fibre(here.at.z, here.right[:, None], here.left[:, None], here.width)
     if fibre is None:
         text = "the quadratic and cubic coefficients do not decide"
     elif fibre.vanishes:
         text = "g vanishes along the fast fibre and its eigenvalue does not cross zero to first order"
     else:
         text = f"the fast fibre has order {fibre.order:g}: v' = {fibre.plus:.4g} v^{fibre.order:g} for v > 0"
-    text = text + (f"; {note}" if note else "")
-    return _degenerate(diagnosis, at, determinant, text, coefficients)
+    text = text + (f"; {here.note}" if here.note else "")
+    return _degenerate(diagnosis, here.at, here.determinant, text, coefficients)
