@@ -113,7 +113,7 @@ CASES: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
         str,
     ),
     "LossKind": (lambda: gsp.LossKind.FOLD, str),
-    "Method": (lambda: gsp.Method.RADAU5, str),
+    "Method": (lambda: gsp.Method.RADAU9, str),
     "MethodTable": (lambda: gsp.method_table(study(), orders=(0, 1)), lambda n: n.as_rows()),
     "MixedMode": (
         lambda: gsp.mixed_mode(

@@ -82,7 +82,6 @@ def _draw(
 
 def _name(curve: WorkCurve) -> str:
     names = {
-        "radau5": "Radau 5",
         "radau9": "Radau 9",
         "radau13": "Radau 13",
         "dop853": "DOP853",

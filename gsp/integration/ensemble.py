@@ -262,7 +262,7 @@ def integrate_many(
     # Addresses are asked for here: two threads would compile twice.
     control = (float(rtol), float(atol), limit)
     shared = (
-        solver.check, program,
+        solver.corrects, program,
         members.constants.copy(), first, stops_of(None if reads else grid, first, last), t.copy(), control,
     )  # fmt: skip
     watched = None

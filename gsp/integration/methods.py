@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsp.errors import DeclarationError
-from gsp.kernels import dop853_tableau, grid, ledger, radau_tableau
+from gsp.kernels import dop853_tableau, ledger, radau_tableau
 from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
@@ -26,11 +26,10 @@ _TIGHT_RTOL = 2e-5
 class Method(Enum):
     """How to integrate.
 
-    RADAU5, RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 5, 9, 13; for fields with a fast time scale.
+    RADAU9, RADAU13: Radau IIA, implicit Runge-Kutta, order 9 and 13; for fields with a fast time scale.
     DOP853: explicit Runge-Kutta, order 8; for reduced flows and other fields on one time scale.
     """
 
-    RADAU5 = "radau5"
     RADAU9 = "radau9"
     RADAU13 = "radau13"
     DOP853 = "dop853"
@@ -42,13 +41,14 @@ class Method(Enum):
 class Solver(NamedTuple):
     """A kernel, the rows of its dense output, and the program of a flow that it takes.
 
-    `check` says what `kernels.grid` does about the dense output's error; `loops` stand behind the code for a flow.
+    Where it `corrects`, values between the steps are what `kernels.landing` makes of its dense output, which elsewhere
+    is as good as the steps. `loops` stand behind the code for a flow.
     """
 
     kernel: Callable[..., int]
     rows: int
     program: Callable[[CompiledFlow], np.ndarray]
-    check: int = grid.TRUSTS
+    corrects: bool = False
     loops: Loops | None = None
 
     def memory_size(self, n: int) -> int:
@@ -61,25 +61,15 @@ class Solver(NamedTuple):
             program[ledger.LOOPS] = address_of(*self.loops)
 
 
-# The dense output of order 4 for 5 is checked and of order 7 for 8 corrected; the others are as good as the steps.
 SOLVERS = {
     **{
-        method: Solver(radau, stages, methodcaller("collocation_program", stages), check, COLLOCATION_LOOPS)
-        for method, stages, check in zip(
-            (Method.RADAU5, Method.RADAU9, Method.RADAU13),
-            radau_tableau.STAGES,
-            (grid.CHECKS, grid.TRUSTS, grid.TRUSTS),
-        )
+        method: Solver(radau, stages, methodcaller("collocation_program", stages), loops=COLLOCATION_LOOPS)
+        for method, stages in zip((Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
     },
     Method.DOP853: Solver(
-        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), grid.CORRECTS, EXPLICIT_LOOPS
+        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), corrects=True, loops=EXPLICIT_LOOPS
     ),
 }
-
-
-def trusts(method: Method) -> bool:
-    """Whether the method's dense output is as good as its steps."""
-    return SOLVERS[method].check == grid.TRUSTS
 
 
 def choose_method(compiled: CompiledFlow, rtol: float) -> Method:
@@ -90,7 +80,7 @@ def choose_method(compiled: CompiledFlow, rtol: float) -> Method:
 
 
 # What serves in place of the methods of earlier versions.
-_REMOVED = {"rodas5p": Method.RADAU9.value, "taylor": Method.DOP853.value}
+_REMOVED = {"rodas5p": Method.RADAU9.value, "radau5": Method.RADAU9.value, "taylor": Method.DOP853.value}
 
 
 def check_method(method: Method | str | None) -> Method | None:

@@ -28,10 +28,10 @@ from gsp.integration.loop import (
     stops_of,
 )
 from gsp.integration.methods import (
+    SOLVERS,
     Method,
     check_method,
     choose_method,
-    trusts,
 )
 from gsp.integration.output import read
 from gsp.integration.room import Record
@@ -113,9 +113,8 @@ class Trajectory(Drawn, Tabular):
     def at(self, t: ArrayLike) -> np.ndarray:
         """State (n,) at a time, or (n, m) at times (m,), as `at=` gives it.
 
-        It is read off the dense output or, where the error of that would be above the tolerance, corrected or landed
-        on. The output is of order 7 for DOP853, and 4, 6 and 8 for RADAU5, RADAU9 and RADAU13; that of the last two is
-        as good as the steps.
+        It is read off the dense output, of order 6 for RADAU9 and 8 for RADAU13, which is as good as the steps. That of
+        DOP853, of order 7, is corrected where its error would be above the tolerance, or a step ends there.
 
         Raises `GspError` outside the interval covered.
         """
@@ -148,7 +147,7 @@ class Trajectory(Drawn, Tabular):
         """Put in `out` (n, m) what `at=` gives at the times (m,), where the dense output alone does not do."""
         record, tolerances = self._record, self._tolerances
         assert tolerances is not None
-        if trusts(record.method) or len(record.dense) == 0:
+        if not SOLVERS[record.method].corrects or len(record.dense) == 0:
             return
         grid, places = np.unique(t, return_inverse=True)
         if record.times[-1] < record.times[0]:
@@ -252,7 +251,7 @@ def integrate(
     Each step's error estimate e satisfies RMS(e/(atol + rtol |z|)) <= 1; the Radau methods, whose estimate is of
     lower order than their results, transform the tolerance so that the results meet it. With `at` (m,), times
     inside the span in its direction, the result's `t` is `at`: values there are as good as the steps, read off the
-    dense output or, where its error would be above the tolerance, corrected or landed on; else `t` are the ends
+    dense output, which is corrected for DOP853; else `t` are the ends
     of the steps. `method` is by default DOP853 for a flow that is not stiff, and for a stiff one RADAU9 for rtol from
     2e-5 up and RADAU13 below. Above 40 states a sparse Jacobian is used as one.
     `dense=False` keeps nothing between the steps, for speed; `.at` is then refused. `max_steps` bounds the attempted
@@ -353,7 +352,7 @@ def trajectory_of(
         # What was not reached is left out.
         told["t"] = frozen(grid if reached == len(grid) else grid[:reached])
         told["y"] = frozen(frozen(states).T)
-    if dense and not trusts(record.method):
+    if dense and SOLVERS[record.method].corrects:
         told = told or {}
         told["_tolerances"] = rtol, atol
     # The checked float, which prints.

@@ -20,13 +20,12 @@ from gsp.kernels.addresses import JET, METHOD
 from gsp.kernels.bordered_collocation import border, condense
 from gsp.kernels.compilation import address_of
 from gsp.kernels.compiling import told_when_compiling
-from gsp.kernels.corrections import correct_grid
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.evaluate import evaluate_many, observe
 from gsp.kernels.grid import read_grid, runs_along
 from gsp.kernels.jets import flow_jet_with_tangents
-from gsp.kernels.landing import land
+from gsp.kernels.landing import correct
 from gsp.kernels.launch import launch, launch_watched, read_explicit_room, read_room
 from gsp.kernels.radau import radau
 from gsp.kernels.slow_points import to_tolerance
@@ -44,7 +43,7 @@ IN_ORDER: tuple[tuple[Any, Any], ...] = (
     (runs_along, (_REALS, _REAL, _REAL)),
     (radau, METHOD),
     (launch, (_WHOLES, _REALS)),
-    (read_room, (_WHOLE, _REALS, _REALS, _ROWS)),
+    (read_room, (_REALS, _REALS, _ROWS)),
     (dop853, METHOD),
     (launch_watched, (_WHOLES, _WHOLES, _REALS)),
     (interpolate_many, (*_KEPT, _REALS, _ROWS)),
@@ -70,28 +69,11 @@ IN_ORDER: tuple[tuple[Any, Any], ...] = (
     ),
     (border, (_LAYERS, _LAYERS, _ROWS, _ROWS, _ROWS, _LAYERS, _ROWS, _REALS, _LAYERS, _SHEETS, _ROWS)),
     (observe, (_WHOLE, _KEPT[1], _REAL, _KEPT[0], _ROWS)),
-    (read_explicit_room, (_WHOLE, _WHOLES, _REALS, _REALS, _ROWS, _WHOLES)),
-    (read_grid, (_WHOLE, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _ROWS)),
+    (read_explicit_room, (_WHOLES, _REALS, _REALS, _ROWS)),
+    (read_grid, (*_RECORD, _REALS, _WHOLE, _ROWS)),
     (
-        correct_grid,
-        (_WHOLES, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _ROWS, _WHOLES, _WHOLES),
-    ),
-    (
-        land,
-        (
-            _WHOLES,
-            _REALS,
-            _REAL,
-            _REAL,
-            _REALS,
-            _ROWS,
-            _REALS,
-            _WHOLES,
-            _ROWS,
-            _WHOLES,
-            _REALS,
-            types.Tuple(_RECORD),
-        ),
+        correct,
+        (_WHOLES, _REALS, _REAL, _REAL, *_RECORD, _REALS, _WHOLE, _WHOLE, _ROWS, _WHOLES, _REALS),
     ),
 )
 """What `gsp report` runs as it comes to be needed: for the arguments that it has there, or by a signature's address."""

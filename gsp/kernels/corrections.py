@@ -19,8 +19,9 @@ from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE_ROWS, C
-from gsp.kernels.grid import READ
 
+# No step is in doubt.
+READ = -1
 # Where the slope is the field's: f(u) - u' is a thirtieth and a three-hundredth of what it is elsewhere.
 _MET = (C[13], C[14])
 # Where f(u) - u' is taken. Of all triples of twentieths this leaves next to the least, and |e| is at most a third of
@@ -125,8 +126,8 @@ def _error(work, i, s):
 def correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubts, counters):
     """Correct rows `begun` to `reached` - 1 of `out` (m, n), which `grid.read_grid` has filled, step by step.
 
-    The rest is as `doubt_grid` takes it. Fills `doubts` (m,) as that does for what is to be landed on, and returns how
-    many times these are.
+    The steps are as that takes them. Fills `doubts` (m,), `begun` to `reached` - 1, with the step of a time that is to
+    be landed on, or READ, and returns how many times these are.
     """
     n = states.shape[1]
     sign = 1.0 if times[-1] >= times[0] else -1.0

@@ -9,20 +9,19 @@ from gsp.kernels.addresses import call_method
 from gsp.kernels.borrowing import borrowed, borrowed_record
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.corrections import correct_grid
-from gsp.kernels.grid import CORRECTS, doubt_grid, read_grid
-from gsp.kernels.landing import LANDING_RECORD, land
+from gsp.kernels.grid import read_grid
+from gsp.kernels.landing import correct
 
 # Codes beside the ledger's: 0, its RECORD_FULL, of a member that has not begun or was interrupted.
 NOT_FINISHED = ledger.RECORD_FULL
 
 
 @kernel
-def keep(check, program, p, control, record, new, stop, grid, before, kept, counters, memory):
+def keep(corrects, program, p, control, record, new, stop, grid, before, kept, counters, memory):
     """Enter the states at those of `grid` (m,) that the first `new` steps reach in `kept` (m, n), from number `before`.
 
-    `record` has the start in row 0; the run ends at `stop`. What is in doubt is landed on, with `memory` as scratch.
-    Returns how many of the grid are entered by now.
+    `record` has the start in row 0; the run ends at `stop`. Where it `corrects` they are as `landing.correct` makes
+    them, with `memory` as scratch. Returns how many of the grid are entered by now.
     """
     rtol, atol, _ = control
     times, states, dense = record
@@ -35,22 +34,23 @@ def keep(check, program, p, control, record, new, stop, grid, before, kept, coun
             before += 1
         return before
     ends = times[: new + 1]
-    reached, looks = read_grid(check, rtol, atol, ends, states[: new + 1], dense, grid, before, kept)
-    doubts = np.empty(grid.shape[0] if looks else 0, np.int64)
-    if looks and (
-        correct_grid(
-            program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, kept, doubts, counters
+    reached = read_grid(ends, states[: new + 1], dense, grid, before, kept)
+    if corrects and dense.shape[0] > 0:
+        correct(
+            program,
+            p,
+            rtol,
+            atol,
+            ends,
+            states[: new + 1],
+            dense,
+            grid,
+            before,
+            reached,
+            kept,
+            counters,
+            memory,
         )
-        if check == CORRECTS
-        else doubt_grid(
-            check, program, p, rtol, atol, ends, states[: new + 1], dense, grid, before, reached, doubts, counters
-        )
-    ):  # fmt: skip
-        scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
-        land(
-            program, p, rtol, atol, times, states, grid[before:reached], doubts[before:reached],
-            kept[before:reached], counters, memory, scratch,
-        )  # fmt: skip
     return reached
 
 
@@ -72,14 +72,15 @@ def run_piece(program, p, stops, control, y, rate, memory, counters, record):
 
 @kernel
 def run_members(
-    check, program, constants, first, stops, grid, control, low, high, halt,
+    corrects, program, constants, first, stops, grid, control, low, high, halt,
     ends, reached, kept, counters, codes, rate, memory, record,
 ):  # fmt: skip
     """Run the members low to high - 1 from `first` to the last of `stops` (s,), each as if it were alone.
 
     Row i of `constants` (members, k), `ends` (members, n), `counters`, `reached` and `codes` (members,) is member i's:
     p, its state (the start, then what was reached), the ledger's counters, the time reached and the code. `kept`
-    (members, m, n) receives the states at `grid` (m,), of which `check` says what `read_grid` does. `program` has its
+    (members, m, n) receives the states at `grid` (m,), where `corrects` as
+    `landing.correct` makes them. `program` has its
     loops. `control` is (rtol, atol, max_steps). `rate` (n,), `memory` and `record` (times, states, dense), with a row
     for the start, are scratch of this call. No step is begun with a fresh record once `halt` (1,) is not 0.
     """
@@ -100,7 +101,7 @@ def run_members(
                 program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
             before = keep(
-                check, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
+                corrects, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
                 spare,
             )  # fmt: skip
         reached[i] = memory[ledger.TIME]

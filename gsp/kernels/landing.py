@@ -1,4 +1,5 @@
-"""The times at which a dense output is in doubt, landed on: the method goes again from the start of their step."""
+"""Values of an explicit run between its steps: corrected, and where that does not do, landed on: the method goes again
+from the start of the step to the time."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from gsp.kernels import ledger
 from gsp.kernels.addresses import call_method
 from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.grid import READ
+from gsp.kernels.corrections import READ, correct_grid
 from gsp.kernels.step_control import all_finite
 
 # What was one step is a step or two again.
@@ -19,11 +20,10 @@ LANDING_RECORD = 4
 
 @kernel
 def land(program, p, rtol, atol, times, states, grid, doubts, out, counters, memory, record):
-    """Replace the rows of `out` (m, n) that are in doubt, with `doubts` (m,) as `grid.read_grid` leaves it.
+    """Replace the rows of `out` (m, n) that are in doubt, with `doubts` (m,) as `correct_grid` leaves it.
 
     `memory`, of the method's size, and `record`, the (times, states, dense) of a few steps, are scratch. Where the run
-    fails, what was read stays. Returns the ledger's FINISHED, or LOOPS_WANTED when the rest is to be landed on once
-    they are there; of what is done the doubt is taken.
+    fails, what was read stays.
     """
     n = states.shape[1]
     y = np.empty(n)
@@ -50,13 +50,23 @@ def land(program, p, rtol, atol, times, states, grid, doubts, out, counters, mem
                 program[ledger.METHOD], program, p, grid[j : j + 1], rtol, atol, MOST_STEPS,
                 y, rate, memory, spent, record[0], record[1], record[2],
             )  # fmt: skip
-        if code == ledger.LOOPS_WANTED:
-            return code
         if code == ledger.FINISHED:
             for i in range(n):
                 out[j, i] = y[i]
-        doubts[j] = READ
         counters[ledger.FIELD_CALLS] += spent[ledger.FIELD_CALLS]
-        counters[ledger.JACOBIAN_CALLS] += spent[ledger.JACOBIAN_CALLS]
-        counters[ledger.DECOMPOSITIONS] += spent[ledger.DECOMPOSITIONS]
-    return ledger.FINISHED
+
+
+@kernel
+def correct(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, counters, memory):
+    """Correct rows `begun` to `reached` - 1 of `out` (m, n), as `read_grid` has filled them, or land on their times.
+
+    `memory`, of the method's size, is scratch.
+    """
+    n = states.shape[1]
+    doubts = np.empty(grid.shape[0], np.int64)
+    if correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubts, counters):
+        record = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
+        land(
+            program, p, rtol, atol, times, states, grid[begun:reached], doubts[begun:reached], out[begun:reached],
+            counters, memory, record,
+        )  # fmt: skip

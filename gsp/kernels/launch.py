@@ -26,9 +26,8 @@ from gsp.kernels.addresses import call_method
 from gsp.kernels.borrowing import borrowed
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
-from gsp.kernels.corrections import correct_grid
-from gsp.kernels.grid import doubt_grid, read_grid
-from gsp.kernels.landing import LANDING_RECORD, land
+from gsp.kernels.grid import read_grid
+from gsp.kernels.landing import correct
 from gsp.kernels.scan import WATCHED, begins_clear, clear_of_zero, reach_start
 
 # Whole numbers: whether the run is begun, or y holds slow variables over which it is to begin; the bound on its
@@ -144,61 +143,26 @@ def _steps_made(head, steps, room):
 
 
 @kernel
-def read_room(check, room, grid, out):
-    """`grid.read_grid` from the record of a room: twice how many of `grid` (m,) are read, and 1 more where it looks."""
+def read_room(room, grid, out):
+    """`grid.read_grid` from the record of a room: how many of `grid` (m,) are read."""
     room, grid, out = borrowed(room), borrowed(grid), borrowed(out)
     head = room[:HEAD].view(np.int64)
     times, states, dense = _steps_made(head, room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS], room)
-    reached, looks = read_grid(check, room[RTOL], room[ATOL], times, states, dense, grid, 0, out)
-    return 2 * reached + (1 if looks else 0)
+    return read_grid(times, states, dense, grid, 0, out)
 
 
 @kernel
-def doubt_room(check, program, room, grid, doubts):
-    """`grid.doubt_grid` of the times `grid` (m,), all of which the record of a room reaches; counted in the room."""
-    room, grid, doubts = borrowed(room), borrowed(grid), borrowed(doubts)
+def read_explicit_room(program, room, grid, out):
+    """`read_room`, and `landing.correct`, counted in the room."""
+    program, room, grid, out = borrowed(program), borrowed(room), borrowed(grid), borrowed(out)
+    reached = read_room(room, grid, out)
     head = room[:HEAD].view(np.int64)
     counters = room[COUNTERS:GIVEN].view(np.int64)
     p = room[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
     times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
-    return doubt_grid(
-        check,
-        program,
-        p,
-        room[RTOL],
-        room[ATOL],
-        times,
-        states,
-        dense,
-        grid,
-        0,
-        grid.shape[0],
-        doubts,
-        counters,
-    )
-
-
-@kernel
-def read_explicit_room(check, program, room, grid, out, doubts):
-    """`read_room`, `corrections.correct_grid`, and `landing.land` on what is in doubt then: how many are read.
-
-    `doubts` (m,) is scratch. Methods whose output is corrected have what they call at once.
-    """
-    program, room, grid = borrowed(program), borrowed(room), borrowed(grid)
-    out, doubts = borrowed(out), borrowed(doubts)
-    reached, looks = divmod(read_room(check, room, grid, out), 2)
-    if looks:
-        head = room[:HEAD].view(np.int64)
-        counters = room[COUNTERS:GIVEN].view(np.int64)
-        n = head[STATES]
-        p = room[Y + n : Y + n + head[CONSTANTS]]
-        times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
-        if correct_grid(
-            program, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, reached, out, doubts, counters
-        ):
-            scratch = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
-            land(
-                program, p, room[RTOL], room[ATOL], times, states, grid[:reached], doubts[:reached], out[:reached],
-                counters, np.empty(head[MEMORY]), scratch,
-            )  # fmt: skip
+    if dense.shape[0] > 0:
+        correct(
+            program, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, reached, out, counters,
+            np.empty(head[MEMORY]),
+        )  # fmt: skip
     return reached

@@ -20,10 +20,10 @@ FAILURE_FACTOR = 0.1
 # A first round counts as contracting by this at best, whatever the step before did: by 1e-12 in a transient where only
 # linear terms act, and not at all in the next step, where slow variables move on and fast ones follow a round late.
 # Without it fast variables were off by up to 170 tolerances. `radau.ITERATION_SHARE` is 0.002: a single round is then
-# believed for ten tolerances with three stages, and for two with more, whose steps are longer. With 2e-4 for all, 7 of
-# 2610 runs of twenty problems ended 2 to 6 tolerances off and now and then one 13 to 16, as BLAS decided; now none by
-# more than one. RADAU9 takes 1 % more calls of the field for it and RADAU13 11 % fewer; RADAU5 would take 6 % more.
-UNPROVEN_OF_THREE, UNPROVEN = 2e-4, 1e-3
+# believed for two tolerances. With 2e-4, 7 of 2610 runs of twenty problems ended 2 to 6 tolerances off and now and then
+# one 13 to 16, as BLAS decided; now none by more than one. RADAU9 takes 1 % more calls of the field for it and RADAU13
+# 11 % fewer.
+UNPROVEN = 1e-3
 
 GOING_ON = 0
 CONVERGED = 1
@@ -33,14 +33,14 @@ UNDEFINED = 3
 
 @kernel
 def most_rounds(stages):
-    """7, 12, 17, as in RADAU."""
+    """12, 17, as in RADAU."""
     return 7 + 5 * (stages - 3) // 2
 
 
 @kernel
-def opening(contraction, stages):
+def opening(contraction):
     """What `judge` takes before the first round, from what the step before left."""
-    return 0.0, 0.0, max(contraction**0.8, UNPROVEN if stages > 3 else UNPROVEN_OF_THREE)
+    return 0.0, 0.0, max(contraction**0.8, UNPROVEN)
 
 
 @kernel

@@ -44,7 +44,7 @@ def _guess(memory, step, z):
     width = width_of(stages)
     length = memory[LENGTH]
     for a in range(stages):
-        r = 0.0 if length == 0.0 else -NODES[(stages - 3) // 2, a] * step / length
+        r = 0.0 if length == 0.0 else -NODES[(stages - 5) // 2, a] * step / length
         s = 1.0 - r
         for i in range(n):
             total = 0.0
@@ -61,7 +61,7 @@ def _multiply(matrices, x, out):
         for i in range(n):
             out[a, i] = 0.0
         for q in range(stages):
-            factor = matrices[(stages - 3) // 2, a, q]
+            factor = matrices[(stages - 5) // 2, a, q]
             for i in range(n):
                 out[a, i] += factor * x[q, i]
 
@@ -73,7 +73,7 @@ def _round(field, pattern, p, t, step, y, weight, system, z, f, w, value, b, rig
     The residual is h A F - Z, not multiplied by A^-1: the rises are then exact to rounding.
     """
     stages, n = z.shape
-    family = (stages - 3) // 2
+    family = (stages - 5) // 2
     for a in range(stages):
         for i in range(n):
             w[a, i] = y[i] + z[a, i]
@@ -103,7 +103,7 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
     that is slaved is not: the largest first term left out. The terms fall off like a geometric series.
     """
     stages, n = coefficients.shape
-    family = (stages - 3) // 2
+    family = (stages - 5) // 2
     total = 0.0
     largest = 0.0
     for i in range(n):
@@ -111,13 +111,12 @@ def _errors(estimate, coefficients, y, y_new, rtol, atol):
         total += (estimate[i] * weight) ** 2
         last = LARGEST_FACTORS[family, 3] * abs(coefficients[stages - 2, i])
         before = LARGEST_FACTORS[family, 2] * abs(coefficients[stages - 3, i])
-        if stages > 3:
-            # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
-            last = max(last, before)
-            before = max(
-                LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 4, i]),
-                LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 5, i]),
-            )
+        # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
+        last = max(last, before)
+        before = max(
+            LARGEST_FACTORS[family, 1] * abs(coefficients[stages - 4, i]),
+            LARGEST_FACTORS[family, 0] * abs(coefficients[stages - 5, i]),
+        )
         # Not last^2, which overflows from 1e154 on.
         term = last * (last / before) if last < before else last
         largest = max(largest, term * weight)
@@ -134,7 +133,7 @@ def attempt_by_loops(
     """
     rtol, atol, tolerance, gap_share = control
     n = y.shape[0]
-    family = (stages - 3) // 2
+    family = (stages - 5) // 2
     z = np.empty((stages, n))
     f = np.empty((stages, n))
     w = np.empty((stages, n))
@@ -169,7 +168,7 @@ def attempt_by_loops(
     for i in range(n):
         weight[i] = 1.0 / (atol + rtol * abs(y[i]))
     most = most_rounds(stages)
-    now = opening(memory[CONTRACTION], stages)
+    now = opening(memory[CONTRACTION])
     verdict = GOING_ON
     factor = FAILURE_FACTOR
     rounds = 0

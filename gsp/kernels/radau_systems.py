@@ -116,7 +116,7 @@ def decompose(jacobian, step, family, pattern, pivots, complex_pivots):
 @kernel
 def _solve_dense(step, system, f, value, b):
     stages, n = f.shape
-    family = (stages - 3) // 2
+    family = (stages - 5) // 2
     real, complexes, _, pivots, complex_pivots = system
     for i in range(n):
         value[i] = f[0, i] * EIGENVALUES[family, 0].real / step
@@ -136,7 +136,7 @@ def _solve_dense(step, system, f, value, b):
 @kernel
 def _solve_sparse(pattern, step, quads, f, b):
     stages, n = f.shape
-    family, pairs = (stages - 3) // 2, stages // 2
+    family, pairs = (stages - 5) // 2, stages // 2
     for m in range(LANES):
         own = m if m <= pairs else 0
         twist = EIGENVALUES[family, own] / step

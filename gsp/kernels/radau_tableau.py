@@ -1,4 +1,4 @@
-"""Coefficients of the Radau IIA methods with 3, 5 and 7 stages: collocation of order 5, 9 and 13, L-stable.
+"""Coefficients of the Radau IIA methods with 5 and 7 stages: collocation of order 9 and 13, L-stable.
 
 E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, sections IV.5 and IV.8,
 and Stiff differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999), 93-111. The nodes
@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 
-# By family, stages = 3 + 2 family; all is padded with zeros to one width.
-STAGES = (3, 5, 7)
+# By family, stages = 5 + 2 family; all is padded with zeros to one width.
+STAGES = (5, 7)
 WIDTH = 8
-# The stage at whose guess the field is linearised, by family. One earlier a run takes up to 3 % less work (with three
-# stages 12 %), but ends with more of the iteration's error: of 275 runs by RADAU9 28 are above 3 tolerances for 13.
-LINEARISED = np.array([2, 3, 5])
+# The stage at whose guess the field is linearised, by family. One earlier a run takes up to 3 % less work,
+# but ends with more of the iteration's error: of 275 runs by RADAU9 28 are above 3 tolerances for 13.
+LINEARISED = np.array([3, 5])
 
 _NODES = [
-    [0.1550510257216822, 0.6449489742783178, 1.0],
     [0.05710419611451768, 0.2768430136381238, 0.5835904323689168, 0.8602401356562195, 1.0],
     [
         0.029316427159784893,
@@ -33,11 +32,6 @@ _NODES = [
 ]
 
 _MATRICES = [
-    [
-        [0.1968154772236604, -0.06553542585019839, 0.02377097434822015],
-        [0.3944243147390873, 0.2920734116652285, -0.04154875212599793],
-        [0.37640306270046725, 0.5124858261884216, 0.1111111111111111],
-    ],
     [
         [
             0.07299886431790333,
@@ -136,18 +130,18 @@ _MATRICES = [
     ],
 ]
 
-NODES = np.zeros((3, WIDTH))
-A = np.zeros((3, WIDTH, WIDTH))
+NODES = np.zeros((2, WIDTH))
+A = np.zeros((2, WIDTH, WIDTH))
 # A^-1 = T diag(EIGENVALUES) T^-1 with one real eigenvalue, first, and conjugate pairs, of which one is kept. A
 # pair takes two columns of T, Re v and -Im v, so that with w = w1 + i w2 the part of Z is Re(v w); v ends in 1.
-EIGENVALUES = np.zeros((3, 4), dtype=complex)
-T = np.zeros((3, WIDTH, WIDTH))
-T_INVERSE = np.zeros((3, WIDTH, WIDTH))
+EIGENVALUES = np.zeros((2, 4), dtype=complex)
+T = np.zeros((2, WIDTH, WIDTH))
+T_INVERSE = np.zeros((2, WIDTH, WIDTH))
 # Coefficients c_1, c_2, ... of `interpolate_many` for the collocation polynomial, from the stages' rises Z, and
 # for the polynomial of one degree more that is 0 at both ends, has the slope 1 at the start, and is flat at the
 # nodes.
-DENSE = np.zeros((3, WIDTH, WIDTH))
-DEFECT = np.zeros((3, WIDTH))
+DENSE = np.zeros((2, WIDTH, WIDTH))
+DEFECT = np.zeros((2, WIDTH))
 
 
 def _nest(x: np.ndarray, count: int) -> np.ndarray:
@@ -187,13 +181,10 @@ for _family, _stages in enumerate(STAGES):
     _fill(_family, _stages)
 
 # The largest values on (0, 1) of the factors of the polynomial's last four coefficients, x^a (1-x)^b with a + b =
-# stages - 3 to stages, a = b or b + 1: they come at x = a/(a+b). With three stages there are but the last two.
+# stages - 3 to stages, a = b or b + 1: they come at x = a/(a+b).
 LARGEST_FACTORS = np.array(
     [
-        [
-            (a / max(a + b, 1)) ** a * (b / max(a + b, 1)) ** b
-            for a, b in ((m - 1, m - 1), (m, m - 1), (m, m), (m + 1, m))
-        ]
-        for m in (1, 2, 3)
+        [(a / (a + b)) ** a * (b / (a + b)) ** b for a, b in ((m - 1, m - 1), (m, m - 1), (m, m), (m + 1, m))]
+        for m in (2, 3)
     ]
 )

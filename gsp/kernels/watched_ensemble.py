@@ -21,7 +21,7 @@ def begin_members(functions, constants, first, starts, signs, clear):
 
 @kernel
 def run_watched_members(
-    check, program, constants, first, stops, grid, control, tests, low, high, halt,
+    corrects, program, constants, first, stops, grid, control, tests, low, high, halt,
     ends, reached, kept, counters, codes, ordinary, rate, memory, record,
 ):  # fmt: skip
     """`ensemble.run_members`, each record of steps looked at by `clear_of_zero` as it is full.
@@ -51,7 +51,7 @@ def run_watched_members(
                 program, constants[i], stops, control, ends[i], rate, memory, counters[i], record
             )
             before = ensemble.keep(
-                check,
+                corrects,
                 program,
                 constants[i],
                 control,

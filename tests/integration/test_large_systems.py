@@ -11,7 +11,7 @@ from gsp.lowering import compiled_flow
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.steps import flow_code
 
-STIFF = (Method.RADAU5, Method.RADAU9, Method.RADAU13)
+STIFF = (Method.RADAU9, Method.RADAU13)
 A, B = 1, 3
 CELLS = 24
 

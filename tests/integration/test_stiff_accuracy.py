@@ -21,7 +21,7 @@ from gsp.systems.system import VectorField
 from tests.cases import crossed
 
 x, y, z, u, v = sp.symbols("x y z u v")
-STIFF = [Method.RADAU5, Method.RADAU9, Method.RADAU13]
+STIFF = [Method.RADAU9, Method.RADAU13]
 # (rates, slow solution by time and start), for slow variables alone.
 DECAY = ({x: -x}, lambda t, s: {x: s[x] * np.exp(-t)})
 LOGISTIC = ({x: x * (1 - x)}, lambda t, s: {x: s[x] / (s[x] + (1 - s[x]) * np.exp(-t))})
@@ -126,7 +126,7 @@ PROBLEMS = {
     "spiral, stiffer": pair(10**7, 10, 0.5),
     "cascade": cascade(10**4),
 }
-TOLERANCES = [2.9e-4, 2e-4, 1e-4, 2e-5, 1e-6]
+TOLERANCES = [1e-3, 2.9e-4, 1e-4, 2e-5, 1e-6, 1e-8]
 
 
 def errors_of(problem: Problem, method: Method, rtol: float) -> tuple[float, float]:
@@ -150,12 +150,11 @@ def errors_of(problem: Problem, method: Method, rtol: float) -> tuple[float, flo
 
 
 @pytest.mark.parametrize(("name", "method"), crossed(PROBLEMS, STIFF))
-def test_ends_of_runs_of_stiff_problems_are_within_ten_tolerances(name: str, method: Method) -> None:
+def test_runs_of_stiff_problems_are_within_three_tolerances_at_their_end_and_between_their_steps(
+    name: str, method: Method
+) -> None:
     errors = {rtol: errors_of(PROBLEMS[name], method, rtol) for rtol in TOLERANCES}
-    assert max(end for end, _ in errors.values()) < 10, errors
-    if method is Method.RADAU9:
-        # The default here. Dense output carries what the polynomial of a long step leaves out.
-        assert max(between for _, between in errors.values()) < 20, errors
+    assert max(max(both) for both in errors.values()) < 3, errors
 
 
 def test_loose_tolerances_are_met_over_an_output_grid_in_few_attempts() -> None:
@@ -178,9 +177,10 @@ def test_loose_tolerances_are_met_over_an_output_grid_in_few_attempts() -> None:
                 rejected += run.stats.rejected
                 calls += run.stats.field_calls
     assert len(worst) == 702
-    assert np.mean(np.array(worst) < 1) > 0.92
-    assert max(worst) < 5
-    assert rejected <= 45
+    assert np.mean(np.array(worst) < 1) > 0.98
+    assert max(worst) < 2
+    # Six in a thousand attempts; steps end where the polynomial does, which a longer one would overlook.
+    assert rejected <= 60
     assert calls < 93_000
 
 
@@ -193,7 +193,7 @@ def test_no_tolerance_is_an_unlucky_one(name: str, method: Method) -> None:
     assert worst < 1
 
 
-@pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13])
+@pytest.mark.parametrize("method", STIFF)
 def test_a_single_round_of_newton_is_believed_only_where_it_moves_little(method: Method) -> None:
     # Out of the transient x moves on and y follows one round late: in the transient, where only y moves and is linear,
     # the iteration contracts by 1e-12, which says nothing about the first long step.

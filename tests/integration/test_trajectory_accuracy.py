@@ -170,7 +170,7 @@ def test_a_constant_field_is_integrated_exactly_in_a_few_steps(method):
 
 # Tight tolerances: Radau IIA
 
-RADAU = pytest.mark.parametrize("method", [Method.RADAU5, Method.RADAU9, Method.RADAU13])
+RADAU = pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 ROBERTSON = {
     x: -sp.Rational(1, 25) * x + 10**4 * y * z,
     y: sp.Rational(1, 25) * x - 10**4 * y * z - 3 * 10**7 * y**2,
@@ -237,7 +237,7 @@ def test_dense_output_of_a_slaved_variable(method, most):
         assert np.abs(trajectory.at(t)[0] - np.cos(t)).max() < most * rtol
 
 
-@pytest.mark.parametrize("method", list(Method)[:3])
+@pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 def test_a_decay_at_a_rate_of_1e12_is_damped_at_once(method):
     decay = VectorField({x: -(10**12) * x}, epsilon=None)
     trajectory = integrate(decay, start={"x": 1}, span=(0, 1), method=method)
@@ -248,7 +248,7 @@ def test_a_decay_at_a_rate_of_1e12_is_damped_at_once(method):
 @RADAU
 def test_the_work_of_radau_grows_with_its_order_in_the_tolerance(method):
     """Each attempt costs one Jacobian, and a tenth of the tolerance 10^(1/(stages + 2)) as many steps."""
-    stages = {Method.RADAU5: 3, Method.RADAU9: 5, Method.RADAU13: 7}[method]
+    stages = {Method.RADAU9: 5, Method.RADAU13: 7}[method]
     tolerances = np.array([1e-6, 1e-8, 1e-10, 1e-12])
     steps = []
     for rtol in tolerances:

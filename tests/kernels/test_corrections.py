@@ -12,8 +12,8 @@ from numpy.polynomial import polynomial
 from gsp.integration.methods import Method
 from gsp.integration.trajectory import integrate
 from gsp.kernels import corrections, ledger
+from gsp.kernels.corrections import READ
 from gsp.kernels.dop853_tableau import DENSE, DENSE_ROWS, EXTENDED_STAGES, STAGES, A
-from gsp.kernels.grid import READ
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.system import VectorField
 

@@ -65,11 +65,11 @@ def test_four_complex_systems_have_the_solutions_of_lapack(name):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-@pytest.mark.parametrize("stages", [3, 5, 7])
+@pytest.mark.parametrize("stages", [5, 7])
 @pytest.mark.parametrize("is_sparse", [True, False])
 def test_the_systems_of_a_family_are_solved_with_their_eigenvalues(name, stages, is_sparse):
     jacobian = example(name)
-    n, pairs, family, step = len(jacobian), stages // 2, (stages - 3) // 2, 0.8
+    n, pairs, family, step = len(jacobian), stages // 2, (stages - 5) // 2, 0.8
     entries, pattern = sparse(jacobian) if is_sparse else (jacobian.ravel(), EMPTY)
     pivots, complex_pivots = np.empty(n, np.int64), np.empty((pairs, n), np.int64)
     regular, real, complexes, quads = decompose(entries, step, family, pattern, pivots, complex_pivots)
@@ -131,12 +131,12 @@ def test_where_the_fixed_pivots_cannot_be_used_rows_are_exchanged(shift):
     assert np.array_equal(whole, factors)
 
 
-@pytest.mark.parametrize("family", [0, 1, 2])
+@pytest.mark.parametrize("family", [0, 1])
 def test_rows_may_grow_in_columns_that_outweigh_them(family):
     """z -> x at 1e4 and x -> y at 1e-4: the row of y grows by 4e5, and no column does."""
     jacobian = np.array([[-1e-4, 0.0, 1e4], [1e-4, -1e-3, 0.0], [0.0, 1e-3, -1e4]])
     entries, pattern = sparse(jacobian)
-    pivots, complex_pivots, step = np.empty(3, np.int64), np.empty((family + 1, 3), np.int64), 1e3
+    pivots, complex_pivots, step = np.empty(3, np.int64), np.empty((family + 2, 3), np.int64), 1e3
     regular, factors = decompose_shifted(entries, 1.0 / step, pattern, 3, pivots)
     assert regular
     assert factors.shape == (1, pattern[FACTORS])

@@ -515,7 +515,7 @@ def test_a_passage_that_takes_too_many_digits_is_refused_with_the_epsilon_that_i
     assert least < 1.05 * 0.5 / 1980 / math.log(10)
 
 
-@pytest.mark.parametrize("method", thinned([Method.RADAU5, Method.RADAU9, Method.RADAU13], 2))
+@pytest.mark.parametrize("method", [Method.RADAU9, Method.RADAU13])
 def test_early_exits_of_runs_that_round_differently_lie_well_within_their_band(method: Method) -> None:
     # Starts moved by 1e-9 round differently all along, as another processor does.
     found = entry_exit(branch(SHISHKOVA), start={"t": -2})

@@ -65,7 +65,7 @@ class Collocation:
     @property
     def family(self) -> int:
         """Index into the tableau."""
-        return (self.stages - 3) // 2
+        return (self.stages - 5) // 2
 
     @property
     def width(self) -> int:
@@ -370,11 +370,10 @@ class _Writer:
             total = real.add_product(total, ratio, ratio)
             *earlier, before, last = (
                 builder.fmul(largest[4 - k], real.size(self.lane(c, code.stages - 1 - k)))
-                for k in range(4 if code.stages > 3 else 2, 0, -1)
+                for k in range(4, 0, -1)
             )
-            if earlier:
-                # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
-                last, before = real.largest([last, before]), real.largest(earlier)
+            # In pairs, since every second one vanishes where the solution is even or odd about a step's middle.
+            last, before = real.largest([last, before]), real.largest(earlier)
             falls = builder.fcmp_ordered("<", last, before)
             term = builder.select(falls, builder.fmul(last, builder.fdiv(last, before)), last)
             gaps.append(builder.fmul(term, weight))
