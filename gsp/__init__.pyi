@@ -112,5 +112,7 @@ from .systems.system import SlowFastSystem as SlowFastSystem
 from .systems.system import VectorField as VectorField
 from .time_scales.small_parameter import SmallParameter as SmallParameter
 from .time_scales.special_values import small_parameters as small_parameters
+from .time_scales.time_scales import TimeScales as TimeScales
+from .time_scales.time_scales import time_scales as time_scales
 
 __version__: str

@@ -214,6 +214,10 @@ BEHIND = {"x": -0.5, "y": 0.1}
 
 CONTRACTS = {
     "split": Contract(("VectorField", "SlowFastSystem"), van_der_pol, dict),
+    "time_scales": Contract(
+        (*FLOWS, "Scene"), systems.michaelis_menten,
+        lambda: {"start": ENZYME, "span": (0.0, 1.0), "epsilon": 0.01},
+    ),
     "small_parameters": Contract(
         ("VectorField",), lambda: gsp.VectorField({x: z * (y - x), y: x - 2 * y}, epsilon=None, parameters={z: 2}),
         dict, {"dimensions": kind(inside=kind()), "vanishing": NAMES_OR_NONE, "kept": NAMES_OR_NONE},

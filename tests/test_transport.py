@@ -146,6 +146,11 @@ CASES: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "SlowFastSystem": (made.van_der_pol, lambda n: hash(n) and n.with_parameters().rates),
     "SlowPoints": (lambda: gsp.zero_derivative(made.branch(), x={"s": 0.5}, epsilon=0.01), lambda n: n.y),
     "SlowTube": (lambda: gsp.certify(made.series(), region=BOX, epsilon=0.001), str),
+    "TimeScales": (
+        lambda: gsp.time_scales(systems.michaelis_menten(), start={"s": 1.0, "c": 0.0}, span=(0.0, 1.0), epsilon=0.01,
+                                at=[0.0, 0.5, 1.0]),
+        lambda n: (n.rates, n.exhausted, n.pointers, n.participation),
+    ),
     "SmallParameter": (
         lambda: next(iter(gsp.small_parameters(gsp.VectorField({x: a * (y - x), y: x - 2 * y}, epsilon=None,
                                                                parameters={a: 2})))),

@@ -25,6 +25,7 @@ from gsp.charts.proofs import has_boxes, proof
 from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
 from gsp.charts.runs import periodic_orbit, spread, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
+from gsp.charts.scales import time_scales
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
@@ -76,6 +77,7 @@ __all__ = [
     "spread",
     "surroundings",
     "switches",
+    "time_scales",
     "time_series",
     "trajectory",
     "view",

@@ -28,14 +28,35 @@ if TYPE_CHECKING:
 )
 @json_option
 def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool) -> None:
-    """Find the time scales of MODEL, with or without a small parameter."""
-    if not parameters:
-        raise DeclarationError("gsp scales asks which parameters may be small.", "Add --parameters.")
-    from gsp.systems.system import without_epsilon
+    """Find the time scales of MODEL along its run, with or without a small parameter.
+
+    The time scales of the modes, fastest first, how many of them are exhausted, and the gap to the next.
+    """
+    if parameters:
+        _tell_parameters(scene, keep, as_json)
+        return
+    if keep:
+        raise DeclarationError("--keep says which parameters do not vanish.", "Add --parameters.")
+    from gsp.time_scales.time_scales import time_scales
+
+    with progress_bar("time scales") as show:
+        found = time_scales(scene, progress=show)
+    check_interrupt()
+    if as_json:
+        print_json(found.as_json())
+        return
+    click.echo(str(found))
+
+
+def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None:
+    from gsp.scenes.small_parameter import without_small
+    from gsp.systems.system import VectorField
     from gsp.time_scales.special_values import small_parameters
 
+    field = without_small(scene).system
+    assert isinstance(field, VectorField)
     with progress_bar("special values") as show:
-        found = small_parameters(without_epsilon(scene.system, scene.epsilon), kept=keep, progress=show)
+        found = small_parameters(field, kept=keep, progress=show)
     check_interrupt()
     if as_json:
         print_json(

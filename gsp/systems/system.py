@@ -212,22 +212,6 @@ class VectorField(_Declared, Card):
         return _card(self.name or "vector field", rows, self.parameters)
 
 
-def without_epsilon(flow: SlowFastSystem | VectorField, value: float | None) -> VectorField:
-    """The field with its small parameter among the others, at `value`; as it is where it has none."""
-    if isinstance(flow, VectorField) and flow.epsilon is None:
-        return flow
-    parameters = dict(flow.parameters)
-    if flow.epsilon is not None:
-        parameters[flow.epsilon] = sp.Rational(str(value))
-    return VectorField(
-        dict(zip(flow.states, flow.rates)),
-        epsilon=None,
-        parameters=parameters,
-        name=flow.name,
-        observables=flow.observables,
-    )
-
-
 def _freeze(target: object, **mappings: Mapping) -> None:
     for attribute, mapping in mappings.items():
         object.__setattr__(target, attribute, MappingProxyType(dict(mapping)))

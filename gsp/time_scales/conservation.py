@@ -1,0 +1,77 @@
+"""What a flow is made of: its terms as reactions, and the linear combinations of states that none of them changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import flint
+import numpy as np
+import sympy as sp
+
+from gsp.algebra.polynomials import rational
+from gsp.algebra.rational_matrices import null_space
+from gsp.algebra.substitution import substituted
+from gsp.systems.flow import Flow
+from gsp.time_scales.modes import Coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """z' = S R: `rates` R (k expressions), none a rational multiple of another, and `stoichiometry` S (n, k), exact."""
+
+    rates: tuple[sp.Expr, ...]
+    stoichiometry: flint.fmpq_mat
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """S in doubles."""
+        rows = self.stoichiometry.table()
+        return np.array([[float(entry.p) / float(entry.q) for entry in row] for row in rows]).reshape(
+            len(rows), len(self.rates)
+        )
+
+
+def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
+    """The terms of `rates`, those that differ by a rational factor taken together: k e s in one rate, -2 k e s in another.
+
+    Positive where they enter with one sign: a term that only consumes has a negative column.
+    """
+    places: dict[sp.Expr, int] = {}
+    entries: list[tuple[int, int, sp.Rational]] = []
+    for i, rate in enumerate(rates):
+        for term in sp.Add.make_args(sp.expand_mul(rate)):
+            factor, rest = term.as_coeff_Mul(rational=True)
+            if factor != 0:
+                entries.append((i, places.setdefault(rest, len(places)), factor))
+    matrix = flint.fmpq_mat(len(rates), max(len(places), 1))
+    for i, j, factor in entries:
+        matrix[i, j] += flint.fmpq(int(factor.p), int(factor.q))
+    return Reactions(tuple(places) or (sp.Integer(0),), matrix)
+
+
+def conserved_by(flow: Flow) -> tuple[Coordinates, tuple[sp.Expr, ...]]:
+    """Coordinates across the linear combinations of states that no term of the flow changes, and these combinations.
+
+    At the values of the parameters.
+    """
+    values = {**flow.parameters, **flow.fixed}
+    found = reactions_of([substituted(rate, values) for rate in flow.rates])
+    n = len(flow.states)
+    basis = null_space(found.stoichiometry.transpose())
+    m = len(basis)
+    if not m:
+        return Coordinates(np.zeros((0, n)), np.arange(n), np.eye(n)), ()
+    echelon, _ = flint.fmpq_mat(m, n, [entry for law in basis for entry in law]).rref()
+    rows = echelon.table()
+    matrix = np.array([[float(entry.p) / float(entry.q) for entry in row] for row in rows])
+    # Each law gives the state in which its row begins.
+    bound = [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
+    free = np.setdiff1d(np.arange(n), bound)
+    embedding = np.zeros((n, n - m))
+    embedding[free, np.arange(n - m)] = 1.0
+    embedding[bound] = -matrix[:, free]
+    laws = tuple(
+        sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0]) for row in rows
+    )
+    return Coordinates(matrix, free, embedding), laws
