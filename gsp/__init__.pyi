@@ -70,6 +70,10 @@ from .readers import load as load
 from .readers import save as save
 from .report import write_report as write_report
 from .results.progress import progress_bar as progress_bar
+from .scales.small_parameter import SmallParameter as SmallParameter
+from .scales.special_values import small_parameters as small_parameters
+from .scales.time_scales import TimeScales as TimeScales
+from .scales.time_scales import time_scales as time_scales
 from .scenes.scene import Scene as Scene
 from .scenes.small_parameter import take_fast as take_fast
 from .scenes.small_parameter import take_small as take_small
@@ -110,9 +114,5 @@ from .sweeps.sweep import Sweep as Sweep
 from .sweeps.sweep import sweep as sweep
 from .systems.system import SlowFastSystem as SlowFastSystem
 from .systems.system import VectorField as VectorField
-from .time_scales.small_parameter import SmallParameter as SmallParameter
-from .time_scales.special_values import small_parameters as small_parameters
-from .time_scales.time_scales import TimeScales as TimeScales
-from .time_scales.time_scales import time_scales as time_scales
 
 __version__: str

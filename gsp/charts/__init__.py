@@ -25,10 +25,10 @@ from gsp.charts.proofs import has_boxes, proof
 from gsp.charts.relaxation import mixed_mode, relaxation, singular_orbit
 from gsp.charts.runs import periodic_orbit, spread, trajectory
 from gsp.charts.sampling import heading_of, shape, slow_ends
-from gsp.charts.scales import time_scales
 from gsp.charts.spectrum import eigenvalues, has_constant_eigenvalues
 from gsp.charts.style import check_chart_name, drawn, png, save
 from gsp.charts.switching import switches
+from gsp.charts.time_scales import time_scales
 from gsp.charts.views import view
 from gsp.charts.work_curves import work_precision
 from gsp.critical.continuation.critical_sheet import CriticalSheet

@@ -12,8 +12,8 @@ from gsp.cli.telling import check_interrupt, print_json, progress_bar
 from gsp.errors import DeclarationError
 
 if TYPE_CHECKING:
+    from gsp.scales.small_parameter import SmallParameter
     from gsp.scenes.scene import Scene
-    from gsp.time_scales.small_parameter import SmallParameter
 
 
 @cli.command()
@@ -37,7 +37,7 @@ def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool)
         return
     if keep:
         raise DeclarationError("--keep says which parameters do not vanish.", "Add --parameters.")
-    from gsp.time_scales.time_scales import time_scales
+    from gsp.scales.time_scales import time_scales
 
     with progress_bar("time scales") as show:
         found = time_scales(scene, progress=show)
@@ -49,9 +49,9 @@ def scales(scene: Scene, parameters: bool, keep: tuple[str, ...], as_json: bool)
 
 
 def _tell_parameters(scene: Scene, keep: tuple[str, ...], as_json: bool) -> None:
+    from gsp.scales.special_values import small_parameters
     from gsp.scenes.small_parameter import without_small
     from gsp.systems.system import VectorField
-    from gsp.time_scales.special_values import small_parameters
 
     field = without_small(scene).system
     assert isinstance(field, VectorField)

@@ -35,7 +35,8 @@ def test_what_is_a_table_or_a_grid_is_tabular() -> None:
     assert set(TABULAR) == {
         "CanardOrbits", "Choice", "Comparison", "CompositeSolution", "CriticalCurve", "CriticalSheet",
         "Ensemble", "FailureMap", "FoldCurve", "FoldPassage", "MethodTable", "MixedMode", "SingularOrbit",
-        "OrbitFamily", "PeriodicOrbit", "SampledManifold", "Simulation", "SlowPoints", "TimeScales", "Trajectory", "WorkPrecision",
+        "OrbitFamily", "PeriodicOrbit", "SampledManifold", "Simulation", "SlowPoints", "TimeScales", "Trajectory",
+        "WorkPrecision",
     }  # fmt: skip
 
 

@@ -12,8 +12,8 @@ import sympy as sp
 from gsp.algebra.polynomials import rational
 from gsp.algebra.rational_matrices import null_space
 from gsp.algebra.substitution import substituted
+from gsp.scales.modes import Coordinates
 from gsp.systems.flow import Flow
-from gsp.time_scales.modes import Coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +33,7 @@ class Reactions:
 
 
 def reactions_of(rates: Sequence[sp.Expr]) -> Reactions:
-    """The terms of `rates`, those that differ by a rational factor taken together: k e s in one rate, -2 k e s in another.
-
-    Positive where they enter with one sign: a term that only consumes has a negative column.
-    """
+    """The terms of `rates`; those that differ by a rational factor are one, k e s and -2 k e s."""
     places: dict[sp.Expr, int] = {}
     entries: list[tuple[int, int, sp.Rational]] = []
     for i, rate in enumerate(rates):
@@ -72,6 +69,7 @@ def conserved_by(flow: Flow) -> tuple[Coordinates, tuple[sp.Expr, ...]]:
     embedding[free, np.arange(n - m)] = 1.0
     embedding[bound] = -matrix[:, free]
     laws = tuple(
-        sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0]) for row in rows
+        sp.Add(*[rational(entry) * state for entry, state in zip(row, flow.states) if entry != 0])
+        for row in rows
     )
     return Coordinates(matrix, free, embedding), laws

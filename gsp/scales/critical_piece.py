@@ -17,8 +17,8 @@ import sympy as sp
 from gsp.algebra.polynomials import primitive_multiple
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
-from gsp.time_scales.polynomial_field import Fraction, PolynomialField, Ray
-from gsp.time_scales.triangular_sets import Polynomial, TriangularSet
+from gsp.scales.polynomial_field import Fraction, PolynomialField, Ray
+from gsp.scales.triangular_sets import Polynomial, TriangularSet
 
 
 class CriticalPiece:

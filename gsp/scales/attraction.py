@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
-from gsp.time_scales.critical_piece import CriticalPiece, determinant
-from gsp.time_scales.triangular_sets import (
+from gsp.scales.critical_piece import CriticalPiece, determinant
+from gsp.scales.triangular_sets import (
     Polynomial,
     TriangularSet,
     coefficients_in,

@@ -22,10 +22,10 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
+from gsp.scales.conservation import Reactions, conserved_by, reactions_of
+from gsp.scales.modes import Modes, modes_of
 from gsp.systems.arguments import check_flag, check_noun, check_positive, check_progress
 from gsp.systems.flow import Flow, Point, Question, frozen
-from gsp.time_scales.conservation import Reactions, conserved_by, reactions_of
-from gsp.time_scales.modes import Modes, modes_of
 
 # Times at which a flow is looked at unless the caller says at which, and products of a matrix that these may take.
 POINTS, FEWEST, PRODUCTS = 200, 16, 2e9
@@ -81,13 +81,15 @@ class TimeScales(Drawn, Tabular):
         tau = self.times
         for i, most in enumerate(self.exhausted):
             ends = _ends(self.groups[i])
-            wide = [m for m in ends[ends <= most] if m < tau.shape[1] and tau[i, m] >= SEPARATION * tau[i, m - 1]]
+            wide = [
+                m for m in ends[ends <= most] if m < tau.shape[1] and tau[i, m] >= SEPARATION * tau[i, m - 1]
+            ]
             found[i] = max(wide, default=0)
         return frozen(found)
 
     @cached_property
     def separates_from(self) -> float | None:
-        """The time from which on, to the end, some modes are exhausted and ten times as fast; None for no separation."""
+        """The time from which on to the end some modes are exhausted and ten times as fast; None if there is none."""
         without = np.flatnonzero(self.separated == 0)
         first = 0 if not without.size else int(without[-1]) + 1
         return None if first >= len(self.t) else float(self.t[first])
@@ -164,7 +166,11 @@ class TimeScales(Drawn, Tabular):
         least = int(counts.min())
         i = len(self.t) - 1
         gap = float(self.times[i, self.separated[i]] / self.times[i, self.separated[i] - 1])
-        ratio = "by any factor: nothing else moves" if not np.isfinite(gap) else f"{gap:.3g} times as fast as the rest"
+        ratio = (
+            "by any factor: nothing else moves"
+            if not np.isfinite(gap)
+            else f"{gap:.3g} times as fast as the rest"
+        )
         return (
             f"From t = {start:.3g} on {least} or more of {self.rates.shape[1]} modes are exhausted; at the end "
             f"{self.separated[i]}, {ratio}. Fast there: {', '.join(self.fast(i))}."
@@ -212,7 +218,7 @@ def time_scales(
     1
     """
     if isinstance(flow, Question):
-        flow, start, span, epsilon = flow.asked(start, span, epsilon)
+        flow, start, span, epsilon = flow.setting(start, span, epsilon)
     check_noun(flow, Flow, verb="time_scales")
     if start is None or span is None:
         missing = "start" if start is None else "span"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 import sympy as sp
+from gsp.time_scales import special_values
 
 from gsp.errors import DeclarationError, Status
-from gsp.time_scales import special_values
-from gsp.time_scales.special_values import small_parameters
-from tests.time_scales.fields import (
+from gsp.scales.special_values import small_parameters
+from tests.scales.fields import (
     H,
     alpha,
     beta,

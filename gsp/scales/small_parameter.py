@@ -11,10 +11,10 @@ import sympy as sp
 
 from gsp.errors import Status
 from gsp.results.card import Card
+from gsp.scales.attraction import attracts, has_positive_points
+from gsp.scales.critical_piece import CriticalPiece
 from gsp.systems.flow import Portable
 from gsp.systems.system import VectorField
-from gsp.time_scales.attraction import attracts, has_positive_points
-from gsp.time_scales.critical_piece import CriticalPiece
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,8 +12,8 @@ from gsp.algebra.functions import are_rational, is_rational_node, require_rules
 from gsp.algebra.ring import LocalisedRing, read
 from gsp.algebra.ring_elements import RingElement
 from gsp.errors import HyperbolicityError
+from gsp.scales.triangular_sets import Polynomial, Variables
 from gsp.systems.system import VectorField
-from gsp.time_scales.triangular_sets import Polynomial, Variables
 
 # A polynomial as the list of its terms.
 Terms = list[tuple[tuple[int, ...], flint.fmpq]]

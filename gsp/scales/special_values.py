@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import sympy as sp
 
 from gsp.errors import BudgetError, DeclarationError, Status
+from gsp.scales.critical_piece import CriticalPiece
+from gsp.scales.polynomial_field import PolynomialField, Ray
+from gsp.scales.small_parameter import SmallParameter, SmallParameters
+from gsp.scales.triangular_sets import decomposed
 from gsp.systems.arguments import check_each, check_noun, check_progress, check_text, check_whole
 from gsp.systems.system import VectorField
-from gsp.time_scales.critical_piece import CriticalPiece
-from gsp.time_scales.polynomial_field import PolynomialField, Ray
-from gsp.time_scales.small_parameter import SmallParameter, SmallParameters
-from gsp.time_scales.triangular_sets import decomposed
 
 # Terms of all equations that are looked at: some 50 s.
 BUDGET = 2_000_000

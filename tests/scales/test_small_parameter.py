@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from gsp.scales.special_values import small_parameters
 from gsp.splitting.splitting import split
-from gsp.time_scales.special_values import small_parameters
-from tests.time_scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur
+from tests.scales.fields import field, michaelis_menten, mutualism, rosenzweig_macarthur
 
 x, y, z, a, b, k = sp.symbols("x y z a b k")
 

@@ -1,8 +1,8 @@
 """Modes of a Jacobian, fastest first: rates, and the directions a_r and covectors b^r in which they act.
 
-By the real Schur form, ordered by |lambda| and then made block diagonal, so that no eigenvector is formed where there is
-none: a complex pair is one mode of two dimensions, and rates that rounding does not tell apart share one subspace. Linear
-combinations of the states that the flow conserves have rate 0, and are taken out before anything is computed.
+By the real Schur form, ordered by |lambda| and then made block diagonal, so that no eigenvector is formed where there
+is none: a complex pair is one mode of two dimensions, and rates that rounding does not tell apart share one subspace.
+Linear combinations of states that the flow conserves have rate 0, and are taken out before anything is computed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Modes:
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates on a level of `laws` (m, n), L z = const: states `free` move by themselves, z' = `embedding` z_free'."""
+    """On a level of `laws` (m, n), L z = const, the states `free` move by themselves, and z' = `embedding` z_free'."""
 
     laws: np.ndarray
     free: np.ndarray
@@ -58,7 +58,9 @@ def modes_of(jacobian: np.ndarray, coordinates: Coordinates) -> Modes:
     m, n = coordinates.laws.shape
     if m:
         # The direction u of each law has J u = 0 and L u = 1: along it the level is left, and nothing else moves.
-        system = np.vstack([jacobian[coordinates.free], coordinates.laws])
+        rows = jacobian[coordinates.free]
+        size = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+        system = np.vstack([np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0), coordinates.laws])
         known = np.vstack([np.zeros((n - m, m)), np.eye(m)])
         still = np.linalg.lstsq(system, known, rcond=None)[0]
         onto = (np.eye(n) - still @ coordinates.laws)[coordinates.free]
@@ -136,7 +138,9 @@ def _decoupled(form: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarr
         if last == n:
             continue
         # T_gg R - R T_rest = -T_g,rest.
-        coupling, shrunk, _ = dtrsyl(form[first:last, first:last], form[last:, last:], -form[first:last, last:], isgn=-1)
+        coupling, shrunk, _ = dtrsyl(
+            form[first:last, first:last], form[last:, last:], -form[first:last, last:], isgn=-1
+        )
         across[first:last, last:] = (coupling / shrunk) @ across[last:, last:]
     return across, solve_triangular(across, np.eye(n), unit_diagonal=True, check_finite=False)
 
@@ -144,7 +148,7 @@ def _decoupled(form: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarr
 def _merged(form: np.ndarray, sizes: list[int], right: np.ndarray, left: np.ndarray) -> list[int]:
     """The sizes where those are joined whose eigenvalues rounding does not tell apart.
 
-    Rounding moves an eigenvalue by eps |T| |a| |b| / (b a) to first order, of a subspace by as much with its projection.
+    Rounding moves an eigenvalue by eps |T| |a| |b| / (b a) to first order, and those of a subspace by its projection.
     """
     values = _eigenvalues(form)
     rounding = len(form) * np.finfo(float).eps * np.linalg.norm(form)
@@ -158,7 +162,7 @@ def _merged(form: np.ndarray, sizes: list[int], right: np.ndarray, left: np.ndar
     group = np.repeat(np.arange(len(sizes)), sizes)
     apart = np.abs(values[:, None] - values)
     apart[group[:, None] == group] = np.inf
-    # Each with its nearest, and again: where vectors do not exist the reach is infinite, and says nothing of the others.
+    # Each with its nearest, and again: where vectors do not exist the reach is infinite, and says nothing of others.
     nearest = apart.argmin(axis=1)
     place = np.arange(len(form))
     joined = apart[place, nearest] <= reach + reach[nearest]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gsp.results.registry import Makers, charts, tables
 from gsp.results.table import Column, Table, complexes, constants_of, names_of, scalars, texts
-from gsp.time_scales.time_scales import TimeScales
+from gsp.scales.time_scales import TimeScales
 
 
 @tables.of(TimeScales)

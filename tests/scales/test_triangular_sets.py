@@ -5,7 +5,7 @@ from __future__ import annotations
 import flint
 import pytest
 
-from gsp.time_scales.triangular_sets import Variables, coefficients_in, decomposed, pseudo_remainder
+from gsp.scales.triangular_sets import Variables, coefficients_in, decomposed, pseudo_remainder
 
 context = flint.fmpq_mpoly_ctx.get(["x", "y", "z", "a", "b"], flint.Ordering.degrevlex)
 x, y, z, a, b = context.gens()

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gsp.charts.style import BLUE, INK, PALE, chart, legend
-from gsp.time_scales.time_scales import TimeScales
+from gsp.scales.time_scales import TimeScales
 
 
 @chart()
