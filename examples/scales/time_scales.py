@@ -2,7 +2,7 @@
 Time scales along a run
 =======================
 
-An enzyme, its substrate, their complex and the product, with all rates of order one and little enzyme. No parameter is
+An enzyme, its substrate, their complex and the product, and little enzyme. No parameter is
 said to be small. Two sums are conserved, and of the two modes that are left one is exhausted soon.
 """
 
@@ -12,7 +12,7 @@ import sympy as sp
 import gsp
 
 e, s, c, p = sp.symbols("e s c p")
-bind, leave, make = 50 * e * s, c, c
+bind, leave, make = 50 * e * s, 10 * c, c
 field = gsp.VectorField({e: -bind + leave + make, s: -bind + leave, c: bind - leave - make, p: make})
 scales = gsp.time_scales(field, start={"e": 0.05, "s": 1, "c": 0, "p": 0}, span=(0, 40))
 print(scales)
@@ -21,7 +21,7 @@ assert {str(law) for law in scales.conserved} == {"c + e", "c + p + s"}
 # %%
 # The rates are the eigenvalues of the two equations that are left: their sum is the trace.
 states = dict(zip("escp", scales.states.T))
-trace = -50 * states["s"] - 2 - 50 * states["e"]
+trace = -50 * states["s"] - 11 - 50 * states["e"]
 assert np.abs(scales.rates[:, :2].real.sum(axis=1) / trace - 1).max() < 1e-8
 
 # %%
