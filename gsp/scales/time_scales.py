@@ -25,7 +25,7 @@ from gsp.results.tabular import Tabular
 from gsp.scales.conservation import Reactions, conserved_by, reactions_of
 from gsp.scales.modes import Modes, modes_of
 from gsp.systems.arguments import check_flag, check_noun, check_positive, check_progress
-from gsp.systems.flow import Flow, Point, Question, frozen
+from gsp.systems.flow import Flow, Point, Portable, Question, frozen
 
 # Times at which a flow is looked at unless the caller says at which, and products of a matrix that these may take.
 POINTS, FEWEST, PRODUCTS = 200, 16, 2e9
@@ -35,7 +35,7 @@ SEPARATION = 10.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TimeScales(Drawn, Tabular):
+class TimeScales(Portable, Drawn, Tabular):
     """Rates and modes along a run at `t` (k,): `rates` (k, n), complex, fastest first; those of conserved sums are 0.
 
     `exhausted` (k,) is how many modes are exhausted, `gap` (k,) the ratio of the slowest of them to the next, 1 where
@@ -214,7 +214,7 @@ def time_scales(
     >>> x, y = sp.symbols("x y")
     >>> from gsp import VectorField
     >>> field = VectorField({x: -x, y: -100*(y - x)})
-    >>> time_scales(field, start={"x": 1, "y": 0}, span=(0, 1)).exhausted[-1]
+    >>> int(time_scales(field, start={"x": 1, "y": 0}, span=(0, 1)).exhausted[-1])
     1
     """
     if isinstance(flow, Question):
