@@ -113,7 +113,7 @@ def _eigenvalues(form: np.ndarray) -> np.ndarray:
 
 def _ordered(form: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The Schur form with the largest |lambda| first."""
-    from scipy.linalg.lapack import dtrexc
+    from scipy.linalg.lapack import dtrexc  # pyright: ignore[reportAttributeAccessIssue]
 
     place = 0
     while place < len(form):
@@ -128,7 +128,7 @@ def _ordered(form: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _decoupled(form: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(X, X^-1), unit upper triangular, with X^-1 T X block diagonal: a Sylvester equation for each block."""
     from scipy.linalg import solve_triangular
-    from scipy.linalg.lapack import dtrsyl
+    from scipy.linalg.lapack import dtrsyl  # pyright: ignore[reportAttributeAccessIssue]
 
     n = len(form)
     across = np.eye(n)

@@ -193,7 +193,7 @@ class TimeScales(Portable, Drawn, Tabular):
 
 
 def time_scales(
-    flow: Flow,
+    flow: Flow | Question,
     *,
     start: Point | None = None,
     span: tuple[float, float] | None = None,
@@ -269,7 +269,7 @@ def _exhausted(modes: Modes, force: np.ndarray, tolerance: np.ndarray) -> int:
     moved = np.cumsum(modes.right * amplitudes, axis=1)
     best = 0
     for m in modes.ends[:-1]:
-        if modes.rates[m - 1].real >= 0.0:
+        if np.real(modes.rates[m - 1]) >= 0.0:
             break
         after = abs(modes.rates[m])
         if after > 0.0 and (np.abs(moved[:, m - 1]) < tolerance * after).all():

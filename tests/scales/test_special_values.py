@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 import sympy as sp
-from gsp.time_scales import special_values
 
 from gsp.errors import DeclarationError, Status
+from gsp.scales import special_values
 from gsp.scales.special_values import small_parameters
 from tests.scales.fields import (
     H,
