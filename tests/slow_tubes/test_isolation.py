@@ -71,6 +71,24 @@ def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) 
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
+def test_what_the_fast_variables_do_to_the_slow_ones_counts_in_the_cones(sign: int) -> None:
+    # x' = y - x, epsilon y' = s (y - x) with epsilon = 1/4: epsilon x' = epsilon^2 z, epsilon z' = (s - epsilon) z, and
+    # 1 - s epsilon > epsilon^2 L is needed.
+    manifold = series({x: y - x}, {y: sign * (y - x)}, 0)
+    basis = AdaptedBasis(sp.eye(1), ((0,),), (sign,))
+    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.25, 0.25)), Tally(100))
+    for share, said in ((1.0 - NEAR, True), (1.0 + NEAR, False)):
+        assert tests.cones([1.0], share * (1.0 - sign * 0.25) * 16.0, 0.0) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_where_the_slow_flow_stands_still_it_neither_leaves_nor_enters(sign: int) -> None:
+    tests = line(sign)
+    tests.region = ((0.0, 1.0), (0.0, 0.25))
+    assert [tests.side(0, upper, [2.0]) for upper in (False, True)] == [0, sign]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
 def test_sides_are_those_of_the_slow_flow(sign: int) -> None:
     for rate in (-1, 1):
         found = line(sign, rate=rate)
@@ -103,6 +121,15 @@ def test_a_block_of_two_falls_as_its_symmetric_part() -> None:
     tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 0.0625)), Tally(100))
     for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
         assert tests.faces([share / 0.75]) is said
+
+
+@pytest.mark.parametrize(("p", "q"), [(3, 4), (0, 1), (4, -3)])
+def test_all_of_a_block_is_in_the_norm_of_its_residual(p: int, q: int) -> None:
+    manifold = series({x: -x}, {y: -y + p * x, z: -z + q * x}, 0)
+    basis = AdaptedBasis(sp.eye(2), ((0, 1),), (-1,))
+    tests = Isolation(Invariance(manifold, values={}), basis, ((-1.0, 1.0), (0.0, 0.0625)), Tally(100))
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert tests.faces([share * (p * p + q * q) ** 0.5]) is said
 
 
 def test_what_bends_in_the_tube_counts_in_the_cones() -> None:
