@@ -26,9 +26,10 @@ import sympy as sp
 
 import gsp
 from gsp.comparison.work_precision import _reference, _start
-from gsp.comparison.work_runs import ATOL_SHARE, largest_errors
+from gsp.comparison.work_runs import largest_errors
 from gsp.models import load
 from gsp.scenes.study import Study, study
+from gsp.scenes.tolerances import SHARE
 
 EXPLICIT = (
     "chaplygin_sleigh", "sleigh_from_lagrangian", "knife_edge", "nonholonomic_particle", "michaelis_menten",
@@ -130,7 +131,7 @@ class Rivals:
             ("default" if m is None else m.value, self.system, self.full_start, m) for m in METHODS
         ]
         self.options = {
-            rtol: {"span": self.span, "epsilon": self.epsilon, "rtol": rtol, "atol": ATOL_SHARE * rtol}
+            rtol: {"span": self.span, "epsilon": self.epsilon, "rtol": rtol, "atol": SHARE * rtol}
             for rtol in RTOLS
         }
         begun, ended = self.span

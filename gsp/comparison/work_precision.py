@@ -20,7 +20,6 @@ import numpy as np
 from gsp.comparison.comparison import layer_time, on_manifold, sense
 from gsp.comparison.peers import PEERS, Peer
 from gsp.comparison.work_runs import (
-    ATOL_SHARE,
     WorkCurve,
     WorkKind,
     full_tasks,
@@ -39,6 +38,7 @@ from gsp.results.drawn import Drawn
 from gsp.results.tabular import Tabular
 from gsp.scenes.scene import Scene
 from gsp.scenes.study import Study, study_of
+from gsp.scenes.tolerances import SHARE
 from gsp.slow.series import SeriesManifold
 from gsp.systems.arguments import check_each, check_number, check_positive, check_progress, shown
 from gsp.systems.flow import check_epsilon, check_orders
@@ -251,7 +251,7 @@ def _reference(
             span=(study.scene.span[0], float(grid[-1])),
             epsilon=epsilon,
             rtol=REFERENCE_RTOL,
-            atol=REFERENCE_RTOL * ATOL_SHARE,
+            atol=REFERENCE_RTOL * SHARE,
             at=grid,
             method=method,
         )

@@ -16,11 +16,10 @@ from gsp.integration.restriction import restrict
 from gsp.integration.trajectory import trajectory_of
 from gsp.lowering.compiled_flow import compile_flow, parameter_vector
 from gsp.scenes.study import Study
+from gsp.scenes.tolerances import SHARE
 from gsp.slow.series import SeriesManifold
 from gsp.systems.flow import Flow
 
-# atol is this share of rtol in every run: slow variables of size 1 are then controlled by rtol.
-ATOL_SHARE = 1e-2
 MAX_STEPS = 200_000
 # One measurement lasts at least so long (seconds); the least of ROUNDS counts. Runs above SLOW are timed once.
 MEASURED, ROUNDS, SLOW = 2e-3, 5, 0.2
@@ -129,7 +128,7 @@ def full_tasks(
             span=span,
             epsilon=epsilon,
             rtol=rtol,
-            atol=ATOL_SHARE * rtol,
+            atol=SHARE * rtol,
             method=method,
             max_steps=MAX_STEPS,
         )
@@ -173,7 +172,7 @@ def peer_tasks(
 
         def run(rtol: float, solve=solve, failures=failures) -> tuple[np.ndarray, int | None, int | None]:
             try:
-                found = solve(rtol, ATOL_SHARE * rtol)
+                found = solve(rtol, SHARE * rtol)
             except Exception as error:
                 failures[rtol] = _reason(error)
                 return np.full((len(system.x), grid.size), np.nan), None, None
@@ -210,7 +209,7 @@ def reduced_tasks(
                 span=(begin, float(grid[-1])),
                 epsilon=epsilon,
                 rtol=rtol,
-                atol=ATOL_SHARE * rtol,
+                atol=SHARE * rtol,
                 max_steps=MAX_STEPS,
             )
             if found.status is Status.SUCCESS:

@@ -13,7 +13,7 @@ from gsp.algebra.differentiation import entries, slopes, without_overflow
 from gsp.algebra.laurent import laurent
 from gsp.algebra.substitution import substituted
 from gsp.critical.branch import Branch
-from gsp.critical.sheet_points import Allowance, solve_each
+from gsp.critical.sheet_points import LARGE, Allowance, solve_each
 from gsp.critical.slow_metric import ROUNDING, frozen_rates, least_metric
 from gsp.critical.spectrum import eigenvalues, symmetrised
 from gsp.lowering.compiled_flow import compile_flow
@@ -23,9 +23,6 @@ from gsp.systems.region import ImageBox, Interval
 # Points per axis for one and two slow variables; a Sobol sequence of 2^SOBOL points beyond.
 GRID = {1: 257, 2: 33}
 SOBOL = 11
-# With more fast variables than this all eigenvalues of one sample take milliseconds: fewer samples are taken, and
-# between them the eigenvalues nearest to the axis are followed by shift and invert.
-LARGE = 32
 COARSE = {1: 33, 2: 9}
 COARSE_SOBOL = 6
 SOME = 8

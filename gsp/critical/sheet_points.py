@@ -16,8 +16,9 @@ from gsp.systems.system import SlowFastSystem
 # A root is accepted when the last Newton correction is below this, relative to 1 + |y|, or to a smaller size + |y|.
 NEWTON_TOLERANCE = 1e-12
 NEWTON_STEPS = 40
-# Matrices of more rows are solved as sparse ones.
-DENSE = 32
+# With more fast variables than this matrices are solved as sparse ones. Eigenvalues of one sample take milliseconds:
+# fewer samples are taken, and between them those nearest to the axis are followed by shift and invert.
+LARGE = 32
 
 
 class Allowance:
@@ -36,7 +37,7 @@ class Allowance:
 
 def signs(matrices: np.ndarray) -> np.ndarray:
     """Signs (m,) of the determinants of finite matrices (m, n, n)."""
-    if matrices.shape[-1] <= DENSE:
+    if matrices.shape[-1] <= LARGE:
         return np.linalg.slogdet(matrices)[0]
     return np.array([_sign(factors) for factors in _decomposed(matrices)])
 
@@ -66,7 +67,7 @@ def _sign(factors) -> float:
 
 def solve_each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Batched solution of A s = b; not a number where A is singular."""
-    if matrices.shape[-1] > DENSE:
+    if matrices.shape[-1] > LARGE:
         result = np.full_like(vectors, np.nan)
         finite = np.flatnonzero(np.isfinite(matrices).all(axis=(1, 2)))
         for i, factors in zip(finite, _decomposed(matrices[finite])):

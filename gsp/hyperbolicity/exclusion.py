@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gsp.algebra.precision import precision
-from gsp.critical.sampling import LARGE, Sampler
+from gsp.critical.sampling import Sampler
+from gsp.critical.sheet_points import LARGE
 from gsp.errors import UnsupportedFunctionError
 from gsp.proofs import balls
 from gsp.proofs.covering import Covering, Part, cover, share_of

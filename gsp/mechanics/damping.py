@@ -13,13 +13,12 @@ from gsp.mechanics.algebra import numbers
 from gsp.mechanics.hamel import HamelEquations
 from gsp.mechanics.lagrangian import LagrangianSystem
 from gsp.systems.region import Interval
+from gsp.systems.scattered_points import PLACES
 
 Damping = sp.Expr | float | sp.MatrixBase | Sequence[Sequence[sp.Expr | float]] | str
 
 # The damping that the kinetic metric gives.
 KINETIC = "kinetic"
-# Places in a region, beside its corners, at which a damping that depends on positions is tried.
-PLACES = 64
 
 
 def read_damping(system: LagrangianSystem, damping: Any, count: int) -> sp.ImmutableMatrix:

@@ -14,10 +14,7 @@ from gsp.proofs import balls
 from gsp.proofs.ball_functions import BallFunction
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.tubes import Box, enclose, middle_of
-from gsp.systems.scattered_points import halton
-
-# Places over which the branch is looked for.
-STARTS = 64
+from gsp.systems.scattered_points import PLACES, halton
 
 
 def point_over(
@@ -27,7 +24,7 @@ def point_over(
     low, high = np.array(box).T
     own = len(branch.system.x)
     defaults = [float(branch.system.parameters[p]) for p in equations.x[own:]]
-    unit = halton(len(box), STARTS)
+    unit = halton(len(box), PLACES)
     unit = unit[np.argsort(np.abs(unit - 0.5).max(axis=1), kind="stable")]
     reason: BranchError | None = None
     for x in [middle_of(box), *(low + unit * (high - low))]:

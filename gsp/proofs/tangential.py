@@ -24,10 +24,9 @@ from gsp.proofs.covering import CoveredPart
 from gsp.proofs.equations import EnclosedEquations
 from gsp.proofs.spectrum import largest_modulus
 from gsp.proofs.tubes import Box, RootTube
+from gsp.systems.scattered_points import PLACES
 
 HALVINGS = 2000
-# Points at which the metric is chosen.
-PLACES = 64
 
 
 def tangential_rate(

@@ -56,7 +56,7 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., sp.Expr]]] = {
 RESERVED = frozenset(FUNCTIONS) - {"ln"} | {"pi"}
 """Words of the grammar, which cannot be names of states or parameters; `ln`, the second name of log, can."""
 
-_SUM, _PRODUCT, _POWER = 1, 2, 3
+_SUM, _PRODUCT, _POWER = range(1, 4)
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "^": _POWER, "**": _POWER}
 
 

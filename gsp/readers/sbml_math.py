@@ -13,7 +13,7 @@ from gsp.readers import conditions
 
 # Level 3 version 1, section 3.4.6: the value of the constant.
 AVOGADRO = "6.02214179e23"
-_SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4
+_SUM, _PRODUCT, _POWER, _ATOM = range(1, 5)
 
 _FUNCTIONS: Mapping[str, str] = {
     **{

@@ -75,8 +75,7 @@ from gsp.scenes.view import View
 from gsp.systems.system import SlowFastSystem, VectorField
 
 BYTES = 256 * 1024
-STATES = 2000
-PARAMETERS = 2000
+NAMES = 2000
 TEXT = {"name": 64, "title": 200, "source": 1000, "description": 5000}
 DOTS = 40
 """Bound on dots in what could be a key: tomllib takes quadratic time and memory in a dotted key."""
@@ -248,7 +247,7 @@ def _system(
         if not tables[key]:
             raise ModelFileError(f"[{key}] is missing or empty.", "Give it an equation for each variable.")
     equations = {key: tables[key] for key in ("slow", "fast", "states", "reconstruction", "observables")}
-    for kinds, limit in ((tuple(equations), STATES), (("parameters",), PARAMETERS)):
+    for kinds, limit in ((tuple(equations), NAMES), (("parameters",), NAMES)):
         count = sum(len(tables[kind]) for kind in kinds)
         at_most(limit, count, f"{', '.join(kinds)} hold", "names", "Use a smaller model.")
     small = {epsilon: ""} if has_small else {}

@@ -12,10 +12,8 @@ from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import CompiledFunction, compile_function
 from gsp.splitting.splitting import Splitting
 from gsp.systems.region import Interval
-from gsp.systems.scattered_points import halton
+from gsp.systems.scattered_points import PLACES, halton
 
-# Fast coordinates that are tried over one slow point.
-TRIED = 64
 # A state on the border counts, to rounding, relative to the width of the region.
 BESIDE = 1e-9
 
@@ -36,11 +34,11 @@ class RawStates:
         assert system is not None
         nx, fast = len(system.x), [self.region.get(y.name, (np.nan, np.nan)) for y in system.y]
         low, high = np.array(fast).T
-        tried = low + halton(len(fast), TRIED) * (high - low)
+        tried = low + halton(len(fast), PLACES) * (high - low)
         found = self._are_states(points)
         left = np.flatnonzero(~found)
-        every = np.hstack([np.repeat(points[left, :nx], TRIED, axis=0), np.tile(tried, (len(left), 1))])
-        found[left] = self._are_states(every).reshape(len(left), TRIED).any(axis=1)
+        every = np.hstack([np.repeat(points[left, :nx], PLACES, axis=0), np.tile(tried, (len(left), 1))])
+        found[left] = self._are_states(every).reshape(len(left), PLACES).any(axis=1)
         return found
 
     def _are_states(self, points: np.ndarray) -> np.ndarray:

@@ -9,14 +9,12 @@ import numpy as np
 from flint import arb, arb_mat
 
 from gsp.proofs import balls
-from gsp.proofs.spectrum import largest_modulus, least_eigenvalue
+from gsp.proofs.spectrum import WORST_CONDITION, largest_modulus, least_eigenvalue
 from gsp.slow_tubes.ball_vectors import row, times
 from gsp.slow_tubes.isolation import norm
 
 # A frame is kept while the norm in it shrinks at this share of the rate that the eigenvalues have.
 SHARE = 0.8
-# Eigenvectors whose matrix has a larger condition are not taken for a basis.
-MOST_CONDITION = 1e8
 BALL = balls.hull(-1.0, 1.0)
 
 
@@ -64,7 +62,7 @@ def framed(frame: FibreBasis, B: arb_mat) -> tuple[FibreBasis, float]:
         # Of a complex pair the real and the imaginary part.
         columns.append(np.real(vector) if np.imag(value) >= 0.0 else np.imag(vector))
     turned = np.array(columns).T
-    if not np.linalg.cond(turned) < MOST_CONDITION:
+    if not np.linalg.cond(turned) < WORST_CONDITION:
         return frame, decay
     matrix = arb_mat(m, m, [arb(float(v)) for v in turned.ravel()])
     other = FibreBasis(matrix, matrix.inv())

@@ -17,7 +17,7 @@ from gsp.proofs import balls
 from gsp.proofs.tubes import Box
 from gsp.slow_tubes.adapted_basis import AdaptedBasis
 from gsp.slow_tubes.invariance import Invariance
-from gsp.slow_tubes.isolation import Isolation, Tally, norm
+from gsp.slow_tubes.isolation import NARROWEST, Isolation, Tally, norm
 from gsp.slow_tubes.solved_flow import SolvedFlow
 
 # Bisection ends at this relative width.
@@ -30,7 +30,7 @@ UNSCALED_SLOPES, SLOPES = (1.0, 0.5, 0.25), (16.0, 4.0, 2.0)
 # A collar, where one is needed, takes this share of a side of the region at most, both ends together: something is
 # left, also where a file claims a tenth more, and half of the side in a search for the largest epsilon. It is then
 # made narrower, down to a share of that, the last time by more than FINEST.
-COLLAR, HALF, NARROWER, FINEST = 0.9, 0.5, 2.0**-10, 1.1
+COLLAR, HALF, FINEST = 0.9, 0.5, 1.1
 # The boundary over which the orbits that stay by themselves do so: backward ones where all fast directions are stable,
 # forward ones where all are unstable.
 KEEPING: dict[tuple[int, ...], str] = {(-1,): "overflowing", (1,): "inflowing"}
@@ -247,7 +247,7 @@ class TubeSearch:
         for cone in reversed(tube.cones):
             part = self.over(cone.low, cone.high, tally)
             fastest, steep, factor = self.fastest(part, tube.widths), cone.collar, 2.0
-            while factor > FINEST and fastest > width * steep and steep * NARROWER < cone.collar:
+            while factor > FINEST and fastest > width * steep and steep * NARROWEST < cone.collar:
                 if self._hold(part, tube.widths, cone.slope, factor * steep):
                     steep *= factor
                 else:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
+# Places at which a box is looked at where no structure says where: a few seen in each direction of six.
+PLACES = 64
+
 
 def halton(dimension: int, count: int) -> np.ndarray:
     """The first `count` points of Halton's sequence in the unit cube, (count, dimension), the origin first.

@@ -95,7 +95,7 @@ def test_many_fast_variables_are_judged_as_few_are(monkeypatch: pytest.MonkeyPat
     branch = sheet(chain(12, cubic=1))
     dense = classify(branch, region={"x": (0.5, 1.5)}, epsilon=0.01)
     monkeypatch.setattr(sampling, "LARGE", 4)
-    monkeypatch.setattr(sheet_points, "DENSE", 4)
+    monkeypatch.setattr(sheet_points, "LARGE", 4)
     sparse = classify(branch, region={"x": (0.5, 1.5)}, epsilon=0.01)
     assert sparse.kind is dense.kind
     assert sparse.gap == pytest.approx(dense.gap, rel=1e-6)

@@ -34,7 +34,7 @@ SMALLEST = 1e-8
 UNRESOLVED = 1e-6
 # A variable without bounds takes its present size as scale when that is this many times the old one.
 OUTGROWN = 2.0
-# The curve is closed when it comes this near its start, in scaled units.
+# Points nearer than this, in scaled units, are one: a curve that comes so near its start is closed.
 SAME_PLACE = 1e-6
 # A variable this many times its first scale is on its way to infinity.
 FAR = 1e6

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsp import roots
-from gsp.critical.continuation.arclength import CurveTrace, PointTracer
+from gsp.critical.continuation.arclength import SAME_PLACE, CurveTrace, PointTracer
 from gsp.critical.continuation.special_points import (
     NONE,
     VERTICAL,
@@ -41,8 +41,6 @@ OFFSET = 1e-5
 TOUCH = 1e-7
 # Rows on either side of a fold that show how large second derivatives are.
 AROUND = 8
-# Points nearer than this, in scaled units, are one.
-SAME = 1e-6
 
 
 def sign_changes(values: np.ndarray) -> Iterator[tuple[int, int]]:
@@ -114,7 +112,7 @@ def inserted(
     special: list[tuple[float, SpecialPoint]] = []
     for place, point in sorted(found, key=lambda pair: pair[0]):
         near = round(place)
-        if np.linalg.norm((points[near] - point.unknowns) / scales[near]) < SAME:
+        if np.linalg.norm((points[near] - point.unknowns) / scales[near]) < SAME_PLACE:
             place = float(near)
             rows[keys.index(place)] = point.unknowns
         else:
@@ -277,4 +275,4 @@ class _SpecialPointSearch:
         return place_between(self.points, a, b, u, self.tracer.scales)
 
     def _is_new(self, u: np.ndarray) -> bool:
-        return all(np.linalg.norm((p.unknowns - u) / self.tracer.scales) > SAME for _, p in self.found)
+        return all(np.linalg.norm((p.unknowns - u) / self.tracer.scales) > SAME_PLACE for _, p in self.found)

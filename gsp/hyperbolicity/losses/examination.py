@@ -16,6 +16,7 @@ from gsp.hyperbolicity.losses.kinds import Contact, Loss
 from gsp.hyperbolicity.losses.locator import (
     LOCATED,
     REFINED,
+    SAME,
     ZERO_TOLERANCE,
     Locator,
     signed_gap,
@@ -29,8 +30,6 @@ from gsp.systems.region import Interval
 
 # Rows of g_y on the branch below this share of what they are beside it are zero, as far as points are exact.
 ZERO_ROW = 1e-6
-# An eigenvalue jumps at a switching surface when the two are this near, relative to the region.
-SAME_PLACE = 1e-6
 Links = tuple[np.ndarray, np.ndarray]
 
 
@@ -98,8 +97,7 @@ def _joined(diagnosis: Diagnosis, losses: list[Loss], rough: list[Loss]) -> list
             jump
             for jump in jumps
             if all(
-                abs(jump.point[n] - loss.point[n]) <= SAME_PLACE * width
-                for n, width in zip(names, diagnosis.widths)
+                abs(jump.point[n] - loss.point[n]) <= SAME * width for n, width in zip(names, diagnosis.widths)
             )
         ]
         if here:

@@ -31,7 +31,7 @@ VANISHED = 0.03
 # A point or an eigenvalue this many times larger than at the neighbouring sample has gone to infinity.
 INFINITE = 1e6
 BISECTIONS = np.finfo(float).nmant
-# Two losses nearer than this, relative to the region's width, are one.
+# Two losses nearer than this, relative to the region's width, are one, and a jump there is the surface's.
 SAME = 1e-6
 # Eigenvalues that stay this far from the axis on both sides of a change of type have jumped across it; relative to
 # their distance at the sample. At a zero all three are rounding, which is none of it.

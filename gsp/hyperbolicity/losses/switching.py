@@ -23,7 +23,6 @@ SIDE = 1e-6
 JUMP = 1e-3
 # A Jacobian is unbounded when it grows so much at every step so much nearer to the surface.
 NEARER, GROWS = 1e-2, 2.0
-BISECTIONS = np.finfo(float).nmant
 STARTS = 6
 
 
@@ -113,7 +112,7 @@ def _bisected(diagnosis: Diagnosis, values, a: np.ndarray, b: np.ndarray) -> np.
     """Zeros of the switching function between linked points of one sheet, by bisection in x."""
     sampler, nx = diagnosis.sampler, diagnosis.nx
     low, high_x, sign = a.copy(), b[:, :nx].copy(), np.sign(values(a))
-    for _ in range(BISECTIONS):
+    for _ in range(np.finfo(float).nmant):
         x = 0.5 * (low[:, :nx] + high_x)
         y, good = sampler.over(x, low)
         z = np.hstack([x, np.nan_to_num(y)])
