@@ -273,7 +273,7 @@ def run_model(
         rtol=rtol,
         atol=absolute_tolerance(rtol, scene.region, scene.start),
         at=at,
-        lands=at is not None,
+        stops_at_times=at is not None,
         method=method,
         max_steps=MAX_STEPS,
     )

@@ -300,7 +300,7 @@ def _run(
         rtol=RTOL * loosened,
         atol=absolute_tolerance(RTOL * loosened, scene.region, scene.start),
         at=grid,
-        lands=True,
+        stops_at_times=True,
         max_steps=MAX_STEPS,
     )
 

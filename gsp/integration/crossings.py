@@ -20,8 +20,8 @@ import numpy as np
 from gsp.errors import Status
 from gsp.integration.loop import Run, run
 from gsp.integration.methods import Method
-from gsp.integration.pieces import Piece
-from gsp.integration.room import Record
+from gsp.integration.pieces import RunPiece
+from gsp.integration.run_array import Record
 from gsp.kernels import ledger
 from gsp.kernels.scan import DIP
 from gsp.lowering.compiled_flow import CompiledFlow
@@ -77,7 +77,7 @@ class Settled:
     is_pole: bool = False
 
 
-Settle = Callable[["Search", int, float, Piece], Settled | None]
+Settle = Callable[["Search", int, float, RunPiece], Settled | None]
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class Search:
         if self.quiet is not None and self.quiet(seen.time[0], seen.state[0], times, states, dense):
             self._pass(times, states)
             return False
-        piece = Piece(
+        piece = RunPiece(
             np.concatenate([seen.time, times]), np.concatenate([seen.state, states]), dense[: len(times)]
         )
         t, g = piece.sample(self.values)
@@ -197,7 +197,7 @@ class Search:
         self._pass(times, states)
         return False
 
-    def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: Piece) -> list[Instant]:
+    def _instants(self, crossings: Sequence[tuple[float, int, int]], piece: RunPiece) -> list[Instant]:
         """The crossings (time, sense, column), in the order of the run, by their instants."""
         instants: list[Instant] = []
         for t, sense, column in crossings:
@@ -217,7 +217,7 @@ class Search:
                     self._signs[column] = sense
         return instants
 
-    def _is_met(self, column: int, t: float, instant: Instant, piece: Piece) -> bool:
+    def _is_met(self, column: int, t: float, instant: Instant, piece: RunPiece) -> bool:
         """Whether a function that passes through zero at `t` is on its zero at the instant already."""
         if abs(t - instant.t) > instant.step:
             return False
@@ -227,7 +227,7 @@ class Search:
         # Written so that what is not a number is not met.
         return abs(value) <= ROUNDING * (self.watched[column].size(instant.t, y) + abs(slope) * time)
 
-    def _enter(self, instant: Instant, piece: Piece) -> Settled | None:
+    def _enter(self, instant: Instant, piece: RunPiece) -> Settled | None:
         """Enter what is met at an instant, located once for all events; the crossing that ends the run, if one does.
 
         Where a reduced flow ends is told first: there it ends, whatever else is met.
@@ -259,7 +259,7 @@ class Search:
             tuple(map(len, self.found)), len(self._pieces),
         )  # fmt: skip
 
-    def history(self, k: int, piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+    def history(self, k: int, piece: RunPiece) -> tuple[np.ndarray, np.ndarray]:
         """Times and states of all steps up to the start of step `k` of `piece`, the one that is looked at."""
         times, states = zip(*self._pieces)
         return (
@@ -267,7 +267,7 @@ class Search:
             np.concatenate([*states, piece.states[1 : k + 1]]),
         )
 
-    def cut(self, record: Record) -> Record:
+    def truncated(self, record: Record) -> Record:
         """`record` up to the end that was found, with the cost of locating everything added."""
         end = self.end
         if end is None and not self.spent:
@@ -290,7 +290,7 @@ class Search:
         self.spent.append(record.counters)
         return record
 
-    def refined(self, column: int, t: float, piece: Piece) -> Settled:
+    def refined(self, column: int, t: float, piece: RunPiece) -> Settled:
         """The crossing near `t` by secant steps, each with the method's own run from the start of the step.
 
         Near a tangency, where they do not converge, the best of them stands. At a pole it is the reciprocal that
@@ -326,7 +326,7 @@ class Search:
         assert best is not None
         return best[1]
 
-    def _slope(self, column: int, t: float, piece: Piece) -> tuple[float, list[float], bool]:
+    def _slope(self, column: int, t: float, piece: RunPiece) -> tuple[float, list[float], bool]:
         """On the dense output about `t`: the slope, or that of the reciprocal at a pole, three values, and which."""
         k = piece.step(t)
         low, high = sorted((float(piece.times[k]), float(piece.times[k + 1])))
@@ -342,10 +342,10 @@ class Search:
     def _evaluate(self, column: int, t: float, y: np.ndarray) -> float:
         return float(self.values(np.array([t]), y[np.newaxis])[0, column])
 
-    def _value(self, column: int, t: float, piece: Piece) -> float:
+    def _value(self, column: int, t: float, piece: RunPiece) -> float:
         return self._evaluate(column, t, piece.at(np.array([t]))[0])
 
-    def _brackets(self, column: int, t: np.ndarray, g: np.ndarray, piece: Piece):
+    def _brackets(self, column: int, t: np.ndarray, g: np.ndarray, piece: RunPiece):
         """Intervals (a, b, sense) over which `g` changes its sign; keeps the sign it ends with."""
         before = self._signs[column]
         with np.errstate(invalid="ignore"):
@@ -395,7 +395,7 @@ class Search:
             signs.append(int(sign[j]))
         return list(zip(points, points[1:], signs[1:]))
 
-    def _crossed(self, column: int, a: float, b: float, sense: int, piece: Piece) -> float:
+    def _crossed(self, column: int, a: float, b: float, sense: int, piece: RunPiece) -> float:
         """The change of sign between `a`, where the sign is -sense, and `b`, to rounding."""
 
         def value(t: float) -> float:
@@ -440,7 +440,7 @@ def _note(watched: Watched) -> str:
     return f"event {watched.name}"
 
 
-def settle_event(search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+def settle_event(search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
     """A user's event: the refined crossing; a change of sign through a pole is no zero."""
     settled = search.refined(column, t, piece)
     if settled.is_pole:

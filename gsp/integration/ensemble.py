@@ -245,11 +245,11 @@ def integrate_many(
     rtol, atol = check_tolerances(rtol, atol)
     check_progress(progress)
     grid = None if at is None else check_grid(at, first, last)
-    asked = check_method(method)
+    named_method = check_method(method)
     compiled = compile_flow(flow)
     # As in `integrate`: read between the steps, or landed on.
     reads = grid is not None and compiled.expressions.is_smooth
-    chosen = asked or choose_method(compiled, rtol)
+    chosen = named_method or choose_method(compiled, rtol)
     limit = check_step_limit(max_steps)
     count = check_threads(threads)
     members = members_of(flow, starts, epsilon=epsilon, parameters=parameters)

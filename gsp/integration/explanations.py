@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.errors import Status
 from gsp.integration.loop import remedy_of
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.systems.flow import Flow
 

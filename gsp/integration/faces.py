@@ -22,14 +22,19 @@ def _table_of_trajectory(run: Trajectory) -> Table:
     if run.events:
         along = names("crossing")
         met = list(run.events.items())
-        told = texts(name for name, found in met for _ in found.times)
-        coordinates[names("event")] = Column((along,), told)
+        event_names = texts(name for name, found in met for _ in found.times)
+        coordinates[names("event")] = Column((along,), event_names)
         variables[names("event_t")] = Column((along,), np.concatenate([found.times for _, found in met]))
         for i, symbol in enumerate(run.flow.states):
             values = np.concatenate([found.states[i] for _, found in met])
             variables[names(f"event_{symbol.name}")] = Column((along,), values)
-    told = {"status": run.status.name, "message": run.message, "method": run.stats.method.value, **_work(run)}
-    return Table("Trajectory", coordinates, variables, told, (time,))
+    event_names = {
+        "status": run.status.name,
+        "message": run.message,
+        "method": run.stats.method.value,
+        **_work(run),
+    }
+    return Table("Trajectory", coordinates, variables, event_names, (time,))
 
 
 @tables.of(Ensemble)
@@ -48,8 +53,8 @@ def _table_of_ensemble(runs: Ensemble) -> Table:
     variables[names("status")] = Column(over, texts(status.name for status in runs.statuses))
     variables[names("reached")] = Column(over, runs.reached)
     variables[names("steps")] = Column(over, runs.steps)
-    told = {"message": runs.message, "method": runs.method.value}
-    return Table("Ensemble", coordinates, variables, told, (member, time))
+    event_names = {"message": runs.message, "method": runs.method.value}
+    return Table("Ensemble", coordinates, variables, event_names, (member, time))
 
 
 def _work(run: Trajectory) -> dict[str, int]:

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, Status
 from gsp.integration.methods import Method, choose_method
-from gsp.integration.room import (
+from gsp.integration.run_array import (
     Record,
-    RecordInRoom,
+    RecordInArray,
     Stats,
     counters_in,
-    cut,
     layout_of,
-    next_room,
+    next_run_array,
+    recorded_steps,
     steps_in,
     time_in,
 )
@@ -71,7 +71,7 @@ class Run(NamedTuple):
     returning True. Compiled code looks along the steps, and ends the run so where one of the `tests` may pass through
     zero; `y` may then begin with slow variables alone, `over_slow`.
     `first_step`, signed, is tried first in place of an estimate. Without `dense` the record's `dense` has no rows.
-    Ctrl-C goes on to the caller; where the caller `keeps`, it ends the run with the steps made.
+    Ctrl-C goes on to the caller; where the caller `returns_partial`, it ends the run with the steps made.
     """
 
     compiled: CompiledFlow
@@ -88,14 +88,14 @@ class Run(NamedTuple):
     watch: Watch | None = None
     rows_kept: int = RECORD
     first_step: float = 0.0
-    keeps: bool = False
+    returns_partial: bool = False
     tests: Tests | None = None
     over_slow: bool = False
 
 
-def run(asked: Run) -> Record:
+def run(request: Run) -> Record:
     """The run by its method, or the one that `choose_method` names."""
-    method = asked.method or choose_method(asked.compiled, asked.rtol)
+    method = request.method or choose_method(request.compiled, request.rtol)
     (
         compiled,
         p,
@@ -111,67 +111,71 @@ def run(asked: Run) -> Record:
         watch,
         rows_kept,
         first_step,
-        keeps,
+        returns_partial,
         tests,
         over_slow,
-    ) = asked
+    ) = request
     n, many = len(y), len(stops)
     watches = 0 if tests is None else tests.count
     length = FIRST_RECORD if rows_kept > FIRST_RECORD else rows_kept
     between = length if dense else 0
     solver, program, enter, constants, memory, before = layout_of(compiled, method)
     rows = solver.rows
-    room = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
+    run_array = np.empty(before + many - 1 + watches + (length + 1) * (1 + n) + between * rows * n)
     # As `kernels.launch` orders them.
     enter(
-        room, 0,
+        run_array, 0,
         OVER_SLOW if over_slow else NOT_BEGUN, max_steps, n, constants, many, memory, watches, length, between,
         rows, first, rtol, atol, first_step, *y, *p, stops[0],
     )  # fmt: skip
     if many > 1:
         end = Y + n + constants
-        room[end : end + many] = stops
+        run_array[end : end + many] = stops
     full: list[np.ndarray] = []
     code = ledger.RECORD_FULL
     status = None
     try:
         while True:
-            code = launch(program, room) if tests is None else launch_watched(program, tests.functions, room)
+            code = (
+                launch(program, run_array)
+                if tests is None
+                else launch_watched(program, tests.functions, run_array)
+            )
             if watch is not None:
-                made = cut(room, steps_in(full[-1]) if full else 0)
+                made = recorded_steps(run_array, steps_in(full[-1]) if full else 0)
                 if watch(made.times[1:], made.states[1:], made.dense):
                     status = Status.EVENT_REACHED
             if progress is not None:
-                progress((time_in(room) - first) / (float(stops[-1]) - first))
+                progress((time_in(run_array) - first) / (float(stops[-1]) - first))
             if status is not None or (code != ledger.RECORD_FULL and code != ledger.LOOPS_WANTED):
                 break
             if code == ledger.LOOPS_WANTED:
                 solver.give_loops(program)
-            full, room = [*full, room], next_room(room, rows_kept)
+            full, run_array = [*full, run_array], next_run_array(run_array, rows_kept)
     except KeyboardInterrupt:
-        if not keeps:
+        if not returns_partial:
             raise
         status = Status.INTERRUPTED
         # It may have come between any two lines above, even before the start was entered.
-        start = cut((full or [room])[0])
+        start = recorded_steps((full or [run_array])[0])
         start.times[0], start.states[0] = first, y
     status = status or STATUS[code]
     if not full:
-        return RecordInRoom(room, status, method)
-    return _gathered([*full, room], status, method)
+        return RecordInArray(run_array, status, method)
+    return _gathered([*full, run_array], status, method)
 
 
-def _gathered(rooms: list[np.ndarray], status: Status, method: Method) -> Record:
-    """The record of a run that has gone through several rooms."""
-    earlier = [0, *map(steps_in, rooms[:-1])]
-    begun, *rest = [cut(room, steps) for room, steps in zip(rooms, earlier)]
+def _gathered(run_arrays: list[np.ndarray], status: Status, method: Method) -> Record:
+    """The record of a run that has gone through several arrays."""
+    earlier = [0, *map(steps_in, run_arrays[:-1])]
+    begun, *rest = [recorded_steps(run_array, steps) for run_array, steps in zip(run_arrays, earlier)]
     return Record(
         np.concatenate([begun.times, *(piece.times[1:] for piece in rest)]),
         np.concatenate([begun.states, *(piece.states[1:] for piece in rest)]),
         np.concatenate([begun.dense, *(piece.dense for piece in rest)]),
         status,
         method,
-        counters_in(rooms[-1]),
+        counters_in(run_arrays[-1]),
     )
 
 

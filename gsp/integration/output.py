@@ -6,7 +6,7 @@ import numpy as np
 
 from gsp.integration.loop import Numbers
 from gsp.integration.methods import SOLVERS
-from gsp.integration.room import Record, RecordInRoom
+from gsp.integration.run_array import Record, RecordInArray
 from gsp.kernels import ledger
 from gsp.kernels.grid import read_grid
 from gsp.kernels.landing import correct
@@ -22,14 +22,14 @@ def read(
     What that costs is added to the record's counters.
     """
     out, solver = np.empty((len(grid), compiled.size)), SOLVERS[record.method]
-    if type(record) is RecordInRoom:
+    if type(record) is RecordInArray:
         # In one call, without cutting the record out.
         if solver.corrects:
-            reached = read_explicit_room(solver.program(compiled), record.room, grid, out)
-            # Counted in the room.
+            reached = read_explicit_room(solver.program(compiled), record.run_array, grid, out)
+            # Counted in the run's array.
             record.forget_counters()
         else:
-            reached = read_room(record.room, grid, out)
+            reached = read_room(record.run_array, grid, out)
         return (out if reached == len(grid) else out[:reached]), reached
     part = record.times, record.states, record.dense
     reached = read_grid(*part, grid, 0, out)

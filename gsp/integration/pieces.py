@@ -18,7 +18,7 @@ MOST_SUBDIVISIONS = 32 * SUBDIVISIONS
 
 
 @dataclass(frozen=True)
-class Piece:
+class RunPiece:
     """Consecutive steps of a run: `times` (k + 1,), `states` (k + 1, n), `dense` (k, rows, n)."""
 
     times: np.ndarray

@@ -38,49 +38,53 @@ def restrict(
     if order is not None:
         check_order(order)
     rates_driven = reconstruction_of(manifold.branch.system, reconstruction)
-    cut = manifold.at_order(manifold.order if order is None else order).specialised
+    truncated = manifold.at_order(manifold.order if order is None else order).specialised
     system = manifold.branch.system
-    ring = cut.chart.ring
+    ring = truncated.chart.ring
     epsilon = system.epsilon
     values = dict(system.parameters)
-    renamed = set_apart(cut.chart, rates_driven)
+    renamed = set_apart(truncated.chart, rates_driven)
 
-    known = {ring.generator(s).index: name for s, name in renamed.items()} if cut.is_program else {}
+    known = {ring.generator(s).index: name for s, name in renamed.items()} if truncated.is_program else {}
 
     def written(element) -> sp.Expr:
-        return ring.written([element], known)[0] if cut.is_program else ring.horner(element).xreplace(renamed)
+        return (
+            ring.written([element], known)[0]
+            if truncated.is_program
+            else ring.horner(element).xreplace(renamed)
+        )
 
     def total(elements) -> sp.Expr:
-        if cut.is_program:
+        if truncated.is_program:
             return plus([times(written(e), epsilon**k) for k, e in enumerate(elements)])
         return sp.Add(*[written(e) * epsilon**k for k, e in enumerate(elements)])
 
-    rates = [total(row) for row in moving(cut.chart, cut._f)]
+    rates = [total(row) for row in moving(truncated.chart, truncated._f)]
     observables: dict[sp.Symbol, sp.Expr] = {}
     for x in system.x:
-        if x not in cut.coordinates:
-            observables[x] = total([cut.chart.elements[x]])
+        if x not in truncated.coordinates:
+            observables[x] = total([truncated.chart.elements[x]])
     for i, y in enumerate(system.y):
-        observables[y] = total(cut._h[i])
+        observables[y] = total(truncated._h[i])
     for symbol, expression in system.observables.items():
         observables[symbol] = replaced(expression.xreplace(values), observables)
-    states = tuple(renamed.get(c, c) for c in cut.coordinates)
+    states = tuple(renamed.get(c, c) for c in truncated.coordinates)
     driven = tuple(rates_driven)
     for rate in rates_driven.values():
         rates.append(replaced(rate.xreplace(values), observables))
     return ReducedFlow(
         manifold=manifold,
-        order=cut.order,
+        order=truncated.order,
         states=(*states, *driven),
         rates=tuple(rates),
         observables=MappingProxyType(real_or_nan(observables)),
         epsilon=epsilon,
         driven=driven,
-        base=tuple(total([cut.chart.elements[s]]) for s in system.states),
+        base=tuple(total([truncated.chart.elements[s]]) for s in system.states),
         last_terms=tuple(
-            tuple(times(written(h[k]), epsilon**k) for h in cut._h)
-            for k in (cut.order - 1, cut.order)
-            if cut.order > 1
+            tuple(times(written(h[k]), epsilon**k) for h in truncated._h)
+            for k in (truncated.order - 1, truncated.order)
+            if truncated.order > 1
         ),
         driven_rates=tuple(_own(rate, system) for rate in rates_driven.values()),
     )

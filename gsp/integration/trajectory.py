@@ -34,7 +34,7 @@ from gsp.integration.methods import (
     choose_method,
 )
 from gsp.integration.output import read
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 from gsp.integration.watching import ending_of, pair_passed, search_of
 from gsp.kernels.dense_output import interpolate_many
 from gsp.kernels.evaluate import observe
@@ -69,14 +69,14 @@ class Trajectory(Drawn, Tabular):
     """rtol and atol, of what is checked between the steps."""
 
     def __init__(
-        self, flow: Flow, epsilon: float | None, record: Record, told: dict[str, Any] | None = None
+        self, flow: Flow, epsilon: float | None, record: Record, facts: dict[str, Any] | None = None
     ) -> None:
-        # Past the frozen class's own way of setting an attribute, which takes twice as long. `told` is
+        # Past the frozen class's own way of setting an attribute, which takes twice as long. `facts` is
         # what there is beside the record: `t` and `y` where they are not its own, and all that has a default.
-        mine = self.__dict__
-        mine["flow"], mine["epsilon"], mine["events"], mine["_record"] = flow, epsilon, NOT_MET, record
-        if told is not None:
-            mine.update(told)
+        fields = self.__dict__
+        fields["flow"], fields["epsilon"], fields["events"], fields["_record"] = flow, epsilon, NOT_MET, record
+        if facts is not None:
+            fields.update(facts)
 
     @cached_property
     def t(self) -> np.ndarray:
@@ -160,24 +160,24 @@ class Trajectory(Drawn, Tabular):
     def sample(self, t: ArrayLike) -> Trajectory:
         """The same solution with `.t` = `t` (m,), for `["name"]` on other times; as exact as `.at`."""
         times = np.atleast_1d(check_array(t, what="t", be="a sequence of times")).copy(order="C")
-        told = {"t": frozen(times), "y": frozen(self.at(times)), "events": self.events}
-        told |= {"_note": self._note, "_remedy": self._remedy, "_tolerances": self._tolerances}
-        return Trajectory(self.flow, self.epsilon, self._record, told)
+        facts = {"t": frozen(times), "y": frozen(self.at(times)), "events": self.events}
+        facts |= {"_note": self._note, "_remedy": self._remedy, "_tolerances": self._tolerances}
+        return Trajectory(self.flow, self.epsilon, self._record, facts)
 
     @property
     def _observed(self) -> np.ndarray:
         """All observables over `t`, (m, k), read-only."""
-        mine = self.__dict__
+        fields = self.__dict__
         # Kept by hand, since `cached_property` takes a lock; the values themselves take a fifth of the time.
-        if "_observables" not in mine:
+        if "_observables" not in fields:
             compiled, states = compile_flow(self.flow), self.y.T
             if not states.flags.c_contiguous:
                 states = frozen(states.copy())
             out = np.empty((len(states), len(self.flow.observables)))
             epsilon = np.nan if self.epsilon is None else self.epsilon
             observe(compiled.observables.address, states, epsilon, compiled.constants, out)
-            mine["_observables"] = frozen(out)
-        return mine["_observables"]
+            fields["_observables"] = frozen(out)
+        return fields["_observables"]
 
     def _ends(self, variables: Sequence[sp.Symbol]) -> Iterator[tuple[sp.Symbol, float, float]]:
         """Each state or observable of `variables` with its values where the run begins and ends."""
@@ -296,15 +296,15 @@ def trajectory_of(
     max_steps: int = 1_000_000,
     events: Event | Iterable[Event] = (),
     progress: Callable[[float], object] | None = None,
-    keeps: bool = False,
-    lands: bool = False,
+    returns_partial: bool = False,
+    stops_at_times: bool = False,
     state: tuple[float, ...] | None = None,
 ) -> Trajectory:
     """`integrate` inside another verb: Ctrl-C ends that verb too, lest a result be made of half a run.
 
-    With `keeps` it is `integrate`, which returns what was made until then. With `lands` a step ends on every time of
-    `at`, whose values are then better than the tolerance by as much as the steps are: for references. `state` is what
-    `flow.initial(start)` gives, where that is known.
+    With `returns_partial` it is `integrate`, which returns what was made until then. With `stops_at_times` a step ends
+    on every time of `at`, whose values are then better than the tolerance by as much as the steps are: for references.
+    `state` is what `flow.initial(start)` gives, where that is known.
     """
     first, last = check_span(span)
     rtol, atol = check_tolerances(rtol, atol)
@@ -316,23 +316,29 @@ def trajectory_of(
     limit = check_step_limit(max_steps)
     compiled = compile_flow(flow)
     p = compiled.parameters(epsilon)
-    asked = None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
+    compiled_events = (
+        None if isinstance(events, tuple) and not events else compile_events(flow, events, np.array(p))
+    )
     reduced = flow.is_reduced
     # Most runs of a reduced flow keep clear of every loss; what is seen of one that does not is made and told again.
-    tests = cast("ReducedFlow", flow).tests if reduced and asked is None and progress is None else None
+    tests = (
+        cast("ReducedFlow", flow).tests if reduced and compiled_events is None and progress is None else None
+    )
     over_slow = None if tests is None or state is not None else cast("ReducedFlow", flow).slow_start(start)
     y = state or over_slow or _start(flow, start)
     # Steps end on the times of a grid where the field has kinks and jumps, of which a dense output knows nothing, and
     # where events are looked for, since a step may pass over a pulse.
-    reads = grid is not None and asked is None and not lands and compiled.expressions.is_smooth
+    reads = (
+        grid is not None and compiled_events is None and not stops_at_times and compiled.expressions.is_smooth
+    )
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
     # By place, at a third of what so many names cost.
     wanted = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
-         RECORD if tests is None else LOOK, 0.0, keeps, tests, over_slow is not None)
+         RECORD if tests is None else LOOK, 0.0, returns_partial, tests, over_slow is not None)
     )  # fmt: skip
-    record = run(wanted) if tests is not None or not (reduced or asked is not None) else None
-    told = None
+    record = run(wanted) if tests is not None or not (reduced or compiled_events is not None) else None
+    facts = None
     if (
         record is None
         or record.status is not Status.SUCCESS
@@ -343,27 +349,27 @@ def trajectory_of(
             if record is not None and record.status is Status.INTERRUPTED:
                 # It may have come before the start was found.
                 record.states[0] = wanted.y
-        record, told = _told(flow, wanted, record, asked, (first, last), grid)
+        record, facts = _examined(flow, wanted, record, compiled_events, (first, last), grid)
     if grid is not None:
         states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)
         if not dense:
             record = record.without_dense()
-        told = told or {}
+        facts = facts or {}
         # What was not reached is left out.
-        told["t"] = frozen(grid if reached == len(grid) else grid[:reached])
-        told["y"] = frozen(frozen(states).T)
+        facts["t"] = frozen(grid if reached == len(grid) else grid[:reached])
+        facts["y"] = frozen(frozen(states).T)
     if dense and SOLVERS[record.method].corrects:
-        told = told or {}
-        told["_tolerances"] = rtol, atol
+        facts = facts or {}
+        facts["_tolerances"] = rtol, atol
     # The checked float, which prints.
-    return Trajectory(flow, None if flow.epsilon is None else p[0], record, told)
+    return Trajectory(flow, None if flow.epsilon is None else p[0], record, facts)
 
 
-def _told(
+def _examined(
     flow: Flow,
     wanted: Run,
     record: Record | None,
-    asked: CompiledEvents | None,
+    compiled_events: CompiledEvents | None,
     span: tuple[float, float],
     grid: np.ndarray | None,
 ) -> tuple[Record, dict[str, Any]]:
@@ -375,14 +381,14 @@ def _told(
     first, last = span
     status = None if record is None else record.status
     search = ending = begun = None
-    if status is not Status.SUCCESS and (asked is not None or flow.is_reduced):
+    if status is not Status.SUCCESS and (compiled_events is not None or flow.is_reduced):
         chosen = wanted.method or choose_method(compiled, wanted.rtol)
         wanted = wanted._replace(method=chosen)
         stepper = Stepper(compiled, p, chosen, wanted.rtol, wanted.atol)
         if flow.is_reduced:
             ending = ending_of(flow, stepper, span, y, stops_of(grid, first, last))
             begun = ending.at_start(first, y)
-        search = search_of(asked, ending, stepper, span, y)
+        search = search_of(compiled_events, ending, stepper, span, y)
     if begun is not None:
         record = standing(first, y, begun.status, wanted.method or choose_method(compiled, wanted.rtol))
     elif record is None or (search is not None and status is not Status.INTERRUPTED):
@@ -395,16 +401,18 @@ def _told(
             # Ctrl-C may have come between the last steps and the look at them.
             unseen = slice(search.rows + 1, None)
             search(record.times[unseen], record.states[unseen], record.dense[search.rows :])
-        record = search.cut(record)
+        record = search.truncated(record)
         if search.end is not None:
             note, override = search.end.note, search.end.remedy
         if begun is None and ending is not None and search.end is None:
             record, note, override = ending.after_failure(record)
-        if asked is not None:
-            crossings = asked.met(search.found)
-    cut = pair_passed(flow, p, record) if flow.is_reduced and cast("ReducedFlow", flow).leaves_pairs else None
-    if cut is not None:
-        record, note, override = cut
+        if compiled_events is not None:
+            crossings = compiled_events.met(search.found)
+    truncated = (
+        pair_passed(flow, p, record) if flow.is_reduced and cast("ReducedFlow", flow).leaves_pairs else None
+    )
+    if truncated is not None:
+        record, note, override = truncated
         crossings = met_within(crossings, first, float(record.times[-1]))
     if record.status is not Status.SUCCESS:
         known, remedy = explain(flow, p, record, last)

@@ -93,7 +93,7 @@ class WatchedMembers:
         trajectory = trajectory_of(
             self.flow, start={}, state=tuple(start.tolist()), span=self.span,
             epsilon=float(self.members.constants[i, 0]), rtol=rtol, atol=atol, at=self.t, method=self.method,
-            max_steps=max_steps, progress=look, keeps=True,
+            max_steps=max_steps, progress=look, returns_partial=True,
         )  # fmt: skip
         record = trajectory._record
         ends[i], reached[i] = record.states[-1], record.times[-1]

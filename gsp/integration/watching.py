@@ -8,7 +8,7 @@ import numpy as np
 
 from gsp.integration.crossings import Search, Stepper
 from gsp.integration.events import CompiledEvents
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 from gsp.systems.flow import Flow
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def pair_passed(flow: Flow, p: np.ndarray, record: Record) -> tuple[Record, str,
 
 
 def search_of(
-    asked: CompiledEvents | None,
+    compiled_events: CompiledEvents | None,
     ending: Ending | None,
     stepper: Stepper,
     span: tuple[float, float],
@@ -44,11 +44,11 @@ def search_of(
 ) -> Search:
     """What watches the run: the events asked for, then the reduced flow's own tests."""
     first, last = span
-    watched = [*(asked.watched() if asked else ()), *(ending.watched if ending else ())]
-    signs = [] if asked is None else [asked.signs(first, y, last > first)]
-    parts = [part.values for part in (asked, ending) if part is not None]
+    watched = [*(compiled_events.watched() if compiled_events else ()), *(ending.watched if ending else ())]
+    signs = [] if compiled_events is None else [compiled_events.signs(first, y, last > first)]
+    parts = [part.values for part in (compiled_events, ending) if part is not None]
     # Events are looked for step by step; the tests of a reduced flow alone are passed over quickly.
-    quiet = ending.quiet if ending is not None and asked is None else None
+    quiet = ending.quiet if ending is not None and compiled_events is None else None
 
     def values(t: np.ndarray, states: np.ndarray) -> np.ndarray:
         return parts[0](t, states) if len(parts) == 1 else np.hstack([part(t, states) for part in parts])

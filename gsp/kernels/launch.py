@@ -61,108 +61,108 @@ def _record(head):
 
 
 @kernel
-def launch(program, room):
+def launch(program, run_array):
     """Begin a run, or go on with it."""
-    program, room = borrowed(program), borrowed(room)
-    head = room[:HEAD].view(np.int64)
-    counters = room[COUNTERS:GIVEN].view(np.int64)
+    program, run_array = borrowed(program), borrowed(run_array)
+    head = run_array[:HEAD].view(np.int64)
+    counters = run_array[COUNTERS:GIVEN].view(np.int64)
     n = head[STATES]
     constants = Y + n
     stops = constants + head[CONSTANTS]
     work = stops + head[STOPS]
     record, states, dense = _record(head)
     rate = record - n
-    memory = room[work : work + head[MEMORY]]
-    y = room[Y:constants]
-    p = room[constants:stops]
+    memory = run_array[work : work + head[MEMORY]]
+    y = run_array[Y:constants]
+    p = run_array[constants:stops]
     if head[BEGUN] == NOT_BEGUN:
         head[BEGUN] = HAS_BEGUN
         counters[:] = 0
-        room[work:record] = 0.0
-        memory[ledger.TIME] = room[FIRST]
-        if room[FIRST_STEP] != 0.0:
-            memory[ledger.STEP] = room[FIRST_STEP]
-            call(program[ledger.FIELD], room[FIRST], y, p, room[rate:record])
-    room[record] = memory[ledger.TIME]
+        run_array[work:record] = 0.0
+        memory[ledger.TIME] = run_array[FIRST]
+        if run_array[FIRST_STEP] != 0.0:
+            memory[ledger.STEP] = run_array[FIRST_STEP]
+            call(program[ledger.FIELD], run_array[FIRST], y, p, run_array[rate:record])
+    run_array[record] = memory[ledger.TIME]
     for i in range(n):
-        room[states + i] = y[i]
+        run_array[states + i] = y[i]
     return call_method(
-        program[ledger.METHOD], program, p, room[stops:work], room[RTOL], room[ATOL], head[LIMIT],
-        y, room[rate:record], memory, counters,
-        room[record + 1 : states],
-        room[states + n : dense].reshape((head[LENGTH], n)),
-        room[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
+        program[ledger.METHOD], program, p, run_array[stops:work], run_array[RTOL], run_array[ATOL], head[LIMIT],
+        y, run_array[rate:record], memory, counters,
+        run_array[record + 1 : states],
+        run_array[states + n : dense].reshape((head[LENGTH], n)),
+        run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
     )  # fmt: skip
 
 
 @kernel
-def launch_watched(program, functions, room):
+def launch_watched(program, functions, run_array):
     """`launch`, with a look along the steps that are made: LOOK_WANTED where a watched function may pass through zero.
 
     `functions` are as `scan` takes them; their signs stand in the room. LOOK_WANTED also where y holds
     slow variables and compiled code finds no point over them.
     """
-    program, functions, room = borrowed(program), borrowed(functions), borrowed(room)
-    head = room[:HEAD].view(np.int64)
-    counters = room[COUNTERS:GIVEN].view(np.int64)
+    program, functions, run_array = borrowed(program), borrowed(functions), borrowed(run_array)
+    head = run_array[:HEAD].view(np.int64)
+    counters = run_array[COUNTERS:GIVEN].view(np.int64)
     begins = head[BEGUN] != HAS_BEGUN
     if head[BEGUN] == OVER_SLOW:
-        if not reach_start(functions, room[Y : Y + head[STATES]]):
+        if not reach_start(functions, run_array[Y : Y + head[STATES]]):
             return ledger.LOOK_WANTED
         head[BEGUN] = NOT_BEGUN
     before = 0 if begins else counters[ledger.STEPS]
-    code = launch(program, room)
+    code = launch(program, run_array)
     new = counters[ledger.STEPS] - before
     n = head[STATES]
-    p = room[Y + n : Y + n + head[CONSTANTS]]
+    p = run_array[Y + n : Y + n + head[CONSTANTS]]
     record, states, dense = _record(head)
-    signs = room[record - n - functions[WATCHED] : record - n]
-    start = room[states : states + n]
-    if begins and (new == 0 or not begins_clear(functions, p, signs, room[record], start)):
+    signs = run_array[record - n - functions[WATCHED] : record - n]
+    start = run_array[states : states + n]
+    if begins and (new == 0 or not begins_clear(functions, p, signs, run_array[record], start)):
         return ledger.LOOK_WANTED
     if new and not clear_of_zero(
-        functions, p, signs, room[record], start, room[record + 1 : record + new + 1],
-        room[states + n : dense].reshape((head[LENGTH], n)),
-        room[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
+        functions, p, signs, run_array[record], start, run_array[record + 1 : record + new + 1],
+        run_array[states + n : dense].reshape((head[LENGTH], n)),
+        run_array[dense : dense + head[DENSE] * head[ROWS] * n].reshape((head[DENSE], head[ROWS], n)),
     ):  # fmt: skip
         return ledger.LOOK_WANTED
     return code
 
 
 @inlined_kernel
-def _steps_made(head, steps, room):
+def _steps_made(head, steps, run_array):
     """The record's times, states and dense output of so many steps, with the start."""
     n = head[STATES]
     record, states, dense = _record(head)
     between = min(steps, head[DENSE])
     return (
-        room[record : record + steps + 1],
-        room[states : states + (steps + 1) * n].reshape((steps + 1, n)),
-        room[dense : dense + between * head[ROWS] * n].reshape((between, head[ROWS], n)),
+        run_array[record : record + steps + 1],
+        run_array[states : states + (steps + 1) * n].reshape((steps + 1, n)),
+        run_array[dense : dense + between * head[ROWS] * n].reshape((between, head[ROWS], n)),
     )
 
 
 @kernel
-def read_room(room, grid, out):
+def read_room(run_array, grid, out):
     """`grid.read_grid` from the record of a room: how many of `grid` (m,) are read."""
-    room, grid, out = borrowed(room), borrowed(grid), borrowed(out)
-    head = room[:HEAD].view(np.int64)
-    times, states, dense = _steps_made(head, room[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS], room)
+    run_array, grid, out = borrowed(run_array), borrowed(grid), borrowed(out)
+    head = run_array[:HEAD].view(np.int64)
+    times, states, dense = _steps_made(head, run_array[COUNTERS:GIVEN].view(np.int64)[ledger.STEPS], run_array)
     return read_grid(times, states, dense, grid, 0, out)
 
 
 @kernel
-def read_explicit_room(program, room, grid, out):
+def read_explicit_room(program, run_array, grid, out):
     """`read_room`, and `landing.correct`, counted in the room."""
-    program, room, grid, out = borrowed(program), borrowed(room), borrowed(grid), borrowed(out)
-    reached = read_room(room, grid, out)
-    head = room[:HEAD].view(np.int64)
-    counters = room[COUNTERS:GIVEN].view(np.int64)
-    p = room[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
-    times, states, dense = _steps_made(head, counters[ledger.STEPS], room)
+    program, run_array, grid, out = borrowed(program), borrowed(run_array), borrowed(grid), borrowed(out)
+    reached = read_room(run_array, grid, out)
+    head = run_array[:HEAD].view(np.int64)
+    counters = run_array[COUNTERS:GIVEN].view(np.int64)
+    p = run_array[Y + head[STATES] : Y + head[STATES] + head[CONSTANTS]]
+    times, states, dense = _steps_made(head, counters[ledger.STEPS], run_array)
     if dense.shape[0] > 0:
         correct(
-            program, p, room[RTOL], room[ATOL], times, states, dense, grid, 0, reached, out, counters,
+            program, p, run_array[RTOL], run_array[ATOL], times, states, dense, grid, 0, reached, out, counters,
             np.empty(head[MEMORY]),
         )  # fmt: skip
     return reached

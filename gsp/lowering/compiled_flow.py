@@ -21,7 +21,7 @@ from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
 from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, compile_function, exact
 from gsp.lowering.remembering import remembered
-from gsp.lowering.steps.collocation import Collocation
+from gsp.lowering.steps.collocation import CollocationCode
 from gsp.lowering.steps.emission import LIBRARY, nearest_double
 from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
@@ -191,7 +191,7 @@ class CompiledFlow:
 
     @_made_once
     def layouts(self) -> dict:
-        """What integrators keep of their runs over this flow, by method; see `integration.room`."""
+        """What integrators keep of their runs over this flow, by method; see `integration.run_array`."""
         return {}
 
     def parameters(self, epsilon: float | None) -> tuple[float, ...]:
@@ -263,7 +263,7 @@ def _explicit(n: int) -> CompiledStep:
 
 @lru_cache(maxsize=MOST_KEPT // 3)
 def _collocation(code: FlowCode, stages: int) -> CompiledStep:
-    written = Collocation(code, stages)
+    written = CollocationCode(code, stages)
     return _step(written.text(), written.NAMES, written.size)
 
 

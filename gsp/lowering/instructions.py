@@ -38,7 +38,7 @@ def write_instructions(states: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]) 
     >>> len(write_instructions((x, y), (-x, sp.sin(x) - y)).rows)
     7
     """
-    writer = _Writer(states)
+    writer = _TapeWriter(states)
     for landing in landings(*outputs):
         writer.read(landing)
     rows = tuple(writer.row(writer.read(output)) for output in outputs)
@@ -52,7 +52,7 @@ class _Value:
 
     __slots__ = ("constant", "row", "writer")
 
-    def __init__(self, writer: _Writer, row: int = -1, constant: sp.Expr | None = None) -> None:
+    def __init__(self, writer: _TapeWriter, row: int = -1, constant: sp.Expr | None = None) -> None:
         self.writer = writer
         self.row = row
         self.constant = constant
@@ -101,7 +101,7 @@ class _Value:
         return self.writer.function(name, self)
 
 
-class _Writer:
+class _TapeWriter:
     """Writes each different row once; `constants` maps each expression to its place."""
 
     def __init__(self, states: Sequence[sp.Symbol]) -> None:

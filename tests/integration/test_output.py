@@ -11,7 +11,7 @@ from gsp.integration import output
 from gsp.integration.ensemble import integrate_many
 from gsp.integration.methods import Method
 from gsp.integration.output import read
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 from gsp.integration.trajectory import integrate
 from gsp.kernels.dense_output import interpolate_many
 from gsp.lowering.compiled_flow import compile_flow

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from gsp.errors import DeclarationError, GspError, Status
-from gsp.integration import loop, output, room
+from gsp.integration import loop, output, run_array
 from gsp.integration.events import Event
 from gsp.integration.loop import Run, run
 from gsp.integration.trajectory import Method, integrate
@@ -442,13 +442,13 @@ def test_a_run_and_its_reading_are_a_call_of_compiled_code_each_and_nothing_is_c
 
     counted(loop, "launch")
     counted(output, "read_room")
-    counted(room, "cut")
+    counted(run_array, "recorded_steps")
     found = integrate(field, **asked)
     assert calls == ["launch", *["read_room"] * (at is not None)]
     assert np.array_equal(found.at(0.3), expected[0])
     assert np.array_equal(found.y, expected[1])
-    assert calls[-1] == "cut"
-    assert calls.count("cut") == 1
+    assert calls[-1] == "recorded_steps"
+    assert calls.count("recorded_steps") == 1
 
 
 @pytest.mark.parametrize("cells", [1, 60])
@@ -458,8 +458,8 @@ def test_without_values_between_the_steps_times_asked_for_cut_nothing_out_of_a_s
     asked = {"start": dict.fromkeys(states, 1.0), "span": (0.0, 1.0), "at": [0.3, 1.0], "method": Method.RADAU9}
     expected = integrate(field, **asked)
     calls = []
-    cut = room.cut
-    monkeypatch.setattr(room, "cut", lambda *given: calls.append(1) or cut(*given))
+    recorded_steps = run_array.recorded_steps
+    monkeypatch.setattr(run_array, "recorded_steps", lambda *given: calls.append(1) or recorded_steps(*given))
     found = integrate(field, **asked, dense=False)
     assert calls == [1] * (cells > 1)
     assert np.array_equal(found.y, expected.y)

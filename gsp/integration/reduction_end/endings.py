@@ -25,11 +25,11 @@ from gsp.integration.crossings import (
 )
 from gsp.integration.loop import run, standing
 from gsp.integration.methods import Method
-from gsp.integration.pieces import Piece
+from gsp.integration.pieces import RunPiece
 from gsp.integration.reduced_flow import ReducedFlow
-from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, Loss, loss_ahead
+from gsp.integration.reduction_end.losses import HORIZON, LONG_HORIZON, MAX_STEPS, DeterminantZero, loss_ahead
 from gsp.integration.reduction_end.validity import TESTS, Validity, eigenvalues, validity_of
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 from gsp.kernels.scan import ON_LOSS, clear_of_zero
 
 # A pair with a real part below this share of its modulus is imaginary.
@@ -165,17 +165,17 @@ class Ending:
         )
         return joined, note, remedy
 
-    def fold_ahead(self, t: float, y: np.ndarray) -> Loss | None:
+    def fold_ahead(self, t: float, y: np.ndarray) -> DeterminantZero | None:
         """The fold that the reduced flow of order 0 reaches from the state `y` at `t`, if it is near; else None."""
         loss = self._ahead(t, y)
         return loss if loss is not None and loss.is_fold else None
 
-    def _ahead(self, t: float, y: np.ndarray, *, horizon: float = HORIZON) -> Loss | None:
+    def _ahead(self, t: float, y: np.ndarray, *, horizon: float = HORIZON) -> DeterminantZero | None:
         return loss_ahead(self.flow, self.validity, self.stepper, self.span, t, y, horizon)
 
     # -- what a crossing means ---------------------------------------------------------------------
 
-    def _zero(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    def _zero(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         k = piece.step(t)
         start, y = float(piece.times[k]), piece.states[k]
         loss, j = (None, k) if self.flow.order else self._loss(*search.history(k, piece))
@@ -195,7 +195,7 @@ class Ending:
             settled, status=Status.HYPERBOLICITY_LOST, note=self._zero_note(settled.y), remedy=ACROSS
         )
 
-    def _loss(self, times: np.ndarray, states: np.ndarray) -> tuple[Loss | None, int]:
+    def _loss(self, times: np.ndarray, states: np.ndarray) -> tuple[DeterminantZero | None, int]:
         """The zero of det g_y that the order-0 run with these steps runs into, and the step from which it is joined.
 
         What it is, is told from a step that is not yet lost in the errors beside it. A fold is located from the last
@@ -211,7 +211,7 @@ class Ending:
                 return nearer, last
         return loss, j
 
-    def _named(self, loss: Loss) -> tuple[Status, str, str]:
+    def _named(self, loss: DeterminantZero) -> tuple[Status, str, str]:
         """Status, note and remedy of a zero eigenvalue that the desingularised flow has found."""
         if loss.is_fold:
             return Status.FOLD_REACHED, self._fold_note(loss), ""
@@ -227,7 +227,7 @@ class Ending:
         note = f"a folded singularity of the critical manifold at {self._point(loss.point)}"
         return Status.FOLD_REACHED, note, FOLDED
 
-    def _pair(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    def _pair(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         settled = search.refined(column, t, piece)
         values = self._eigenvalues(settled.y)
         n = len(values)
@@ -243,7 +243,7 @@ class Ending:
         )
         return replace(settled, status=Status.HYPERBOLICITY_LOST, note=note, remedy=ACROSS)
 
-    def _border(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    def _border(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         settled = search.refined(column, t, piece)
         k = piece.step(t)
         length = piece.times[k + 1] - piece.times[k]
@@ -260,7 +260,7 @@ class Ending:
         note = f"the critical manifold, or the fast Jacobian on it, ends at {self._shown(settled.y)}"
         return replace(settled, status=Status.NON_FINITE, note=note)
 
-    def _series(self, search: Search, column: int, t: float, piece: Piece) -> Settled | None:
+    def _series(self, search: Search, column: int, t: float, piece: RunPiece) -> Settled | None:
         return self._without_series(search.refined(column, t, piece))
 
     def _without_series(self, settled: Settled) -> Settled:
@@ -286,16 +286,16 @@ class Ending:
 
     # -- parts -------------------------------------------------------------------------------------
 
-    def _into(self, fold: Loss, t: float, y: np.ndarray) -> Record:
+    def _into(self, fold: DeterminantZero, t: float, y: np.ndarray) -> Record:
         """The run from `y` at `t` to the fold: what the method makes of it, and a last step that ends there."""
         stepper = self.stepper
         record = None
         if t != fold.t:
-            asked = stepper.run(
+            request = stepper.run(
                 y, t, np.append(self._between(t, fold.t), fold.t), max_steps=MAX_STEPS,
                 watch=lambda times, states, dense: not self._holds(states).all(), first_step=fold.t - t,
             )  # fmt: skip
-            record = run(asked)
+            record = run(request)
         if record is None:
             return standing(t, y, Status.FOLD_REACHED, Method.DOP853)
         times, states, dense = record.times, record.states, record.dense
@@ -383,5 +383,5 @@ class Ending:
     def _zero_note(self, y: np.ndarray) -> str:
         return f"an eigenvalue of the fast Jacobian reaches zero at {self._shown(y)}"
 
-    def _fold_note(self, fold: Loss) -> str:
+    def _fold_note(self, fold: DeterminantZero) -> str:
         return f"the fold of the critical manifold at {self._point(fold.point)}"

@@ -10,7 +10,7 @@ from gsp.critical.loss_kind import LossKind
 from gsp.integration.crossings import Search, Settled, Stepper, Watched, settle_event
 from gsp.integration.loop import run
 from gsp.integration.methods import Method
-from gsp.integration.pieces import Piece
+from gsp.integration.pieces import RunPiece
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.validity import Validity
 from gsp.lowering.compiled_flow import compile_flow
@@ -37,7 +37,7 @@ MAX_STEPS = 20_000
 
 
 @dataclass(frozen=True)
-class Loss:
+class DeterminantZero:
     """A zero of det g_y that the reduced flow of order 0 runs into: its time, the flow's state there, and (x, y)."""
 
     t: float
@@ -59,7 +59,7 @@ def loss_ahead(
     t: float,
     y: np.ndarray,
     horizon: float,
-) -> Loss | None:
+) -> DeterminantZero | None:
     """Where the desingularised flow from `y` at `t` crosses det g_y = 0, or, at an equilibrium there, what it tends to.
 
     It is followed for `horizon` times of the linear prediction; None when it comes to no zero.
@@ -86,7 +86,7 @@ def loss_ahead(
         left = np.sign(value) * validity.crossing(states, stepper.p)[:, :1]
         return left - abs(value) * np.array([0.0, TENDED])
 
-    def settle_tended(search: Search, column: int, s: float, piece: Piece) -> Settled | None:
+    def settle_tended(search: Search, column: int, s: float, piece: RunPiece) -> Settled | None:
         settled = settle_event(search, column, s, piece)
         crosses = (
             settled is not None
@@ -96,8 +96,8 @@ def loss_ahead(
 
     watched = [Watched("det g_y", 0, 1, settle_event), Watched("rest of det g_y", 0, 1, settle_tended)]
     search = Search(above, watched, np.ones(2), inner, 0.0, begun)
-    asked = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
-    record = search.cut(run(asked))
+    request = inner.run(begun, 0.0, np.array([length]), max_steps=MAX_STEPS, watch=search)
+    record = search.truncated(run(request))
     if search.end is None:
         return None
     end = search.end.y
@@ -122,7 +122,7 @@ def loss_ahead(
         pulled = [np.linalg.norm(validity.pulled(at, stepper.p)) for at in (z, point)]
         if pulled[1] <= BRANCH_POINT * pulled[0]:
             kind = LossKind.BRANCH_POINT
-    return Loss(float(end[-1]), state, point, kind)
+    return DeterminantZero(float(end[-1]), state, point, kind)
 
 
 def _rest(inner: Stepper, end: np.ndarray, decay: float, fast: slice) -> np.ndarray:

@@ -13,7 +13,7 @@ from gsp.errors import Status
 from gsp.integration.reduced_flow import ReducedFlow
 from gsp.integration.reduction_end.endings import ACROSS
 from gsp.integration.reduction_end.validity import Validity, eigenvalues, validity_of
-from gsp.integration.room import Record
+from gsp.integration.run_array import Record
 
 # All eigenvalues of n by n take about 25 n^3 operations. So many are spent on a run: a second or two.
 OPERATIONS = 1e10

@@ -54,7 +54,7 @@ from gsp.lowering.steps.values import (
 
 
 @dataclass(frozen=True)
-class Collocation:
+class CollocationCode:
     """The code for one flow and one number of stages."""
 
     flow: FlowCode
@@ -108,7 +108,13 @@ class Collocation:
     def text(self) -> str:
         """The module."""
         module = ir.Module()
-        writers = (_Writer.begin, _Writer.round, _Writer.finish, _Writer.again, _Writer.accept)
+        writers = (
+            _Writer.begin,
+            _Writer.round,
+            _Writer.finish,
+            _Writer.again,
+            _Writer.accept,
+        )
         for name, write in zip(self.NAMES, writers):
             function = ir.Function(module, SIGNATURE, name)
             builder: Any = ir.IRBuilder(function.append_basic_block())
@@ -120,7 +126,7 @@ class Collocation:
 class _Writer:
     """One function of the module; each method writes one."""
 
-    def __init__(self, code: Collocation, builder: Any, arguments: Sequence[Any]) -> None:
+    def __init__(self, code: CollocationCode, builder: Any, arguments: Sequence[Any]) -> None:
         self.code = code
         self.flow = code.flow
         self.builder = builder

@@ -20,7 +20,7 @@ from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
 from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, compile_flow
 from gsp.lowering.compiled_function import compile_function
-from gsp.lowering.steps.collocation import Collocation
+from gsp.lowering.steps.collocation import CollocationCode
 from gsp.lowering.steps.emission import LIBRARY, Emitter
 from gsp.lowering.steps.flow_code import is_worth_writing
 from gsp.lowering.steps.values import DOUBLE, SIGNATURE, load, store
@@ -181,7 +181,7 @@ def test_collocation_steps_of_sixteen_states_are_scheduled():
     """Their code is long, and each of its functions is not. Of twenty states, runs take 1.9 times as long without."""
     z = sp.symbols("z0:16")
     field = VectorField({a: b * a - a**3 + b**2 for a, b in zip(z, (*z[1:], z[0]))}, epsilon=None)
-    text = Collocation(compile_flow(field).expressions, 7).text()
+    text = CollocationCode(compile_flow(field).expressions, 7).text()
     assert text.count("\n") > LONGEST_SCHEDULED
     assert effort(text) == 1
 

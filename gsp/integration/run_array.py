@@ -1,4 +1,4 @@
-"""The room of a run: what is entered there before it, and what is read there after it; see `kernels.launch`."""
+"""The one array of a run: what is entered there before it, and what is read there after it; see `kernels.launch`."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from gsp.kernels import ledger
 from gsp.kernels.launch import before_record
 from gsp.lowering.compiled_flow import CompiledFlow
 
-# Entries of a room that is kept for a result that needs a part of it: 512 kB, of which those that were never written
-# take no memory: to cut a room out takes half as long as a short run.
+# Entries of an array that is kept for a result that needs a part of it: 512 kB, of which those that were never written
+# take no memory: to cut an array out takes half as long as a short run.
 MOST_KEPT = 1 << 16
 
 
 class Layout(NamedTuple):
-    """What all rooms of one method's runs over one flow have in common.
+    """What the arrays of one method's runs over one flow have in common.
 
-    `enter(room, 0, *numbers)` writes HEAD, the time of the start, the tolerances, the first step, y, p and one stop,
-    and zeros for the counters.
+    `enter(run_array, 0, *numbers)` writes HEAD, the time of the start, the tolerances, the first step, y, p and one
+    stop, and zeros for the counters.
     """
 
     solver: Solver
@@ -35,7 +35,7 @@ class Layout(NamedTuple):
     constants: int
     memory: int
     before: int
-    """Where the record begins in a room with one stop in which nothing is watched."""
+    """Where the record begins in an array with one stop in which nothing is watched."""
 
 
 def layout_of(compiled: CompiledFlow, method: Method) -> Layout:
@@ -58,7 +58,7 @@ def _laid_out(compiled: CompiledFlow, solver: Solver) -> Layout:
     )
 
 
-class Piece(NamedTuple):
+class RecordedSteps(NamedTuple):
     """Steps one after the other: `times` (k + 1,) and `states` (k + 1, n) with the start, `dense` (k or 0, rows, n)."""
 
     times: np.ndarray
@@ -66,44 +66,46 @@ class Piece(NamedTuple):
     dense: np.ndarray
 
 
-def cut(room: np.ndarray, earlier: int = 0) -> Piece:
-    """The steps in the record of a room, where `earlier` ones were made in other rooms."""
-    numbers = room[: kernels.COUNTERS + ledger.STEPS + 1].view(np.int64).tolist()
+def recorded_steps(run_array: np.ndarray, earlier: int = 0) -> RecordedSteps:
+    """The steps in the record of an array, where `earlier` ones were made in other arrays."""
+    numbers = run_array[: kernels.COUNTERS + ledger.STEPS + 1].view(np.int64).tolist()
     _, _, n, constants, stops, memory, watches, length, dense, rows = numbers[: kernels.HEAD]
     count = numbers[-1] - earlier
     times = before_record(n, constants, stops, memory, watches)
     states = times + length + 1
     between = states + (length + 1) * n
     kept = count if dense else 0
-    return Piece(
-        room[times : times + count + 1],
-        room[states : states + (count + 1) * n].reshape(count + 1, n),
-        room[between : between + kept * rows * n].reshape(kept, rows, n),
+    return RecordedSteps(
+        run_array[times : times + count + 1],
+        run_array[states : states + (count + 1) * n].reshape(count + 1, n),
+        run_array[between : between + kept * rows * n].reshape(kept, rows, n),
     )
 
 
-def counters_in(room: np.ndarray) -> list[int]:
+def counters_in(run_array: np.ndarray) -> list[int]:
     """The ledger's counters up to STIFF."""
-    return room[kernels.COUNTERS : kernels.COUNTERS + ledger.STIFF + 1].view(np.int64).tolist()
+    return run_array[kernels.COUNTERS : kernels.COUNTERS + ledger.STIFF + 1].view(np.int64).tolist()
 
 
-def steps_in(room: np.ndarray) -> int:
-    """How many steps were made by now, in this room and those before it."""
-    return counters_in(room)[ledger.STEPS]
+def steps_in(run_array: np.ndarray) -> int:
+    """How many steps were made by now, in this array and those before it."""
+    return counters_in(run_array)[ledger.STEPS]
 
 
-def time_in(room: np.ndarray) -> float:
+def time_in(run_array: np.ndarray) -> float:
     """How far the run has come."""
-    _, _, n, constants, stops, *_ = room[: kernels.HEAD].view(np.int64).tolist()
-    return float(room[kernels.Y + n + constants + stops + ledger.TIME])
+    _, _, n, constants, stops, *_ = run_array[: kernels.HEAD].view(np.int64).tolist()
+    return float(run_array[kernels.Y + n + constants + stops + ledger.TIME])
 
 
-def next_room(room: np.ndarray, length: int) -> np.ndarray:
-    """A room with an empty record of so many rows, in which the run goes on."""
-    _, _, n, constants, stops, memory, watches, _, dense, rows = room[: kernels.HEAD].view(np.int64).tolist()
+def next_run_array(run_array: np.ndarray, length: int) -> np.ndarray:
+    """An array with an empty record of so many rows, in which the run goes on."""
+    _, _, n, constants, stops, memory, watches, _, dense, rows = (
+        run_array[: kernels.HEAD].view(np.int64).tolist()
+    )
     before = before_record(n, constants, stops, memory, watches)
     ahead = np.empty(before + (length + 1) * (1 + n) + (length * rows * n if dense else 0))
-    ahead[:before] = room[:before]
+    ahead[:before] = run_array[:before]
     head = ahead[: kernels.HEAD].view(np.int64)
     head[kernels.LENGTH], head[kernels.DENSE] = length, length if dense else 0
     return ahead
@@ -165,31 +167,31 @@ class Record:
         return self.counters[ledger.STEPS] + self.counters[ledger.REJECTED]
 
 
-class RecordInRoom(Record):
-    """A record that lies in the one room of its run, from which it is cut when it is read."""
+class RecordInArray(Record):
+    """A record that lies in the one array of its run, from which it is cut when it is read."""
 
     _holds_dense = True
-    _made: Piece | None = None
+    _made: RecordedSteps | None = None
 
-    def __init__(self, room: np.ndarray, status: Status, method: Method) -> None:
-        self.room, self.status, self.method = room, status, method
+    def __init__(self, run_array: np.ndarray, status: Status, method: Method) -> None:
+        self.run_array, self.status, self.method = run_array, status, method
 
     def copied(self) -> Record:
-        """As the base has it; the counters lie in the room."""
-        return RecordInRoom(self.room.copy(), self.status, self.method)
+        """As the base has it; the counters lie in the array."""
+        return RecordInArray(self.run_array.copy(), self.status, self.method)
 
     def without_dense(self) -> Record:
-        """As the base has it; a small room is kept whole, since to cut it takes half as long as a short run."""
-        if self.room.size > MOST_KEPT:
+        """As the base has it; a small array is kept whole, since to cut it takes half as long as a short run."""
+        if self.run_array.size > MOST_KEPT:
             return super().without_dense()
         self._holds_dense, self._made = False, None
         return self
 
     @property
-    def _piece(self) -> Piece:
+    def _piece(self) -> RecordedSteps:
         made = self._made
         if made is None:
-            made = cut(self.room)
+            made = recorded_steps(self.run_array)
             # Kept by hand: `cached_property` takes a lock, a sixth of what reading a run's states takes.
             self._made = made = made if self._holds_dense else made._replace(dense=made.dense[:0])
         return made
@@ -212,7 +214,7 @@ class RecordInRoom(Record):
     @cached_property
     def counters(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """As the base has them."""
-        return counters_in(self.room)
+        return counters_in(self.run_array)
 
     def forget_counters(self) -> None:
         """Have them read anew, since compiled code has counted on."""
