@@ -1,0 +1,59 @@
+"""One name for one thing, and functions that take no more than a reader can hold."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[1] / "gsp"
+MOST = 8
+
+# Verbs whose keywords are documented one by one, and `integrate` as other verbs call it.
+WITH_MORE = {
+    "critical_sheet", "continue_critical", "continue_folds", "continue_orbits", "periodic_orbit", "integrate",
+    "integrate_many", "trajectory_of", "FrictionSystem.scene", "sweep",
+}  # fmt: skip
+# Kernels take each array and each number by itself, as machine code calls them. There shall be no more of them.
+KERNELS_WITH_MORE = 30
+
+
+def parsed() -> dict[Path, ast.Module]:
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+
+
+def functions(body: list[ast.stmt], within: str = "") -> list[tuple[str, int]]:
+    """Names of functions, with that of their class, and how many parameters each has beside `self`."""
+    found = []
+    for node in body:
+        if isinstance(node, ast.ClassDef):
+            found += functions(node.body, f"{node.name}.")
+        elif isinstance(node, ast.FunctionDef):
+            given = node.args
+            names = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+            count = len(names) + bool(given.vararg) + bool(given.kwarg) - (names[:1] in (["self"], ["cls"]))
+            found += [(within + node.name, count), *functions(node.body, f"{within}{node.name}.")]
+    return found
+
+
+def test_no_two_classes_share_a_name() -> None:
+    places = defaultdict(list)
+    for path, tree in parsed().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(f"{path.relative_to(SOURCE)}:{node.lineno}")
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_functions_have_eight_parameters_at_most() -> None:
+    many = {
+        name: path for path, tree in parsed().items() for name, count in functions(tree.body) if count > MOST
+    }
+    kernels = {name for name, path in many.items() if "kernels" in path.parts}
+    assert set(many) - kernels == WITH_MORE
+    assert len(kernels) <= KERNELS_WITH_MORE
+
+
+def test_parameters_are_counted_without_self_and_within_classes() -> None:
+    tree = ast.parse("class A:\n  def f(self, a, /, b, *c, d, **e): pass\ndef g(cls):\n  def h(x): pass")
+    assert functions(tree.body) == [("A.f", 5), ("g", 0), ("g.h", 1)]
