@@ -17,16 +17,7 @@ import numpy as np
 
 from gsp.kernels.compilation import kernel
 
-STATE = 0
-CONSTANT = 1
-ADD = 2
-SUBTRACT = 3
-MULTIPLY = 4
-DIVIDE = 5
-SHIFT = 6
-SCALE = 7
-QUOTIENT = 8
-SIGN = 9
+STATE, CONSTANT, ADD, SUBTRACT, MULTIPLY, DIVIDE, SHIFT, SCALE, QUOTIENT, SIGN = range(10)
 # From here on: v = F(u), u in row a, dv/du in row b; the number says which function.
 CHAIN = 20
 POWER = CHAIN

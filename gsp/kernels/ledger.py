@@ -23,42 +23,37 @@ there. A method may keep more in a longer `memory`, as `radau_block.memory_size`
 from __future__ import annotations
 
 # program.
-FIELD = 0
-JACOBIAN = 1
-METHOD = 2
-LOOPS = 3
-CODE = 4
-PATTERN = 5
+FIELD, JACOBIAN, METHOD, LOOPS, CODE, PATTERN = range(6)
 
 # Codes.
-RECORD_FULL = 0
-FINISHED = 1
-STEP_TOO_SMALL = 2
-TOO_MANY_STEPS = 3
-NON_FINITE = 4
-SINGULAR_JACOBIAN = 5
-LOOPS_WANTED = 6
-# Of a run that is watched, `launch.launch_watched`.
-LOOK_WANTED = 7
+(
+    RECORD_FULL,
+    FINISHED,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    NON_FINITE,
+    SINGULAR_JACOBIAN,
+    LOOPS_WANTED,
+    # Of a run that is watched, `launch.launch_watched`.
+    LOOK_WANTED,
+) = range(8)
 # None of them: the call goes on.
 GOING_ON = -1
 
 # memory: time, the step proposed next, and the last unclipped accepted step with (its error)^(-exponent).
-TIME = 0
-STEP = 1
-PREVIOUS_STEP = 2
-PREVIOUS_GROWTH = 3
-MEMORY_SIZE = 4
+TIME, STEP, PREVIOUS_STEP, PREVIOUS_GROWTH, MEMORY_SIZE = range(5)
 
 # counters; the last four are the integrator's own.
-STEPS = 0
-REJECTED = 1
-FIELD_CALLS = 2
-JACOBIAN_CALLS = 3
-DECOMPOSITIONS = 4
-STIFF = 5
-NEXT_STOP = 6
-JUST_REJECTED = 7
-STIFF_SIGNS = 8
-NON_STIFF_SIGNS = 9
-COUNTERS_SIZE = 10
+(
+    STEPS,
+    REJECTED,
+    FIELD_CALLS,
+    JACOBIAN_CALLS,
+    DECOMPOSITIONS,
+    STIFF,
+    NEXT_STOP,
+    JUST_REJECTED,
+    STIFF_SIGNS,
+    NON_STIFF_SIGNS,
+    COUNTERS_SIZE,
+) = range(11)

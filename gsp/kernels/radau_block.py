@@ -15,12 +15,7 @@ CODE_SIZE = 6
 
 # 1 if the pivots can be used; the norm of the last correction, the error of the step and of its dense output, each over
 # the tolerance; the tolerances.
-USABLE = 0
-NORM = 1
-ERROR = 2
-GAP = 3
-RTOL = 4
-ATOL = 5
+USABLE, NORM, ERROR, GAP, RTOL, ATOL = range(6)
 POINT = 8
 # The rows that begin at POINT: the point and its rate, the end and its rate, the tolerances inverted, the estimate.
 END = 2

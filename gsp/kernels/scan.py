@@ -30,7 +30,7 @@ ON_LOSS = 1e-7
 
 
 # What a look finds: no zero, a zero or what is not a number, a bend that may hide two zeros.
-_CLEAR, _CROSSED, _BENT = 0, 1, 2
+_CLEAR, _CROSSED, _BENT = range(3)
 
 
 @kernel

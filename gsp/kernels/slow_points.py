@@ -15,10 +15,7 @@ from gsp.kernels.addresses import call_jet
 from gsp.kernels.compilation import kernel
 from gsp.kernels.linear_algebra import factorise, norm, solve
 
-CONVERGED = 0
-NOT_CONVERGED = 1
-NON_FINITE = 2
-ILL_CONDITIONED = 3
+CONVERGED, NOT_CONVERGED, NON_FINITE, ILL_CONDITIONED = range(4)
 
 # Newton's method: a step below ROUNDING, relative to 1 + |y|, changes nothing; after one below QUADRATIC the
 # next would be below rounding.

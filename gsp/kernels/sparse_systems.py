@@ -25,11 +25,9 @@ from gsp.kernels.compilation import kernel
 LARGEST_GROWTH = 1e3
 # Rows of the scratch `sizes` (3, n): the largest that a column held, the largest right of a row's diagonal, and the
 # largest there as a share of what its column held.
-HELD, LARGEST, SHARE = 0, 1, 2
+HELD, LARGEST, SHARE = range(3)
 
-ENTRIES = 0
-FACTORS = 1
-ORDER = 2
+ENTRIES, FACTORS, ORDER = range(3)
 # An index that numba does not compare with 0, as it does each other one in case it counts from the end: that took two
 # fifths of a solution.
 AT = np.uint64

@@ -35,7 +35,7 @@ LENGTH_OF_PART = 1500
 # One thread at a time makes code. Of two that made the same, one would hold addresses of what is thrown away.
 MAKING = RLock()
 # Where a compiled function's arguments are.
-_Z, _P, _OUT = 1, 2, 3
+_Z, _P, _OUT = range(1, 4)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
