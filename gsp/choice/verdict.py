@@ -85,7 +85,7 @@ def judge(evidence: Evidence) -> Verdict:
     """The verdict on a scene for the model that was chosen."""
     *reduced, full = evidence.candidates
     scene, model, partial = evidence.scene, evidence.model, evidence.partial
-    wanted = (
+    promised = (
         f"a relative error of {scene.tolerance:g} over t = {scene.span[0]:.4g} to {scene.span[1]:.4g} "
         f"at epsilon = {scene.epsilon:g}"
     )
@@ -97,7 +97,7 @@ def judge(evidence: Evidence) -> Verdict:
         cost = cost_beside(shown, full) if full.valid else Cost.LESS
         return Verdict(
             _ALLOWED[cost],
-            f"{in_words(shown)} keeps to {wanted}; {_off(shown, evidence)}",
+            f"{in_words(shown)} keeps to {promised}; {_off(shown, evidence)}",
             _speed(shown, full, cost),
             "" if cost is Cost.LESS else "Reduce for the formula; to compute a run take the full system.",
         )
@@ -107,9 +107,11 @@ def judge(evidence: Evidence) -> Verdict:
     nearest = _nearest(reduced)
     if partial is not None and (nearest.order is not None or nearest.holds_until <= partial.holds_until):
         nearest = partial
-    accuracy = f"no reduced model keeps to {wanted}: {in_words(nearest)} comes nearest, but {nearest.why_not}."
+    accuracy = (
+        f"no reduced model keeps to {promised}: {in_words(nearest)} comes nearest, but {nearest.why_not}."
+    )
     if nearest.failure is Failure.UNTOLD:
-        accuracy = f"no reduced model is known to keep to {wanted}: of {in_words(nearest)} {nearest.why_not}."
+        accuracy = f"no reduced model is known to keep to {promised}: of {in_words(nearest)} {nearest.why_not}."
     accuracy = " ".join(filter(None, (accuracy, evidence.ending)))
     if partial is None:
         return Verdict(Answer.NO, accuracy, "", _remedy(nearest, evidence))

@@ -333,11 +333,11 @@ def trajectory_of(
     )
     stops = (last,) if reads or grid is None else stops_of(grid, first, last)
     # By place, at a third of what so many names cost.
-    wanted = Run._make(
+    request = Run._make(
         (compiled, p, y, first, stops, chosen, rtol, atol, limit, dense or reads or reduced, progress, None,
          RECORD if tests is None else LOOK, 0.0, returns_partial, tests, over_slow is not None)
     )  # fmt: skip
-    record = run(wanted) if tests is not None or not (reduced or compiled_events is not None) else None
+    record = run(request) if tests is not None or not (reduced or compiled_events is not None) else None
     facts = None
     if (
         record is None
@@ -345,11 +345,11 @@ def trajectory_of(
         or (reduced and cast("ReducedFlow", flow).leaves_pairs)
     ):
         if over_slow is not None:
-            wanted = wanted._replace(y=_start(flow, start), over_slow=False)
+            request = request._replace(y=_start(flow, start), over_slow=False)
             if record is not None and record.status is Status.INTERRUPTED:
                 # It may have come before the start was found.
-                record.states[0] = wanted.y
-        record, facts = _examined(flow, wanted, record, compiled_events, (first, last), grid)
+                record.states[0] = request.y
+        record, facts = _examined(flow, request, record, compiled_events, (first, last), grid)
     if grid is not None:
         states, reached = read(compiled, p, record, grid, rtol=rtol, atol=atol)
         if not dense:
@@ -367,7 +367,7 @@ def trajectory_of(
 
 def _examined(
     flow: Flow,
-    wanted: Run,
+    request: Run,
     record: Record | None,
     compiled_events: CompiledEvents | None,
     span: tuple[float, float],
@@ -377,23 +377,23 @@ def _examined(
 
     `record` is that of the quick run, if there was one.
     """
-    compiled, p, y = wanted.compiled, np.array(wanted.p), np.array(wanted.y)
+    compiled, p, y = request.compiled, np.array(request.p), np.array(request.y)
     first, last = span
     status = None if record is None else record.status
     search = ending = begun = None
     if status is not Status.SUCCESS and (compiled_events is not None or flow.is_reduced):
-        chosen = wanted.method or choose_method(compiled, wanted.rtol)
-        wanted = wanted._replace(method=chosen)
-        stepper = Stepper(compiled, p, chosen, wanted.rtol, wanted.atol)
+        chosen = request.method or choose_method(compiled, request.rtol)
+        request = request._replace(method=chosen)
+        stepper = Stepper(compiled, p, chosen, request.rtol, request.atol)
         if flow.is_reduced:
             ending = ending_of(flow, stepper, span, y, stops_of(grid, first, last))
             begun = ending.at_start(first, y)
         search = search_of(compiled_events, ending, stepper, span, y)
     if begun is not None:
-        record = standing(first, y, begun.status, wanted.method or choose_method(compiled, wanted.rtol))
+        record = standing(first, y, begun.status, request.method or choose_method(compiled, request.rtol))
     elif record is None or (search is not None and status is not Status.INTERRUPTED):
         rows = LOOK if search is not None and search.can_end else RECORD
-        record = run(wanted._replace(watch=search, dense=True, rows_kept=rows, tests=None))
+        record = run(request._replace(watch=search, dense=True, rows_kept=rows, tests=None))
     note, override = ("", "") if begun is None else (begun.note, begun.remedy)
     crossings: Mapping[str, Crossings] = NOT_MET
     if search is not None:

@@ -87,15 +87,15 @@ def condense(field, jacobian, sensitivity, p, time, widths, A, b, z, stages, fre
 
 
 @kernel
-def border(relations, columns, left, right, across, inner, wanted, shares, dz, dstages, dq):
-    """Solve the bordered system for every column of `wanted` (n + free, R); False when it is singular.
+def border(relations, columns, left, right, across, inner, target, shares, dz, dstages, dq):
+    """Solve the bordered system for every column of `target` (n + free, R); False when it is singular.
 
     The defects r of the orbit count shares[c] times in column c: 1 in Newton's method, 0 for a tangent. `inner`
     (k, N + 1, n) belongs to the last k conditions. The steps are left in `dz` (R, N + 1, n), `dstages` (R, N, s, n) and
     `dq` (R, free).
     """
     N, n = relations.shape[0], relations.shape[1]
-    s, free, cases, inners = dstages.shape[2], dq.shape[1], wanted.shape[1], inner.shape[0]
+    s, free, cases, inners = dstages.shape[2], dq.shape[1], target.shape[1], inner.shape[0]
     # Rows over (dz_0, dz_i, dz_(i+1), dq, 1): the pivot rows of each elimination are kept.
     wide = 3 * n + free + 1
     kept = zeros((N, n, wide))
@@ -171,7 +171,7 @@ def border(relations, columns, left, right, across, inner, wanted, shares, dz, d
         for j in range(free):
             final[n + i, 2 * n + j] = across[i, j]
         for c in range(cases):
-            unknown[c, n + i] = wanted[i, c]
+            unknown[c, n + i] = target[i, c]
     for k in range(inners):
         row = size - inners + k
         for j in range(2 * n):

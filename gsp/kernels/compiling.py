@@ -13,11 +13,11 @@ class _First(event.Listener):
 
     def __init__(self, tell: Callable[[], object]) -> None:
         self.tell = tell
-        self.told = False
+        self.was_said = False
 
     def on_start(self, event: event.Event) -> None:
-        if not self.told:
-            self.told = True
+        if not self.was_said:
+            self.was_said = True
             self.tell()
 
     def on_end(self, event: event.Event) -> None:

@@ -123,11 +123,11 @@ def _error(work, i, s):
 
 
 @kernel
-def correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubts, counters):
+def correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubtful, counters):
     """Correct rows `begun` to `reached` - 1 of `out` (m, n), which `grid.read_grid` has filled, step by step.
 
-    The steps are as that takes them. Fills `doubts` (m,), `begun` to `reached` - 1, with the step of a time that is to
-    be landed on, or READ, and returns how many times these are.
+    The steps are as that takes them. Fills `doubtful` (m,), `begun` to `reached` - 1, with the step of a time that is
+    to be landed on, or READ, and returns how many times these are.
     """
     n = states.shape[1]
     sign = 1.0 if times[-1] >= times[0] else -1.0
@@ -136,7 +136,7 @@ def correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reac
     rate = np.empty(n)
     work = np.empty((n, _WORK))
     for j in range(begun, reached):
-        doubts[j] = READ
+        doubtful[j] = READ
     in_doubt = 0
     low = begun
     for k in range(times.shape[0] - 1):
@@ -173,7 +173,7 @@ def correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reac
                 error = _error(work, i, (grid[j] - t) / step)
                 bad += 0 if abs(error) <= atol + rtol * abs(out[j, i]) else 1
             if bad:
-                doubts[j] = k
+                doubtful[j] = k
                 in_doubt += 1
         low = high
     return in_doubt

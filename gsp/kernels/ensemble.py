@@ -87,7 +87,7 @@ def run_members(
     program, stops, grid = borrowed(program), borrowed(stops), borrowed(grid)
     constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
     rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
-    spare = np.empty_like(memory)
+    scratch = np.empty_like(memory)
     for i in range(low, high):
         if halt[0] != 0:
             return
@@ -102,7 +102,7 @@ def run_members(
             )
             before = keep(
                 corrects, program, constants[i], control, record, new, stops[-1], grid, before, kept[i], counters[i],
-                spare,
+                scratch,
             )  # fmt: skip
         reached[i] = memory[ledger.TIME]
         codes[i] = code

@@ -19,8 +19,8 @@ LANDING_RECORD = 4
 
 
 @kernel
-def land(program, p, rtol, atol, times, states, grid, doubts, out, counters, memory, record):
-    """Replace the rows of `out` (m, n) that are in doubt, with `doubts` (m,) as `correct_grid` leaves it.
+def land(program, p, rtol, atol, times, states, grid, doubtful, out, counters, memory, record):
+    """Replace the rows of `out` (m, n) that are in doubt, with `doubtful` (m,) as `correct_grid` leaves it.
 
     `memory`, of the method's size, and `record`, the (times, states, dense) of a few steps, are scratch. Where the run
     fails, what was read stays.
@@ -30,7 +30,7 @@ def land(program, p, rtol, atol, times, states, grid, doubts, out, counters, mem
     rate = np.empty(n)
     spent = np.empty(ledger.COUNTERS_SIZE, np.int64)
     for j in range(grid.shape[0]):
-        k = doubts[j]
+        k = doubtful[j]
         if k == READ:
             continue
         for i in range(n):
@@ -63,10 +63,12 @@ def correct(program, p, rtol, atol, times, states, dense, grid, begun, reached, 
     `memory`, of the method's size, is scratch.
     """
     n = states.shape[1]
-    doubts = np.empty(grid.shape[0], np.int64)
-    if correct_grid(program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubts, counters):
+    doubtful = np.empty(grid.shape[0], np.int64)
+    if correct_grid(
+        program, p, rtol, atol, times, states, dense, grid, begun, reached, out, doubtful, counters
+    ):
         record = (np.empty(LANDING_RECORD), np.empty((LANDING_RECORD, n)), dense[:0])
         land(
-            program, p, rtol, atol, times, states, grid[begun:reached], doubts[begun:reached], out[begun:reached],
+            program, p, rtol, atol, times, states, grid[begun:reached], doubtful[begun:reached], out[begun:reached],
             counters, memory, record,
         )  # fmt: skip

@@ -96,11 +96,11 @@ def _keep_what_falls(memory, step, n, stages):
     far = step / memory[LENGTH]
     for i in range(n):
         line = LINES + i * width_of(stages)
-        keeps = True
+        falls = True
         for k in range(2, stages):
             growth = far if k % 2 == 0 else 1.0 + far
-            keeps = keeps and abs(memory[line + k]) * growth <= abs(memory[line + k - 1])
-            if not keeps:
+            falls = falls and abs(memory[line + k]) * growth <= abs(memory[line + k - 1])
+            if not falls:
                 memory[line + k] = 0.0
 
 
@@ -153,9 +153,9 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
     if coded:
         size = max(size, program[ledger.CODE + CODE_SIZE - 1])
     # At the start of a cache line, so that no vector lies in two.
-    room = np.empty(size + 7)
-    skipped = -(room.ctypes.data // 8) % 8
-    block = room[skipped : skipped + size]
+    padded = np.empty(size + 7)
+    skipped = -(padded.ctypes.data // 8) % 8
+    block = padded[skipped : skipped + size]
     pattern = pattern_of(program)
     end = POINT + END * n
 
@@ -177,7 +177,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
         block[POINT + n + i] = rate[i]
     recorded = 0
     while True:
-        code, _, step, t_new, clipped, lands = next_step(
+        code, _, step, t_new, clipped, hits_stop = next_step(
             stops, max_steps, recorded, times.shape[0], memory, counters
         )
         if code != ledger.GOING_ON:
@@ -240,7 +240,7 @@ def radau(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, t
                 theta = memory[CONTRACTION] / (1.0 + memory[CONTRACTION])
                 factor = min(factor, change_allowed(theta))
             factor = min(MAXIMUM_FACTOR, max(MINIMUM_FACTOR, factor))
-            accept(t_new, step, clipped, lands, min(growth, largest_growth), factor, memory, counters)
+            accept(t_new, step, clipped, hits_stop, min(growth, largest_growth), factor, memory, counters)
             if counters[ledger.NEXT_STOP] == stops.shape[0]:
                 return ledger.FINISHED
         else:

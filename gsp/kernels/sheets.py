@@ -46,16 +46,16 @@ def follow_sheet(residual, jacobian, slow_jacobian, p, x, y, target, pieces, tol
     m = x.shape[0]
     n = y.shape[0]
     # One array: each that is allocated costs as much as a round on a small problem.
-    room = np.empty(2 * m + 4 * n + 2 * n * n + n * m)
-    z = room[: m + n]
-    way = room[m + n : 2 * m + n]
-    step = room[2 * m + n : 2 * m + 2 * n]
-    predicted = room[2 * m + 2 * n : 2 * m + 3 * n]
+    scratch = np.empty(2 * m + 4 * n + 2 * n * n + n * m)
+    z = scratch[: m + n]
+    way = scratch[m + n : 2 * m + n]
+    step = scratch[2 * m + n : 2 * m + 2 * n]
+    predicted = scratch[2 * m + 2 * n : 2 * m + 3 * n]
     rest = 2 * m + 4 * n
-    pivots = room[rest - n : rest].view(np.int64)
-    flat = room[rest : rest + n * n]
-    factors = room[rest + n * n : rest + 2 * n * n].reshape((n, n))
-    slow = room[rest + 2 * n * n :]
+    pivots = scratch[rest - n : rest].view(np.int64)
+    flat = scratch[rest : rest + n * n]
+    factors = scratch[rest + n * n : rest + 2 * n * n].reshape((n, n))
+    slow = scratch[rest + 2 * n * n :]
     # Entry by entry: numba's own assignment compiles, for 2 s, the message that shapes do not fit.
     for i in range(m):
         z[i] = x[i]

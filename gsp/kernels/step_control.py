@@ -47,18 +47,18 @@ def step_towards(stop, t, h):
 
 
 @inlined_kernel
-def next_step(stops, max_steps, recorded, room, memory, counters):
+def next_step(stops, max_steps, recorded, capacity, memory, counters):
     """(code, t, step, its end, clipped, lands) of the step that comes next; a code but GOING_ON ends the call."""
     t = memory[ledger.TIME]
-    if recorded == room:
+    if recorded == capacity:
         return ledger.RECORD_FULL, t, 0.0, t, False, False
     if counters[ledger.STEPS] + counters[ledger.REJECTED] >= max_steps:
         return ledger.TOO_MANY_STEPS, t, 0.0, t, False, False
     proposal = memory[ledger.STEP]
-    step, t_new, clipped, lands = step_ahead(stops, t, proposal, counters)
+    step, t_new, clipped, hits_stop = step_ahead(stops, t, proposal, counters)
     if step == 0.0:
-        return ledger.STEP_TOO_SMALL, t, step, t_new, clipped, lands
-    return ledger.GOING_ON, t, step, t_new, clipped, lands
+        return ledger.STEP_TOO_SMALL, t, step, t_new, clipped, hits_stop
+    return ledger.GOING_ON, t, step, t_new, clipped, hits_stop
 
 
 @inlined_kernel
@@ -67,10 +67,10 @@ def step_ahead(stops, t, proposal, counters):
     stop = stops[counters[ledger.NEXT_STOP]]
     step = step_towards(stop, t, proposal)
     clipped = abs(step) < abs(proposal)
-    lands = step == stop - t
-    t_new = stop if lands else t + step
+    hits_stop = step == stop - t
+    t_new = stop if hits_stop else t + step
     # What t really advances by, so that the record of times alone tells the steps.
-    return t_new - t, t_new, clipped, lands
+    return t_new - t, t_new, clipped, hits_stop
 
 
 @kernel
@@ -131,7 +131,7 @@ def begin(field, p, y, rate, end, rtol, atol, order, work, work_rate, memory, co
 
 
 @kernel
-def accept(t, step, clipped, lands, growth, factor, memory, counters):
+def accept(t, step, clipped, hits_stop, growth, factor, memory, counters):
     """Enter an accepted step that ends at `t`; the next is `factor` times as long, where that can be told.
 
     `growth`, a power of the step's error, is for the next call of the method's controller.
@@ -149,7 +149,7 @@ def accept(t, step, clipped, lands, growth, factor, memory, counters):
     memory[ledger.STEP] = proposal
     counters[ledger.STEPS] += 1
     counters[ledger.JUST_REJECTED] = 0
-    if lands:
+    if hits_stop:
         counters[ledger.NEXT_STOP] += 1
 
 

@@ -34,7 +34,7 @@ def run_watched_members(
     constants, ends, kept, counters = borrowed(constants), borrowed(ends), borrowed(kept), borrowed(counters)
     rate, memory, record = borrowed(rate), borrowed(memory), borrowed_record(record)
     times, states, dense = record
-    spare = np.empty_like(memory)
+    scratch = np.empty_like(memory)
     functions, signs = borrowed(tests[0]), borrowed(tests[1])
     for i in range(low, high):
         if halt[0] != 0:
@@ -62,7 +62,7 @@ def run_watched_members(
                 before,
                 kept[i],
                 counters[i],
-                spare,
+                scratch,
             )
             ordinary[i] = clear_of_zero(
                 functions, constants[i], signs[i], times[0], states[0], times[1 : new + 1], states[1:], dense

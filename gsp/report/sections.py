@@ -14,7 +14,7 @@ from gsp.charts import has_constant_eigenvalues
 from gsp.choice.verdict import in_words
 from gsp.hyperbolicity.hyperbolicity import Kind
 from gsp.report.claims import claims_of
-from gsp.report.reach import failures, reach
+from gsp.report.reduction_limits import failures, reduction_limits
 from gsp.report.wording import fitted, number, span, words
 from gsp.results import mathml
 from gsp.results.attempts import Missing, attempt
@@ -65,8 +65,8 @@ class Page:
     def failures(self) -> dict[str, Any]:
         return failures(self.analysis, self.set)
 
-    def reach(self) -> dict[str, Any]:
-        return reach(self.analysis, self.set)
+    def reduction_limits(self) -> dict[str, Any]:
+        return reduction_limits(self.analysis, self.set)
 
     # -- mathematics --------------------------------------------------------------------------------------
 

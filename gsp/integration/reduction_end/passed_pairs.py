@@ -29,10 +29,10 @@ def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Recor
     states = record.states
     count = max(FEWEST, int(OPERATIONS / (25.0 * len(validity.fast) ** 3)))
     looked_at = np.unique(np.linspace(0, len(states) - 1, min(count, len(states))).round().astype(int)).tolist()
-    wanted = _unstable(validity, states[0], p)
+    unstable = _unstable(validity, states[0], p)
     good = looked_at[0]
     for row in looked_at[1:]:
-        if _unstable(validity, states[row], p) != wanted:
+        if _unstable(validity, states[row], p) != unstable:
             break
         good = row
     else:
@@ -40,7 +40,7 @@ def cut_at_pair(flow: ReducedFlow, p: np.ndarray, record: Record) -> tuple[Recor
     bad = row
     while bad - good > 1:
         middle = (good + bad) // 2
-        good, bad = (middle, bad) if _unstable(validity, states[middle], p) == wanted else (good, middle)
+        good, bad = (middle, bad) if _unstable(validity, states[middle], p) == unstable else (good, middle)
     kept = record.replaced(
         times=record.times[: good + 1].copy(),
         states=states[: good + 1].copy(),

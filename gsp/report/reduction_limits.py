@@ -17,7 +17,7 @@ from gsp.results.mathml import Typesetter
 from gsp.singular.singularities.folded_singularities import FoldedSingularity
 
 
-def reach(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
+def reduction_limits(analysis: Analysis, setter: Typesetter) -> dict[str, Any]:
     """Values of the section for the template; tables are empty and sentences None where there is nothing to say."""
     found = analysis.boundary
     return {
