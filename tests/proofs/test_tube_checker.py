@@ -85,6 +85,46 @@ def test_cones_hold_as_far_as_they_do(sign: int, epsilon: float, collar: float) 
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("collar", [1.25, 2.0])
+def test_a_slow_flow_that_helps_is_cut_off_to_one_that_does_not(sign: int, collar: float) -> None:
+    # Against the sign of the fast direction, and at rest at the sides: (1 - epsilon c)^2 > 1/L^2.
+    plain = proof(sign=sign, rate="-1", collar=(0.875).hex())
+    for share, said in ((1.0 - 1e-4, False), (1.0 + 1e-4, True)):
+        assert holds(cone(plain, slope=share / (1.0 - 0.25 * collar), collar=collar)) is said
+
+
+def test_the_slow_rate_is_that_on_the_graph() -> None:
+    # x' = -y with y = x + epsilon z: epsilon x' = -epsilon x - epsilon^2 z, epsilon z' = -(1 - epsilon) z + x, and
+    # 1 - 2 epsilon - epsilon c > 1/L + epsilon^2 L is needed.
+    plain = proof(epsilon=0.0625, rates=["-z1"], remainder=["-(1 - z2)*z1 + z0"], widths=[(1.1).hex()])
+    plain |= {"reach": [(1.2).hex()], "collar": (0.625).hex()}
+    for slope, said in ((1.25, False), (1.4, True), (16.0, True), (180.0, True), (200.0, False)):
+        assert holds(cone(plain, slope=slope, collar=2.0)) is said, slope
+
+
+def test_a_residual_grows_with_epsilon() -> None:
+    # rho = x + 2 epsilon, up to 3/2.
+    plain = proof(equations=["-(z1 - z0) + 2*z2**2"], remainder=["-z1 + z0 + 2*z2"], reach=[(3.0).hex()])
+    for share, said in ((1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert holds(plain | {"widths": [(1.5 * share).hex()]}) is said
+
+
+def test_the_basis_is_regular_all_over_the_region() -> None:
+    # y = x + epsilon x z, so that epsilon z' = -z + 1 + epsilon z: polynomials, and P is 0 at x = 0.
+    plain = proof(epsilon=0.0625, basis=["z0"], remainder=["-z1 + 1 + z2*z1"], widths=[(1.125).hex()])
+    plain = cone(plain, slope=16.0, collar=8.0) | {"reach": [(3.5).hex()], "collar": (0.5).hex()}
+    for low, high, said in ((-1.0, 1.0, False), (0.0, 2.0, False), (-3.0, -1.0, True), (0.5, 2.0, True)):
+        assert holds(plain | {"region": [[low.hex(), high.hex()]]}) is said
+
+
+@pytest.mark.parametrize(("pole", "said"), [("1/8", False), ("1/4", False), ("3", True)])
+def test_the_field_is_defined_all_over_the_tube(pole: str, said: bool) -> None:
+    # What the pole divides is 0 there as well, and Gamma is a polynomial; |y - x| <= epsilon d.
+    equations = [f"-(z1 - z0)*(z1 - z0 - {pole})/(z1 - z0 - {pole})"]
+    assert holds(cone(proof(equations=equations), collar=1.25) | {"collar": (0.875).hex()}) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
 def test_without_a_collar_the_slow_rate_counts_with_its_sign(sign: int) -> None:
     # Against the sign of the fast direction the slow rate only helps: (1 + 2 epsilon) > 1/L^2, from epsilon = 0 on.
     boundary = "overflowing" if sign < 0 else "inflowing"
@@ -136,6 +176,9 @@ def test_the_shortest_side_decides_and_intervals_of_parameters_have_no_collar() 
     assert not holds(over(v=0.375))
     assert not holds(over(x=0.375))
     assert holds(over(a=3.0))
+    # |f| is the root of 2 at the corners.
+    assert holds(over() | {"collar": (0.36).hex()})
+    assert not holds(over() | {"collar": (0.3).hex()})
 
 
 def test_every_step_of_epsilon_has_its_own_cones() -> None:
@@ -234,6 +277,22 @@ def test_what_is_less_than_the_checker_resolves_is_rounded_against_the_claim() -
     for reach, said in ((1.5, False), (1.75, False), (2.5, True)):
         thin = {"widths": [(1.625 * 2.0**-96).hex()], "reach": [(reach * 2.0**-96).hex()]}
         assert holds(plain | thin) is said
+
+
+def test_every_product_of_a_margin_is_rounded_against_the_claim() -> None:
+    # epsilon z_0' = -z_0 + 3/5 z_1 + 3/5 z_2, |z_1| and |z_2| in one unit of 2^-96: 6/5 of one, and 1 + 1 rounded.
+    plain = cone(proof(epsilon=0.0625), slope=16.0) | {
+        "fast": ["u", "v", "w"],
+        "equations": ["-z1 + 3/5*z2 + 3/5*z3", "-z2", "-z3"],
+        "remainder": ["-z1 + 3/5*z2 + 3/5*z3", "-z2", "-z3"],
+        "series": [["0", "0", "0"]],
+        "basis": [str(int(i == j)) for i in range(3) for j in range(3)],
+        "blocks": [[0], [1], [2]],
+        "signs": [-1] * 3,
+        "reach": [(2.0**-90).hex()] * 3,
+    }
+    for units, said in ((1, False), (2, False), (3, True)):
+        assert holds(plain | {"widths": [(k * 2.0**-96).hex() for k in (units, 1, 1)]}) is said
 
 
 def test_a_proof_takes_no_more_operations_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
