@@ -15,7 +15,7 @@ from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
-from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, CompiledFlow, Loops
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, CompiledFlow, Loops
 from gsp.systems.arguments import shown
 
 # Order 13 takes as long as order 9 at the same tolerance from 1e-5 on, and errs by a tenth: on the eight stiff problems
@@ -66,9 +66,7 @@ SOLVERS = {
         method: Solver(radau, stages, methodcaller("collocation_program", stages), loops=COLLOCATION_LOOPS)
         for method, stages in zip((Method.RADAU9, Method.RADAU13), radau_tableau.STAGES)
     },
-    Method.DOP853: Solver(
-        dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), corrects=True, loops=EXPLICIT_LOOPS
-    ),
+    Method.DOP853: Solver(dop853, dop853_tableau.DENSE_ROWS, attrgetter("explicit_program"), corrects=True),
 }
 
 

@@ -28,10 +28,6 @@ COLLOCATION_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL, _WHOLE))(
 )  # fmt: skip
 """That of `radau_loops.attempt_by_loops`."""
 
-EXPLICIT_LOOPS: Any = types.Tuple((_REAL, _WHOLE, _REAL))(
-    _WHOLE, _REALS, _REAL, _REAL, _REALS, _REALS, _REAL, _REAL, _TRUTH, _REALS, _REALS, _ROWS, _WHOLES
-)  # fmt: skip
-"""That of `dop853_loops.explicit_by_loops`."""
 JET: Any = types.void(
     types.Array(_WHOLE, 2, "C"), _REALS, _WHOLES, _REAL, _WHOLE, _REALS, _REALS, _WHOLE, _ROWS, _LAYERS
 )
@@ -78,12 +74,6 @@ def _call_collocation_loops(
     return _at(address, COLLOCATION_LOOPS)
 
 
-def _call_explicit_loops(
-    context, address, field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, rows, counters
-):
-    return _at(address, EXPLICIT_LOOPS)
-
-
 def _call_jet(context, address, tape, constants, rates, epsilon, slow, x, y, order, v, d):
     return _at(address, JET)
 
@@ -95,6 +85,5 @@ def _call_sheet(context, address, sheet, target, y):
 # Typed as Any because kernels see them without the typing context.
 call_method: Any = intrinsic(_call_method)
 call_collocation_loops: Any = intrinsic(_call_collocation_loops)
-call_explicit_loops: Any = intrinsic(_call_explicit_loops)
 call_jet: Any = intrinsic(_call_jet)
 call_sheet: Any = intrinsic(_call_sheet)

@@ -12,10 +12,9 @@ import math
 import numpy as np
 
 from gsp.kernels import ledger
-from gsp.kernels.addresses import call_explicit_loops
-from gsp.kernels.call import call
 from gsp.kernels.compilation import kernel
-from gsp.kernels.dop853_tableau import DENSE_ROWS, EXTENDED_STAGES, STAGES
+from gsp.kernels.dop853_step import SCRATCH, explicit_step
+from gsp.kernels.dop853_tableau import DENSE_ROWS
 from gsp.kernels.step_control import accept, begin, next_step, reject
 
 # Control of the step as in DOP853: safety 0.9, change between 1/3 and 6.
@@ -44,17 +43,9 @@ def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
         program[ledger.FIELD], p, y, rate, stops[-1], rtol, atol, 8, y_new, rate_new, memory, counters
     ):
         return ledger.NON_FINITE
-    # Addresses of code for so many states; see `lowering.steps.explicit`.
-    coded = program[ledger.CODE] != 0
-    step_code = program[ledger.CODE]
-    between_code = program[ledger.CODE + 1] if coded else 0
-    block = np.empty(2 * n + 3)
-    block[2 * n] = rtol
-    block[2 * n + 1] = atol
-    block[2 * n + 2 :].view(np.int64)[0] = program[ledger.FIELD]
-    end = np.empty((3 + STAGES) * n + 3 if coded else 0)
     rows = np.empty((DENSE_ROWS, n))
-    flat = rows.reshape(DENSE_ROWS * n)
+    # Made once: to make it would be a tenth of a step.
+    scratch = np.empty((SCRATCH, n))
     recorded = 0
     while True:
         code, t, step, t_new, clipped, lands = next_step(
@@ -64,31 +55,22 @@ def dop853(program, p, stops, rtol, atol, max_steps, y, rate, memory, counters, 
             return code
 
         wants = recorded < dense.shape[0]
-        if coded:
-            for i in range(n):
-                block[i] = y[i]
-                block[n + i] = rate[i]
-            call(step_code, step, block, p, end)
-            counters[ledger.FIELD_CALLS] += STAGES
-            error = end[2 * n]
-            failure = ledger.NON_FINITE if error == math.inf else ledger.STEP_TOO_SMALL
-            stretch = end[2 * n + 1]
-            if error <= 1.0 and wants:
-                call(between_code, step, end, p, flat)
-                counters[ledger.FIELD_CALLS] += EXTENDED_STAGES - STAGES - 1
-                for i in range(n):
-                    if not (math.isfinite(rows[2, i]) and math.isfinite(rows[5, i])):
-                        error = math.inf
-                        failure = ledger.NON_FINITE
-            for i in range(n):
-                y_new[i] = end[i]
-                rate_new[i] = end[n + i]
-        else:
-            error, failure, stretch = call_explicit_loops(
-                program[ledger.LOOPS], program[ledger.FIELD], p, t, step, y, rate, rtol, atol, wants,
-                y_new, rate_new, rows, counters,
-            )  # fmt: skip
-
+        error, failure, stretch = explicit_step(
+            program[ledger.FIELD],
+            p,
+            t,
+            step,
+            y,
+            rate,
+            rtol,
+            atol,
+            wants,
+            y_new,
+            rate_new,
+            rows,
+            scratch,
+            counters,
+        )
         if error <= 1.0:
             times[recorded] = t_new
             for i in range(n):

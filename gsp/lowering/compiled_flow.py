@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from gsp.errors import DeclarationError, UnsupportedFunctionError
 from gsp.kernels import addresses
 from gsp.kernels.compilation import address_of
 from gsp.kernels.dop853 import dop853
-from gsp.kernels.dop853_loops import explicit_by_loops
 from gsp.kernels.engine import Engine, build
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_loops import attempt_by_loops
@@ -23,7 +22,6 @@ from gsp.lowering.compiled_function import MAKING, MOST_KEPT, CompiledFunction, 
 from gsp.lowering.remembering import remembered
 from gsp.lowering.steps.collocation import CollocationCode
 from gsp.lowering.steps.emission import LIBRARY, nearest_double
-from gsp.lowering.steps.explicit import MOST_STATES, NAMES, write_explicit
 from gsp.lowering.steps.flow_code import FlowCode, is_sparse, is_worth_writing
 from gsp.lowering.steps.sparse_pattern import write_pattern
 from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
@@ -31,7 +29,6 @@ from gsp.systems.flow import LARGEST, Flow, Values, check_epsilon, frozen
 Loops = tuple[Callable[..., Any], Any]
 """A method's step for any flow, a kernel, and its signature."""
 COLLOCATION_LOOPS: Loops = (attempt_by_loops, addresses.COLLOCATION_LOOPS)
-EXPLICIT_LOOPS: Loops = (explicit_by_loops, addresses.EXPLICIT_LOOPS)
 
 
 if TYPE_CHECKING:
@@ -140,14 +137,7 @@ class CompiledFlow:
     @_made_once
     def explicit_program(self) -> np.ndarray:
         """What a kernel takes that asks for no Jacobian; see `kernels.ledger`."""
-        head = self.field, 0, address_of(dop853, addresses.METHOD)
-        code = self.explicit
-        return np.array([*head, address_of(*EXPLICIT_LOOPS), 0] if code is None else [*head, 0, *code.program])
-
-    @_made_once
-    def explicit(self) -> CompiledStep | None:
-        """A step of DOP853 for flows of this size, or None where loops are as good."""
-        return _explicit(self.size) if self.size <= MOST_STATES else None
+        return np.array([self.field, 0, address_of(dop853, addresses.METHOD), 0, 0])
 
     def collocation_program(self, stages: int) -> np.ndarray:
         """What the kernel of the Radau methods takes for the method of so many stages."""
@@ -254,11 +244,6 @@ def parameter_vector(flow: Flow, epsilon: float | None) -> np.ndarray:
     Raises `DeclarationError` when `epsilon` is missing, superfluous, or not finite and positive.
     """
     return np.array(compile_flow(flow).parameters(epsilon))
-
-
-@cache
-def _explicit(n: int) -> CompiledStep:
-    return _step(write_explicit(n), NAMES)
 
 
 @lru_cache(maxsize=MOST_KEPT // 3)

@@ -12,13 +12,12 @@ from llvmlite import ir
 from gsp.errors import GspError, Status
 from gsp.integration.methods import SOLVERS, Method, choose_method
 from gsp.integration.trajectory import integrate
-from gsp.kernels import dop853_tableau, ledger
+from gsp.kernels import ledger
 from gsp.kernels.compilation import address_of
-from gsp.kernels.dop853 import dop853
 from gsp.kernels.engine import LONGEST_SCHEDULED, build, effort
 from gsp.kernels.radau import radau
 from gsp.kernels.radau_block import memory_size
-from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, EXPLICIT_LOOPS, compile_flow
+from gsp.lowering.compiled_flow import COLLOCATION_LOOPS, compile_flow
 from gsp.lowering.compiled_function import compile_function
 from gsp.lowering.steps.collocation import CollocationCode
 from gsp.lowering.steps.emission import LIBRARY, Emitter
@@ -146,35 +145,6 @@ def test_a_step_written_for_a_flow_is_that_of_the_loops(n, density):
         records.append((times, states, dense, rate))
     for one, other in zip(*records):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 8, 11])
-def test_an_explicit_step_written_for_so_many_states_is_that_of_the_loops(n):
-    compiled = compile_flow(random_field(n, 0.4, n))
-    p = np.array([1.0, 1.0 / 3.0])
-    start = np.cos(np.arange(n))
-    program = SOLVERS[Method.DOP853].program(compiled)
-    assert program[ledger.CODE] != 0
-    records = []
-    for one in (program, np.array([*program[: ledger.LOOPS], address_of(*EXPLICIT_LOOPS), 0])):
-        y, rate = start.copy(), compiled.rates(start, p)
-        memory, counters = np.zeros(ledger.MEMORY_SIZE), np.zeros(ledger.COUNTERS_SIZE, dtype=np.int64)
-        memory[ledger.STEP] = 0.02
-        times, states = np.empty(3), np.empty((3, n))
-        dense = np.empty((3, dop853_tableau.DENSE_ROWS, n))
-        code = dop853(one, p, np.array([9.0]), 1e-6, 1e-6, 100, y, rate, memory, counters, times, states, dense)
-        assert code == ledger.RECORD_FULL
-        records.append((times, states, dense, rate, counters))
-    for one, other in zip(*records):
-        assert one == pytest.approx(other, rel=1e-6, abs=1e-10)
-
-
-def test_one_explicit_code_serves_all_flows_of_a_size_and_loops_the_large_ones():
-    small, other, large = (compile_flow(random_field(n, 0.3, seed)) for n, seed in ((2, 1), (2, 2), (13, 3)))
-    assert small.explicit is other.explicit
-    assert large.explicit is None
-    program = SOLVERS[Method.DOP853].program(large)
-    assert (program[ledger.LOOPS] != 0, program[ledger.CODE]) == (True, 0)
 
 
 def test_collocation_steps_of_sixteen_states_are_scheduled():

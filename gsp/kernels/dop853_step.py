@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from gsp.kernels import ledger
 from gsp.kernels.call import call
 from gsp.kernels.compilation import inlined_kernel, kernel
 from gsp.kernels.dop853_tableau import DENSE, ERROR_3, ERROR_5, EXTENDED_STAGES, STAGES, A, C
 from gsp.kernels.step_control import all_finite
+
+# Rows of scratch: the rates of the stages, two arguments and a value.
+SCRATCH = EXTENDED_STAGES + 3
 
 
 @inlined_kernel
@@ -78,15 +79,14 @@ def _stretch(h, shape, y_new, last_argument, k):
 
 
 @kernel
-def explicit_by_loops(field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, rows, counters):
+def explicit_step(field, p, t, h, y, rate, rtol, atol, wants, y_new, rate_new, rows, scratch, counters):
     """One step: (error over the tolerance, what is wrong if it is infinite, (h times a Lipschitz quotient)^2).
 
     Where the step is good and its `rows` (6, n) of the dense output are wanted, they must be finite too.
+    `scratch` is (SCRATCH, n).
     """
     shape = rows.shape
     _, n = shape
-    # One array in place of five, whose making would be a tenth of a short run.
-    scratch = np.empty((EXTENDED_STAGES + 3, n))
     k = scratch[:EXTENDED_STAGES]
     argument = scratch[EXTENDED_STAGES]
     last_argument = scratch[EXTENDED_STAGES + 1]
