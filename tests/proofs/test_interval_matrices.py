@@ -61,3 +61,18 @@ def test_a_decay_is_a_bound_of_the_least_eigenvalue_of_the_symmetric_part() -> N
             assert found <= np.linalg.eigvalsh((block + block.T) / 2).min() + 1e-12
             across = abs(block[0, 1] + block[1, 0]) / 2
             assert found == pytest.approx(min(block[0, 0], block[1, 1]) - across, abs=1e-12)
+
+
+def test_what_is_less_than_a_unit_is_rounded_against_the_claim() -> None:
+    assert norm([(0, 1), (0, 1)]) == 2
+    assert norm([(-3, 0), (0, 4)]) >= 5
+    # Twice 5 less 1 is 9.
+    assert decay([[(5, 5), (1, 1)], [(0, 0), (5, 5)]], [0, 1], 1) == 4
+    assert decay([[(-5, -5), (1, 1)], [(0, 0), (-5, -5)]], [0, 1], -1) == 4
+
+
+@pytest.mark.parametrize("entry", [(-1, 1), (0, 1), (-1, 0), (0, 0)])
+def test_a_matrix_that_may_be_zero_is_not_regular(entry: ia.Interval) -> None:
+    assert not is_regular([[entry]])
+    assert not is_regular([[entry, ia.ZERO], [ia.ZERO, ia.UNIT]])
+    assert not is_positive([[entry]])
