@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gsp.cli.telling import compiling_told, tell_notes
+from gsp.cli.telling import compiled_by_two, compiling_told, tell_notes
 from gsp.errors import DeclarationError
 
 if TYPE_CHECKING:
@@ -55,8 +56,11 @@ def output_option(text: str) -> Callable[[Any], Any]:
     return click.option("-o", "--output", type=click.Path(path_type=Path), help=text)
 
 
-def asks(*names: str) -> Callable[[Any], Any]:
-    """Give a command the argument MODEL and the options `names`; the command takes the scene that results."""
+def asks(*names: str, by_two: bool = False) -> Callable[[Any], Any]:
+    """Give a command the argument MODEL and the options `names`; the command takes the scene that results.
+
+    With `by_two` a second process helps to compile what the command needs, and begins before the model is read.
+    """
 
     def decorate(function: Any) -> Any:
         @wraps(function)
@@ -71,10 +75,11 @@ def asks(*names: str) -> Callable[[Any], Any]:
             fast: str | None = None,
             **others: Any,
         ) -> Any:
-            scene = scene_with_options(load_scene(model), settings, None, intervals, start)
-            scene = scene_with_options(taken(scene, small, fast), (), epsilon, ())
-            with compiling_told():
-                return function(scene=scene, **others)
+            with compiled_by_two() if by_two else nullcontext():
+                scene = scene_with_options(load_scene(model), settings, None, intervals, start)
+                scene = scene_with_options(taken(scene, small, fast), (), epsilon, ())
+                with compiling_told():
+                    return function(scene=scene, **others)
 
         for name in reversed(names):
             command = OPTIONS[name](command)

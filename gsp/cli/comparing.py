@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "small", "fast")
+@asks("set", "epsilon", "region", "small", "fast", by_two=True)
 @click.option("--order", type=int, help="Highest order of the series [3].")
 @json_option
 def methods(scene: Scene, order: int | None, as_json: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import click
@@ -27,6 +27,16 @@ def compiling_told() -> Iterator[None]:
             click.echo("gsp: compiling its numerics, once on this machine; later runs begin at once", err=True)
 
     with told_when_compiling(tell):
+        yield
+
+
+@contextmanager
+def compiled_by_two() -> Iterator[None]:
+    """Have a second process help when kernels that a report needs are compiled, where there is a core for it."""
+    from gsp.integration.parallel import check_threads
+    from gsp.kernels.ahead import compiled_ahead
+
+    with compiled_ahead() if check_threads(None) > 1 else nullcontext():
         yield
 
 

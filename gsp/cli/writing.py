@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @cli.command()
-@asks("set", "epsilon", "region", "start", "small", "fast")
+@asks("set", "epsilon", "region", "start", "small", "fast", by_two=True)
 @output_option("Folder for the report [gsp-report-NAME].")
 @click.option("--order", default=3, show_default=True, help="Highest power of epsilon in the series.")
 @click.option("--open/--no-open", "opened", default=False, help="Show the report in the browser [no].")
