@@ -11,7 +11,7 @@ import sympy as sp
 
 from gsp import models
 from gsp.choice import candidates
-from gsp.choice.prediction import AHEAD, Failure, Prediction
+from gsp.choice.prediction import Failure, Prediction
 from gsp.comparison.comparison import CHECK, ROUNDING, _error, compare
 from gsp.critical.critical_manifold import solve_critical
 from gsp.demos import rodas5p_tableau as rodas
@@ -25,6 +25,7 @@ from gsp.readers.toml import _symbols
 from gsp.report import folder as reports
 from gsp.results.mathml import operator
 from gsp.slow.series import expand
+from gsp.slow.truncation import AHEAD
 from gsp.systems.system import SlowFastSystem, VectorField
 
 x, y, q, epsilon = sp.symbols("x y q epsilon")

@@ -16,15 +16,20 @@ import sympy as sp
 from sympy.core.function import Application
 from sympy.polys.matrices import DomainMatrix
 
-from gsp.algebra.factorisation import coprime_numerators, factor_list, factored, lowest_terms, quotient
+from gsp.algebra.factorisation import (
+    TERM_PRODUCTS,
+    coprime_numerators,
+    factor_list,
+    factored,
+    lowest_terms,
+    quotient,
+)
 from gsp.algebra.laurent import vanishes
 from gsp.algebra.substitution import substituted
 
 # Polynomial ansatz up to this degree, and at most this many unknown coefficients.
 MAX_DEGREE = 3
 MAX_UNKNOWNS = 400
-# Terms of the components times unknown coefficients, which are all written out.
-MAX_PRODUCTS = 20_000
 # Sets of entries that are tried as the zeros of a sum of amounts.
 MOST_RAYS = 300
 # Longer quotients are not integrated.
@@ -168,7 +173,7 @@ def _polynomial(direction: Sequence[sp.Expr], states: Sequence[sp.Symbol], degre
         for choice in itertools.combinations_with_replacement(states, d)
     ]
     numerators = coprime_numerators(direction) if len(monomials) <= MAX_UNKNOWNS else None
-    if numerators is None or sum(len(sp.Add.make_args(n)) for n in numerators) * len(monomials) > MAX_PRODUCTS:
+    if numerators is None or sum(len(sp.Add.make_args(n)) for n in numerators) * len(monomials) > TERM_PRODUCTS:
         return []
     rates = [sp.expand(sum(sp.diff(m, z) * n for z, n in zip(states, numerators))) for m in monomials]
     rows = [dict(sp.Poly(rate, *states).terms()) if rate != 0 else {} for rate in rates]

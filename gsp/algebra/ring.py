@@ -15,14 +15,12 @@ from typing import Any
 import flint
 import sympy as sp
 
-from gsp.algebra.factorisation import MULTIPLE
+from gsp.algebra.factorisation import FACTOR_TERMS, MULTIPLE
 from gsp.algebra.functions import COMPOSED, CONSTANTS, RULES, composed, is_rational_node, parts
 from gsp.algebra.polynomials import horner_expression, polynomial_expression, primitive_multiple, rational
 from gsp.algebra.ring_elements import RingElement, exponents_sum, number_of, power
 from gsp.errors import BudgetError
 
-# Numerators longer than this are shown expanded: factoring them costs more than it explains.
-FACTOR_LIMIT = 400
 # Room for this many functions at first, doubled when it is used up; every generator lengthens all monomials.
 FIRST_ROOM = 4
 # Products of terms in one multiplication or division, and in all that a ring ever does: the first bounds the memory of
@@ -305,7 +303,7 @@ class LocalisedRing:
         if a.is_zero:
             return sp.Integer(0)
         scale = sp.Integer(1)
-        if factored and len(a.numerator) <= FACTOR_LIMIT:
+        if factored and len(a.numerator) <= FACTOR_TERMS:
             content, factors = a.numerator.factor()
             scale = rational(content)
             powers = [(p, int(k)) for p, k in factors]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsp.choice.prediction import AHEAD, CLEARER, SMALLEST_RTOL, Prediction, predict
+from gsp.choice.prediction import CLEARER, SMALLEST_RTOL, Prediction, predict
 from gsp.errors import BranchError, DeclarationError, HyperbolicityError
 from gsp.fibres.base_points import BasePoint, project
 from gsp.fibres.inner_expansion import InnerExpansion
@@ -23,6 +23,7 @@ from gsp.slow.grids_at_rest import resting_coefficients
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import LONGEST, SeriesManifold
 from gsp.slow.solved_manifold import solve_manifold
+from gsp.slow.truncation import AHEAD
 
 # The layer is over when what is left of it is below this share of the tolerance. It is looked for up to so many fast
 # times 1/gap (exp(-60) is far below rounding), at so many places.

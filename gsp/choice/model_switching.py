@@ -11,7 +11,7 @@ import numpy as np
 from gsp.choice.candidates import INTEGRATION, MAX_STEPS, ModelKind
 from gsp.choice.forecast import base_start, forecast_of
 from gsp.choice.hybrid_run import HybridRun
-from gsp.choice.prediction import AHEAD, SMALLEST_RTOL, Failure, Prediction, predict
+from gsp.choice.prediction import SMALLEST_RTOL, Failure, Prediction, predict
 from gsp.critical.branch import Branch
 from gsp.critical.sampling import Sampler
 from gsp.fibres.base_points import project
@@ -24,6 +24,7 @@ from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.sampled_manifold import SampledManifold
 from gsp.slow.series import SeriesManifold, expand
+from gsp.slow.truncation import AHEAD
 
 # After the reduced flow was left its local error has to fall to this share of what it was there before it is taken up
 # again: without it a fold would be approached in ever shorter pieces, each with a new allowance.

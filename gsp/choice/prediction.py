@@ -26,11 +26,11 @@ from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.scenes.study import Study
 from gsp.scenes.tolerances import absolute_tolerance
 from gsp.slow.series import SeriesManifold
+from gsp.slow.truncation import AHEAD
 from gsp.systems.region import Interval
 
 # A term that happens to vanish says nothing, so the runs of the next two orders are looked at. Where the series ends
-# before the second, the first serves alone, unless it is within so many tolerances of the runs themselves.
-AHEAD = 2
+# before the second (AHEAD), the first serves alone, unless it is within so many tolerances of the runs themselves.
 VANISHED = 30.0
 # Times at which a run is looked at, and how often the place where it fails is narrowed down as finely again.
 CHECKS, REFINEMENTS = 65, 2

@@ -11,9 +11,10 @@ from gsp.critical.branch import Branch
 from gsp.errors import DeclarationError, Status
 from gsp.slow.orbit_segments import Segments, SegmentSolver
 from gsp.slow.slow_points import zero_derivative
+from gsp.slow.solved_manifold import SAFETY
 
-# Tolerance of the segments, which is near rounding, and what multiplies their error, known to leading order.
-TOLERANCE, SAFETY = 1e-13, 2.0
+# Tolerance of the segments, which is near rounding.
+TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)

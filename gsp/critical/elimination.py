@@ -17,6 +17,7 @@ import sympy as sp
 
 from gsp.algebra.differentiation import derivative
 from gsp.algebra.factorisation import (
+    FACTOR_TERMS,
     coefficients,
     degree,
     factor_list,
@@ -37,8 +38,6 @@ COMPONENT_LIMIT = 256
 # A variable is eliminated only while what remains has this degree at most, or about so many operations.
 DEGREE_LIMIT = 9
 OPERATION_LIMIT = 200
-# Terms of all equations together up to which they may grow while variables are eliminated.
-TERM_LIMIT = 400
 # Bits of all numbers in what is substituted. 140 links with coefficients k/7 take 421,000; where every coefficient
 # depends on x too 40 take 755,000, and 140 would take minutes.
 BIT_LIMIT = 600_000
@@ -124,7 +123,7 @@ def _eliminate(
         rest = [_replaced(e, y, value) for i, e in enumerate(equations) if i != place]
         here = (*equations, *(symbol - known[symbol] for symbol in known))
         bits = sum(map(_bits, known.values())) + _bits(value)
-        if bits > BIT_LIMIT or _terms(rest) > max(TERM_LIMIT, _terms(equations)):
+        if bits > BIT_LIMIT or _terms(rest) > max(FACTOR_TERMS, _terms(equations)):
             yield here, None
             return
         below = list(_branching(rest, {**known, y: value}, system, found))

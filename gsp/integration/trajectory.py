@@ -27,6 +27,7 @@ from gsp.integration.loop import (
     standing,
     stops_of,
 )
+from gsp.integration.member import SHOWN_STATES
 from gsp.integration.methods import (
     SOLVERS,
     Method,
@@ -46,8 +47,6 @@ from gsp.systems.flow import Flow, Point, Question, frozen
 
 if TYPE_CHECKING:
     from gsp.integration.reduced_flow import ReducedFlow
-
-_SHOWN_STATES = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -192,8 +191,8 @@ class Trajectory(Drawn, Tabular):
         """One line: how it ended, where, and what to do about it."""
         steps = f"{self.stats.steps} step" + ("" if self.stats.steps == 1 else "s")
         variables = self.flow.variables_shown
-        shown = [f"{s.name} = {last:.6g}" for s, _, last in self._ends(variables[:_SHOWN_STATES])]
-        if len(variables) > _SHOWN_STATES:
+        shown = [f"{s.name} = {last:.6g}" for s, _, last in self._ends(variables[:SHOWN_STATES])]
+        if len(variables) > SHOWN_STATES:
             shown.append("...")
         where = f"t = {self._record.times[-1]:.6g}, {', '.join(shown)}"
         if self.status.ok:

@@ -11,13 +11,11 @@ from gsp.errors import DeclarationError
 from gsp.mechanics.algebra import numbers
 from gsp.mechanics.frame import MovingFrame
 from gsp.mechanics.lagrangian import LagrangianSystem
+from gsp.scenes.study import IMAGE_POINTS
 from gsp.splitting.splitting import Splitting
 from gsp.systems.flow import Point, Values, check_given, values_by_name
 from gsp.systems.region import Interval
 from gsp.systems.system import VectorField
-
-# Points per axis of the box whose image bounds a slow momentum.
-IMAGE_POINTS = 7
 
 
 def frame_values(

@@ -40,7 +40,7 @@ from gsp.systems.flow import check_epsilon, check_order
 from gsp.systems.region import ImageBox, Interval
 from gsp.systems.system import SlowFastSystem
 
-# Points per axis of the box that is mapped when a slow coordinate is no multilinear function of raw states.
+# Points per axis of a box that is mapped when a slow coordinate is no multilinear function of raw states.
 IMAGE_POINTS = 7
 # Full runs that are kept: far below the width of a line.
 RTOL = 1e-8
