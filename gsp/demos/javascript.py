@@ -13,8 +13,9 @@ from typing import Any
 import sympy as sp
 from sympy.printing.jscode import JavascriptCodePrinter
 
+from gsp.algebra.doubles import nearest_double
 from gsp.algebra.languages import PAGE
-from gsp.algebra.printing import Printer
+from gsp.algebra.printing import EXACT, Printer
 from gsp.errors import UnsupportedFunctionError
 
 # The sign in a number's exponent is no operation.
@@ -83,6 +84,15 @@ class _JavaScriptPrinter(Printer, JavascriptCodePrinter):
         return self._names[expr]
 
     _print_Dummy = _print_Symbol
+
+    # Brackets of the precedence alone: a negative fraction in a sum is taken away, which is one operation and not two.
+    parenthesize = JavascriptCodePrinter.parenthesize
+
+    def _print_Rational(self, expr: Any) -> str:
+        p, q = int(expr.p), int(expr.q)
+        return f"{p}/{q}" if max(abs(p), q) <= EXACT else nearest_double(expr)
+
+    _print_Half = _print_Rational
 
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.as_base_exp() if not expr.is_Pow else expr.args
