@@ -221,3 +221,11 @@ def test_quotients_by_a_cosh_or_a_gate_are_bounded_over_any_ball(write, most: fl
         assert float(found.mid()) == pytest.approx(known, rel=1e-14)
         assert not wide > known
         assert not wide < known
+
+
+@pytest.mark.parametrize("k", range(1, 12))
+def test_doubles_about_a_ball_are_bounds(k: int) -> None:
+    for exact in (Fraction(k, 7), Fraction(-k, 7)):
+        ball = balls.exact(exact)
+        assert Fraction(balls.below(ball)) <= exact <= Fraction(balls.above(ball))
+        assert Fraction(balls.magnitude(ball)) >= abs(exact)

@@ -109,6 +109,14 @@ def test_a_residual_grows_with_epsilon() -> None:
         assert holds(plain | {"widths": [(1.5 * share).hex()]}) is said
 
 
+def test_a_face_is_crossed_on_both_sides_of_the_graph() -> None:
+    # epsilon z' = -z + x - epsilon z^2 falls least at z = -d: (1 - d/8) d > 1 with epsilon = 1/16.
+    plain = proof(epsilon=0.0625, equations=["-(z1 - z0) - (z1 - z0)**2"], remainder=["-z1 + z0 - z2*z1**2"])
+    plain = cone(plain, slope=16.0) | {"reach": [(3.0).hex()]}
+    for width, said in ((1.1, False), (1.2, True)):
+        assert holds(plain | {"widths": [width.hex()]}) is said
+
+
 def test_the_basis_is_regular_all_over_the_region() -> None:
     # y = x + epsilon x z, so that epsilon z' = -z + 1 + epsilon z: polynomials, and P is 0 at x = 0.
     plain = proof(epsilon=0.0625, basis=["z0"], remainder=["-z1 + 1 + z2*z1"], widths=[(1.125).hex()])

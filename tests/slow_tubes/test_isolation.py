@@ -82,6 +82,17 @@ def test_what_the_fast_variables_do_to_the_slow_ones_counts_in_the_cones(sign: i
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("rate", [-1, 1])
+def test_at_one_epsilon_cones_hold_as_far_as_they_do(sign: int, rate: int) -> None:
+    # With a collar c the slow flow counts with its sign and at rest: 1 - epsilon (c + k) and 1 - epsilon c.
+    tests = line(sign, rate=rate)
+    tests.region = ((-1.0, 1.0), (0.25, 0.25))
+    least = 1.0 / (1.0 - 0.25 * (1.25 + max(rate, 0)))
+    for share, said in ((0.9, False), (1.0 - NEAR, False), (1.0 + NEAR, True)):
+        assert tests.cones([2.0], share * least, 1.25) is said
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
 def test_where_the_slow_flow_stands_still_it_neither_leaves_nor_enters(sign: int) -> None:
     tests = line(sign)
     tests.region = ((0.0, 1.0), (0.0, 0.25))

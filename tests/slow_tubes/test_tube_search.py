@@ -97,8 +97,14 @@ def test_a_collar_is_as_wide_as_every_step_needs() -> None:
     assert len(cones) > 1
     assert all(Fraction(tube.collar) * Fraction(cone.collar) >= 1 for cone in cones)
     assert min(cone.collar for cone in cones) * tube.collar <= 1.1
-    # The narrowest need is not the widest.
-    assert max(cone.collar for cone in cones) * tube.collar > 1.0
+    # A first step whose collar is narrow already does not make that of the others narrower.
+    problem = search({x: -x}, {y: -y + x**2})
+    found = problem.least(0.1)
+    assert found is not None
+    (cone,) = found.cones
+    steps = (replace(cone, high=0.01, collar=8.0 * cone.collar), replace(cone, low=0.01))
+    narrow = problem.narrowed(replace(found, cones=steps))
+    assert all(Fraction(narrow.collar) * Fraction(cone.collar) >= 1 for cone in narrow.cones)
 
 
 # -- bounds ----------------------------------------------------------------------------------------

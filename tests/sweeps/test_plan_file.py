@@ -99,3 +99,11 @@ def test_a_folder_names_no_function_that_the_command_would_run(tmp_path: Path) -
     refused = run(tmp_path / "runs")
     assert refused.exit_code != 0
     assert "runs no code" in str(refused.exception)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (-1, 1), (1, 0), (1, -1), (0, 0)])
+def test_a_logarithm_has_positive_ends(low: float, high: float, tmp_path: Path) -> None:
+    file = tmp_path / "plan.toml"
+    file.write_text(PLAN.replace("from = 1e-3, to = 0.1", f"from = {low}, to = {high}"))
+    with pytest.raises(ModelFileError, match="positive ends"):
+        read_plan_file(file)
