@@ -85,8 +85,9 @@ class _JavaScriptPrinter(Printer, JavascriptCodePrinter):
 
     _print_Dummy = _print_Symbol
 
-    # Brackets of the precedence alone: a negative fraction in a sum is taken away, which is one operation and not two.
-    parenthesize = JavascriptCodePrinter.parenthesize
+    def parenthesize(self, item: Any, level: int, strict: bool = False) -> str:
+        """Brackets of the precedence alone: a negative fraction in a sum is taken away, by one operation and not two."""
+        return JavascriptCodePrinter.parenthesize(self, item, level, strict)
 
     def _print_Rational(self, expr: Any) -> str:
         p, q = int(expr.p), int(expr.q)
