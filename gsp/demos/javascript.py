@@ -86,7 +86,7 @@ class _JavaScriptPrinter(Printer, JavascriptCodePrinter):
     _print_Dummy = _print_Symbol
 
     def parenthesize(self, item: Any, level: int, strict: bool = False) -> str:
-        """Brackets of the precedence alone: a negative fraction in a sum is taken away, by one operation and not two."""
+        """Brackets of the precedence alone: a negative fraction in a sum is taken away, by one operation."""
         return JavascriptCodePrinter.parenthesize(self, item, level, strict)
 
     def _print_Rational(self, expr: Any) -> str:
