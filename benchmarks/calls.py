@@ -53,7 +53,7 @@ def cold_start(repeats: int = 3) -> list[dict]:
     return rows
 
 
-def call_overhead(rounds: int = ROUNDS) -> dict[str, float]:
+def call_overhead(rounds: int = ROUNDS) -> dict:
     """Microseconds of a public call without its steps, and of a step: a line through runs of many lengths.
 
     The sleigh at epsilon = 1e-6 by Radau of order 9: one short step, and the whole span at rtol from 1e-2 to 1e-7.
@@ -82,7 +82,13 @@ def call_overhead(rounds: int = ROUNDS) -> dict[str, float]:
                 solve(*case)
             least[i] = min(least[i], 1e6 * (time.perf_counter() - begun) / CALLS)
     step, call = np.polyfit(steps, least, 1)
-    return {"call_us": float(call), "step_us": float(step), "shortest_us": least[0], "longest_steps": steps[-1]}
+    return {
+        "method": "RADAU9",
+        "call_us": float(call),
+        "step_us": float(step),
+        "shortest_us": least[0],
+        "longest_steps": steps[-1],
+    }
 
 
 def show(cold: list[dict], overhead: dict[str, float]) -> None:
