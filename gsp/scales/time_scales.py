@@ -17,7 +17,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from gsp.errors import DeclarationError, Status
-from gsp.integration.trajectory import Trajectory, integrate
+from gsp.integration.trajectory import Trajectory, trajectory_of
 from gsp.lowering.compiled_flow import compile_flow
 from gsp.lowering.compiled_function import compile_over
 from gsp.results.drawn import Drawn
@@ -225,7 +225,7 @@ def time_scales(
         raise DeclarationError(f"{missing} is missing.", "Only a Scene has one of its own.", got="None")
     rtol = check_positive(rtol, what="rtol")
     check_progress(progress)
-    run = integrate(flow, start=start, span=span, epsilon=epsilon, at=at)
+    run = trajectory_of(flow, start=start, span=span, epsilon=epsilon, at=at)
     n = len(flow.states)
     if at is None:
         count = int(np.clip(PRODUCTS / n**3, FEWEST, POINTS))
@@ -239,6 +239,12 @@ def time_scales(
     forces, jacobians = compiled.rates(states, p), compiled.jacobians(states, p)
     usable = np.isfinite(forces).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
     t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
+    if not len(t):
+        raise DeclarationError(
+            "The field or its Jacobian is not finite anywhere along the run.",
+            "Start where they are, or look at a shorter span.",
+            got=f"{len(usable)} times",
+        )
     coordinates, laws = conserved_by(flow)
     tolerance = rtol * np.abs(states) + rtol**2 * np.abs(states).max(axis=0)
     found: list[Modes] = []

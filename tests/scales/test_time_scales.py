@@ -212,3 +212,9 @@ def test_text_table_and_chart_say_the_same() -> None:
     axes = found.plot()
     assert axes.get_xscale() == axes.get_yscale() == "log"
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["time scales", "exhausted", "gap"]
+
+
+def test_a_run_along_which_no_jacobian_is_finite_is_named() -> None:
+    still = VectorField({x: sp.sqrt(y), y: sp.Integer(0)})
+    with pytest.raises(DeclarationError, match="not finite anywhere along the run"):
+        time_scales(still, start={"x": 1, "y": 0}, span=(0, 1))

@@ -355,6 +355,8 @@ def test_a_transcritical_escape_takes_the_time_of_the_parabolic_cylinder() -> No
 def test_the_first_zero_is_that_of_a_hermite_polynomial_at_odd_integers() -> None:
     assert first_zero(3.0) == pytest.approx(0, abs=1e-12)
     assert first_zero(5.0) == pytest.approx(-math.sqrt(0.5), abs=1e-10)
+    for beside in (1e-14, -1e-14, 1e-12, 1e-10):
+        assert first_zero(5.0 + beside) == pytest.approx(-math.sqrt(0.5), abs=1e-10)
     assert first_zero(1.0) is None
 
 

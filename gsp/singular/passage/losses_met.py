@@ -94,6 +94,9 @@ def first_zero(value: float) -> float | None:
     from scipy.special import pbdv
 
     order = 0.5 * (value - 1.0)
+    # Beside whole orders SciPy's function is wrong in its second digit; there the zero moves by half of what they do.
+    if abs(order - round(order)) < np.sqrt(np.finfo(float).eps):
+        order = float(round(order))
     z = np.linspace(-FARTHEST, FARTHEST, SAMPLES)
     values = pbdv(order, -np.sqrt(2.0) * z)[0]
     change = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
