@@ -217,8 +217,8 @@ def test_no_verb_takes_half_a_run_for_a_result():
     assert wrong == []
 
 
-# Where Ctrl-C may be caught: runs, ensembles, continuations, searches and proofs that return what they made; a sweep, which
-# says what goes on with it; the command line.
+# Where Ctrl-C may be caught: runs, ensembles, continuations, searches and proofs that return what they made; a
+# sweep, which says what goes on with it; the command line.
 CATCHERS = (
     "loop.py", "parallel.py", "arclength.py", "tracing.py", "covering.py", "certify.py", "slow_tube.py",
     "solved_tube.py", "special_values.py", "sweep.py", "cli/__init__.py", "comparing.py", "program.py",
