@@ -239,7 +239,7 @@ def time_scales(
     forces, jacobians = compiled.rates(states, p), compiled.jacobians(states, p)
     usable = np.isfinite(forces).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
     t, states, forces, jacobians = t[usable], states[usable], forces[usable], jacobians[usable]
-    if not len(t):
+    if not usable.any():
         raise DeclarationError(
             "The field or its Jacobian is not finite anywhere along the run.",
             "Start where they are, or look at a shorter span.",
