@@ -243,7 +243,7 @@ def time_scales(
         raise DeclarationError(
             "The field or its Jacobian is not finite anywhere along the run.",
             "Start where they are, or look at a shorter span.",
-            got=f"{len(usable)} times",
+            got=f"{usable.size} times",
         )
     coordinates, laws = conserved_by(flow)
     tolerance = rtol * np.abs(states) + rtol**2 * np.abs(states).max(axis=0)
