@@ -219,12 +219,12 @@ def test_a_solve_compiles_what_it_runs_and_nothing_else(tmp_path: Path) -> None:
 @pytest.mark.exhaustive
 def test_orbits_by_collocation_compile_their_linear_system_alone(tmp_path: Path) -> None:
     call = (
-        "from gsp.collocation.bordered import Conditions, Equations, linearise\n"
+        "from gsp.collocation.bordered import Conditions, FlowEquations, linearise\n"
         "from gsp.collocation.gauss import gauss\n"
         "from gsp.lowering.compiled_function import compile_function\n"
         "made = [compile_function(of, arguments=(x, y), epsilon=None, parameters=())\n"
         "        for of in ([y, -x], [0, 1, -1, 0])]\n"
-        "equations = Equations(made[0].address, made[1].address, 0, 1)\n"
+        "equations = FlowEquations(made[0].address, made[1].address, 0, 1)\n"
         "states, stages = np.ones((4, 2)), np.ones((3, 2, 2))\n"
         "first = linearise(equations, gauss(2), np.zeros(1), 1.0, np.ones(3) / 3, states, stages)\n"
         "first.solve(Conditions(np.eye(3, 2), np.eye(3, 2)[::-1], np.eye(3, 1), np.ones(3)))"
