@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from gsp import models
 from gsp.algebra import ring
 from gsp.cli import cli, main
-from gsp.errors import BudgetError, GspError
+from gsp.errors import BudgetError, DeclarationError, GspError
 
 FOLD = """
 [slow]
@@ -91,6 +91,22 @@ def test_check_exits_with_0_when_it_holds_and_1_when_not(tmp_path, monkeypatch, 
 def test_bad_input_exits_with_2_and_says_why(arguments, words, monkeypatch, capsys) -> None:
     assert exit_status(monkeypatch, *arguments) == 2
     assert words in capsys.readouterr().err
+
+
+def test_scales_are_told_along_the_run_and_for_the_parameters_that_may_vanish() -> None:
+    along = json.loads(run("scales", "michaelis_menten", "--json").output)
+    assert along["what"] == "TimeScales"
+    assert "exhausted" in run("scales", "michaelis_menten").output
+    found = json.loads(run("scales", "michaelis_menten", "--parameters", "--keep", "kappa", "--json").output)
+    assert found["status"] == "SUCCESS"
+    assert found["parameters"]
+    assert all("kappa" not in each["vanishing"] for each in found["parameters"])
+    assert any(each["vanishing"] == ["epsilon"] and each["attracts"] for each in found["parameters"])
+
+
+def test_what_is_kept_is_asked_for_parameters_alone() -> None:
+    with pytest.raises(DeclarationError, match="Add --parameters"):
+        run("scales", "michaelis_menten", "--keep", "kappa")
 
 
 LONG = """

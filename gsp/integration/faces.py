@@ -28,13 +28,13 @@ def _table_of_trajectory(run: Trajectory) -> Table:
         for i, symbol in enumerate(run.flow.states):
             values = np.concatenate([found.states[i] for _, found in met])
             variables[names(f"event_{symbol.name}")] = Column((along,), values)
-    event_names = {
+    attributes = {
         "status": run.status.name,
         "message": run.message,
         "method": run.stats.method.value,
         **_work(run),
     }
-    return Table("Trajectory", coordinates, variables, event_names, (time,))
+    return Table("Trajectory", coordinates, variables, attributes, (time,))
 
 
 @tables.of(Ensemble)
@@ -53,8 +53,8 @@ def _table_of_ensemble(runs: Ensemble) -> Table:
     variables[names("status")] = Column(over, texts(status.name for status in runs.statuses))
     variables[names("reached")] = Column(over, runs.reached)
     variables[names("steps")] = Column(over, runs.steps)
-    event_names = {"message": runs.message, "method": runs.method.value}
-    return Table("Ensemble", coordinates, variables, event_names, (member, time))
+    attributes = {"message": runs.message, "method": runs.method.value}
+    return Table("Ensemble", coordinates, variables, attributes, (member, time))
 
 
 def _work(run: Trajectory) -> dict[str, int]:
